@@ -38,13 +38,12 @@ from rodgen.symbolic import (
     select,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "axis",
     title="The axis of a rotation from pairs of points: solver, derivatives, residual",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols

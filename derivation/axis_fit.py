@@ -21,14 +21,13 @@ import sympy as sp
 
 from rodgen.symbolic import Derivation, cross, dot, equal, norm, rodrigues
 
-derivation = Derivation(
+d = derivation = Derivation(
     "axis_fit",
     title="One axis from many pairs: the likelihood is a quadratic on the sphere",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
     kernels_in="those of the solver: 'rodgen kernels axis'",
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -286,7 +285,7 @@ d.check(
 # %%
 columns = [d.value(turned_by_error(n), {**frame, n: tuple(int(i == j) for i in range(3))}) for j in range(3)]
 squares = d.letter(
-    r"squares | \left\|\partial_u R\right\|^2 | " r"sum of the squares of the elements of the derivative | 1",
+    r"squares | \left\|\partial_u R\right\|^2 | sum of the squares of the elements of the derivative | 1",
     sum(sum(c**2 for c in column) for column in columns),
 )
 d.check(

@@ -22,25 +22,15 @@
 # %%
 import sympy as sp
 
-from rodgen.symbolic import (
-    Derivation,
-    cross,
-    dot,
-    equal,
-    matrix_from_axis_angle,
-    norm,
-    rodrigues,
-    skew,
-)
+from rodgen.symbolic import Derivation, cross, dot, equal, matrix_from_axis_angle, norm, rodrigues, skew
 
-derivation = Derivation(
+d = derivation = Derivation(
     "axis_sensitivity",
     title="How the axis of a rotation depends on the data",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
     kernels_in="those of the solver: 'rodgen kernels axis'",
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -240,7 +230,7 @@ direction_by_rho = d.letter(
     (components / norm(components)).jacobian(components),
 )
 kappa_by_angle = d.letter(
-    r"kappa_by_angle | \frac{\mathrm{d}\kappa}{\mathrm{d}\chi} | " r"derivative of κ by χ | 1/rad",
+    r"kappa_by_angle | \frac{\mathrm{d}\kappa}{\mathrm{d}\chi} | derivative of κ by χ | 1/rad",
     sp.diff(cosine / sine, half) / 2,
 )
 d.check(
@@ -274,7 +264,7 @@ by_rho_prime = d.letter(
 )
 half_sine_squared = d.letter(r"half_sine_squared | \sin^2\tfrac{\chi}{2} | by κ | 1", 1 / (1 + kappa**2))
 by_angle = d.letter(
-    r"axis_by_angle[3] | \frac{\partial\vec e}{\partial\chi} | " r"derivative of the axis by χ | 1/rad",
+    r"axis_by_angle[3] | \frac{\partial\vec e}{\partial\chi} | derivative of the axis by χ | 1/rad",
     -G * r / (2 * half_sine_squared),
 )
 

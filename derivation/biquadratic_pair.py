@@ -22,22 +22,13 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import (
-    EPS,
-    LARGEST,
-    Derivation,
-    dot,
-    equal,
-    power_of_two_scale,
-    select,
-)
+from rodgen.symbolic import EPS, LARGEST, Derivation, dot, equal, power_of_two_scale, select
 
-derivation = Derivation(
+d = derivation = Derivation(
     "biquadratic_pair",
     title="Two equations in two angles: Sylvester, Bezout, and the cross product",
     source='Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
 )
-d = derivation
 im = sp.ImmutableMatrix
 
 # %% [markdown]

@@ -32,7 +32,7 @@ from rodgen.symbolic import (
     skew,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "closed_chain",
     title="Closed chains: poses by Newton's steps, their derivatives, and the forces in the legs",
     source='Kureková et al., "Positioning uncertainty of the Tricept type parallel kinematic structure", '
@@ -40,7 +40,6 @@ derivation = Derivation(
     'Angle"',
     kernels_in="those of a machine: 'rodgen emit MACHINE.toml'",
 )
-d = derivation
 FORMULAS = Formulas()
 
 # %% [markdown]
@@ -136,23 +135,14 @@ base = sp.Matrix(sp.symbols("a_1 a_2 a_3", real=True))
 end = sp.Matrix([sp.Function(f"p_{i}")(*y) for i in (1, 2, 3)])
 half_square = sp.Symbol("h_l", real=True)
 closed = legs.half_gap(FORMULAS, end - base, half_square)
-by_pose, by_legs = (
-    d.matrix(name, latex, quantity, "length", value=value.xreplace(rates), rows=1, columns=2)
-    for rates in [{f.diff(x): sp.Symbol(f"{f.func.__name__}_{x.name}", real=True) for f in end for x in y}]
-    for name, latex, quantity, value in (
-        (
-            "leg_by_pose",
-            r"\frac{\partial F_k}{\partial\vec y}",
-            "slopes of half the square of a leg",
-            sp.Matrix([[closed.diff(x) for x in y]]).doit(),
-        ),
-        (
-            "leg_slopes",
-            r"J_k",
-            "its slopes, as they are computed",
-            legs.slopes(FORMULAS, [end - base], [end.jacobian(y)]),
-        ),
-    )
+rates = {f.diff(x): sp.Symbol(f"{f.func.__name__}_{x.name}", real=True) for f in end for x in y}
+by_pose = d.letter(
+    r"leg_by_pose[1,2] | \frac{\partial F_k}{\partial\vec y} | slopes of half the square of a leg | length",
+    sp.Matrix([[closed.diff(x) for x in y]]).doit().xreplace(rates),
+)
+by_legs = d.letter(
+    "leg_slopes[1,2] | J_k | its slopes, as they are computed | length",
+    legs.slopes(FORMULAS, [end - base], [end.jacobian(y)]).xreplace(rates),
 )
 d.check(
     "closed-leg",

@@ -28,12 +28,11 @@ import sympy as sp
 from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import EPS, LARGEST, Derivation, Formulas, cross, dot, equal, legs, select
 
-derivation = Derivation(
+d = derivation = Derivation(
     "delta",
     title="Delta robots and printers: three rods that shift a platform",
     source='R. Clavel, "Conception d\'un robot parallèle rapide à 4 degrés de liberté", EPFL 1991',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -122,7 +121,7 @@ level = d.letter(
 carriage = sp.Matrix([X, Y, z + root])
 gap = sp.Matrix([x, y, z]) - carriage
 rod_of_tower = d.letter(
-    r"rod_of_tower | \lvert\vec p-\vec c_k\rvert^2 | " r"square of the rod with that carriage | length²",
+    r"rod_of_tower | \lvert\vec p-\vec c_k\rvert^2 | square of the rod with that carriage | length²",
     gap.dot(gap),
 )
 d.check(
@@ -149,7 +148,7 @@ gap = sp.Matrix([x, y, z]) - legs.upper_joint(Formulas(), (sp.cos(phi), sp.sin(p
 cosine, sine = -2 * A * along, 2 * A * z
 constant = along**2 + across**2 + z**2 + A**2 - L**2
 rod_of_arm = d.letter(
-    r"rod_of_arm | \lvert\vec p-\vec c_k\rvert^2-L_k^2 | " r"what the rod is too long by, squared | length²",
+    r"rod_of_arm | \lvert\vec p-\vec c_k\rvert^2-L_k^2 | what the rod is too long by, squared | length²",
     gap.dot(gap) - L**2,
 )
 d.check(

@@ -13,12 +13,11 @@ import sympy as sp
 from rodgen.symbolic import Derivation, Formulas, cross, dot, equal, norm, skew
 from rodgen.symbolic import rigid_motions as motions
 
-derivation = Derivation(
+d = derivation = Derivation(
     "effects",
     title="Effects: where the formulas of the catalogue come from",
     source="the sources of the catalogue's rows, and Timoshenko, Strength of Materials, Part I (beams)",
 )
-d = derivation
 FORMULAS = Formulas()
 counted = iter(range(100))
 

@@ -15,13 +15,12 @@ import sympy as sp
 from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import Derivation, cross, dot, equal, norm
 
-derivation = Derivation(
+d = derivation = Derivation(
     "helical_axis",
     title="The helical axis of a motion, finite and instantaneous",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols

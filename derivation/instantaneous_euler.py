@@ -30,25 +30,15 @@ import sympy as sp
 
 from rodgen.codegen import KernelBuilder
 from rodgen.derivation.rotations import matrix_from_quaternion, normalised, quaternion_products
-from rodgen.symbolic import (
-    EPS,
-    LARGEST,
-    Derivation,
-    Letter,
-    equal,
-    power_of_two_scale,
-    rot,
-    select,
-)
+from rodgen.symbolic import EPS, LARGEST, Derivation, Letter, equal, power_of_two_scale, rot, select
 
 PAPER = (
     'Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
     'Angle", Mathematics 2023, 11(18), 3882'
 )
-derivation = Derivation(
+d = derivation = Derivation(
     "instantaneous_euler", title="Instantaneous Euler angles from any Euler angles", source=PAPER
 )
-d = derivation
 sin, cos, acos = sp.sin, sp.cos, sp.acos
 
 # %% [markdown]

@@ -18,12 +18,11 @@ from rodgen.codegen import KernelBuilder
 from rodgen.derivation.instantaneous_euler import PAPER, UNIT, turns, zyx
 from rodgen.symbolic import Derivation, Letter, equal, in_notebook, rot
 
-derivation = Derivation(
+d = derivation = Derivation(
     "instantaneous_euler_arm",
     title="The robotic arm of section 5.2, and the statements about figures 6, 8 and 9",
     source=PAPER,
 )
-d = derivation
 sin, cos, acos = sp.sin, sp.cos, sp.acos
 
 # %% [markdown]

@@ -38,12 +38,11 @@ from rodgen.derivation.instantaneous_euler import (
 from rodgen.derivation.rotations import matrix_from_quaternion
 from rodgen.symbolic import EPS, Derivation, cross, dot, equal, factored, in_notebook, select
 
-derivation = Derivation(
+d = derivation = Derivation(
     "instantaneous_euler_inverse",
     title="Which rotations have given instantaneous Euler angles?",
     source=PAPER,
 )
-d = derivation
 sin, cos = sp.sin, sp.cos
 
 # %% [markdown]

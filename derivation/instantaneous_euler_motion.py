@@ -36,26 +36,13 @@ from rodgen.derivation.instantaneous_euler import (
     zyx,
 )
 from rodgen.derivation.rotations import normalised
-from rodgen.symbolic import (
-    EPS,
-    LARGEST,
-    Derivation,
-    Letter,
-    cross,
-    dot,
-    equal,
-    norm,
-    rot,
-    select,
-    skew,
-)
+from rodgen.symbolic import EPS, LARGEST, Derivation, Letter, cross, dot, equal, norm, rot, select, skew
 
-derivation = Derivation(
+d = derivation = Derivation(
     "instantaneous_euler_motion",
     title="How instantaneous Euler angles change, compared with the angles of a sequence",
     source=PAPER,
 )
-d = derivation
 sin, cos = sp.sin, sp.cos
 
 # %% [markdown]

@@ -59,12 +59,11 @@ from rodgen.symbolic import (
     skew,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "instantaneous_euler_ridges",
     title="Ridge lines: where the coordinate planes meet their images",
     source=PAPER,
 )
-d = derivation
 sin, cos = sp.sin, sp.cos
 
 # %% [markdown]

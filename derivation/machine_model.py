@@ -49,13 +49,12 @@ from rodgen.symbolic import (
 )
 from rodgen.symbolic import rigid_motions as motions
 
-derivation = Derivation(
+d = derivation = Derivation(
     "machine_model",
     title="Machines: chains of joints, error motions, and how each parameter moves the seen point",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", sec. 2 and eq. (1)',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -119,21 +118,17 @@ def letter(name: str, latex: str, quantity: str, value: sp.Basic, its_unit: str 
     return d.vector(name, latex, quantity, its_unit, value=value)
 
 
-def slope(
-    name: str, latex: str, quantity: str, of: sp.Basic, by: sp.Symbol, at: int | None = None
-) -> sp.Basic:
+def slope(row: str, of: sp.Basic, by: sp.Symbol, at: int | None = None) -> sp.Basic:
     """Name the derivative of an exact expression, taken by SymPy in components, for a proof to compare with."""
     rate = sp.Matrix(d.value(of)).diff(by)
-    return letter(
-        name, latex, quantity, rate if at is None else rate.subs(by, at), "per unit of the parameter"
-    )
+    return d.letter(f"{row} | per unit of the parameter", rate if at is None else rate.subs(by, at))
 
 
-def slope_along(name: str, latex: str, quantity: str, of: sp.Basic, by: sp.Basic, rate: sp.Basic) -> sp.Basic:
+def slope_along(row: str, of: sp.Basic, by: sp.Basic, rate: sp.Basic) -> sp.Basic:
     """Name the derivative of an exact expression when a vector changes at some rate."""
     of = sp.Matrix(d.value(of))
     terms = (of.diff(part) * speed for part, speed in zip(by, rate, strict=True))
-    return letter(name, latex, quantity, sum(terms, sp.zeros(3, 1)), "per unit of the parameter")
+    return d.letter(f"{row} | per unit of the parameter", sum(terms, sp.zeros(3, 1)))
 
 
 d
@@ -169,7 +164,7 @@ d.check(
 # %%
 along = d.symbol("along", r"\lambda", "way along an axis", "length")
 of_axis = d.letter(
-    r"of_axis | J(\vec P+\lambda\vec n) | " r"what a rotary joint makes of a point of its axis | length",
+    r"of_axis | J(\vec P+\lambda\vec n) | what a rotary joint makes of a point of its axis | length",
     turn(P + along * n),
 )
 elsewhere = d.letter(
@@ -205,11 +200,9 @@ d.check(
 # derivative that a fit needs.
 
 # %%
-by_q = slope(
-    "by_q", r"\frac{\partial J\vec x}{\partial q}", "derivative of a turn by the reading", turn(x), q
-)
+by_q = slope(r"by_q | \frac{\partial J\vec x}{\partial q} | derivative of a turn by the reading", turn(x), q)
 R_of_speed = d.letter(
-    r"R_of_speed | R\bigl(\vec n\times(\vec x-\vec P)\bigr) | " r"n × (x − P), turned about n by q | length",
+    r"R_of_speed | R\bigl(\vec n\times(\vec x-\vec P)\bigr) | n × (x − P), turned about n by q | length",
     turned(cross(n, x - P)),
 )
 at_rest = letter(
@@ -225,11 +218,7 @@ d.check(
 
 # %%
 by_q_slide = slope(
-    "by_q_slide",
-    r"\frac{\partial J_s\vec x}{\partial q}",
-    "derivative of a slide by the reading",
-    slide(x),
-    q,
+    r"by_q_slide | \frac{\partial J_s\vec x}{\partial q} | derivative of a slide by the reading", slide(x), q
 )
 d.check("by-slide", equal(by_q_slide, n), text="The same for a linear joint.").prove()
 
@@ -467,9 +456,8 @@ change = d.vector(
     "change", r"\vec\delta", "change of a vector per unit of a parameter", "per unit of the parameter"
 )
 by_w = slope_along(
-    "by_w",
-    r"\frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z",
-    "derivative of the turned z by w, at ε = 0",
+    r"by_w | \frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z | "
+    r"derivative of the turned z by w, at ε = 0",
     by_vector(z),
     w,
     change,
@@ -487,9 +475,7 @@ small_turn = (
     + (1 - sp.cos(epsilon * phi)) / phi**2 * cross(w, cross(w, x))
 )
 at_zero = slope(
-    "at_zero",
-    r"\frac{d}{d\epsilon}R(\epsilon\vec w)\,\vec x",
-    "rate of x turned by a small w, at ε = 0",
+    r"at_zero | \frac{d}{d\epsilon}R(\epsilon\vec w)\,\vec x | rate of x turned by a small w, at ε = 0",
     small_turn,
     epsilon,
     0,
@@ -718,12 +704,9 @@ d.check(
 ).prove(given={S: S, K: K})
 
 # %%
-moved, moved_back = (
-    letter(name, latex, quantity, move(SECOND, x, P, s, w))
-    for name, latex, quantity, move in (
-        ("moved", r"D\vec x", "x, moved by an error motion, as it is computed", motions.moved),
-        ("moved_back", r"D^{-1}\vec x", "x, moved back, as it is computed", motions.moved_back),
-    )
+moved = letter("moved", r"D\vec x", "x, moved, as it is computed", motions.moved(SECOND, x, P, s, w))
+moved_back = letter(
+    "moved_back", r"D^{-1}\vec x", "x, moved back, as it is computed", motions.moved_back(SECOND, x, P, s, w)
 )
 d.check(
     "error-motion",
@@ -778,9 +761,8 @@ d.check(
 # %%
 factor = d.symbol("factor", "k", "scale of the instrument", "1")
 carried = slope(
-    "carried",
-    r"\frac{d}{d\epsilon}(1+k)\,G(\vec x+\epsilon\vec\delta)",
-    "derivative of a point that is carried and stretched, at ε = 0",
+    r"carried | \frac{d}{d\epsilon}(1+k)\,G(\vec x+\epsilon\vec\delta) | "
+    r"derivative of a point that is carried and stretched, at ε = 0",
     (1 + factor) * (Q * (x + epsilon * change) + s),
     epsilon,
     0,
@@ -824,9 +806,8 @@ E_R_change = d.letter(
     r"E_R_change | ER\,\vec\delta | δ, turned by joint and error motion | length", E * turned(change)
 )
 by_point = slope(
-    "by_point",
-    r"\frac{d}{d\epsilon}D_{\vec P+\epsilon\vec\delta}\,J_{\vec P+\epsilon\vec\delta}\,\vec x",
-    "derivative by the point of a joint with an error motion, at ε = 0",
+    r"by_point | \frac{d}{d\epsilon}D_{\vec P+\epsilon\vec\delta}\,J_{\vec P+\epsilon\vec\delta}\,\vec x | "
+    r"derivative by the point of a joint with an error motion, at ε = 0",
     (P + epsilon * change) + E * turned(x - P - epsilon * change) + translation,
     epsilon,
     0,
@@ -844,16 +825,14 @@ D_x = d.letter(
     motions.moved(SECOND, x, P, translation, w),
 )
 by_t = slope(
-    "by_t",
-    r"\frac{d}{d\epsilon}D_{\vec t+\epsilon\vec\delta}\,\vec x",
-    "derivative of an error motion by its translation",
+    r"by_t | \frac{d}{d\epsilon}D_{\vec t+\epsilon\vec\delta}\,\vec x | "
+    r"derivative of an error motion by its translation",
     P + by_vector(x - P) + translation + epsilon * change,
     epsilon,
 )
 by_D_w = slope_along(
-    "by_D_w",
-    r"\frac{d}{d\epsilon}D_{\vec w+\epsilon\vec\delta}\,\vec x",
-    "derivative of an error motion by its rotation vector, at ε = 0",
+    r"by_D_w | \frac{d}{d\epsilon}D_{\vec w+\epsilon\vec\delta}\,\vec x | "
+    r"derivative of an error motion by its rotation vector, at ε = 0",
     P + by_vector(x - P) + translation,
     w,
     change,
@@ -874,9 +853,8 @@ d.check(
 
 # %%
 by_B = slope(
-    "by_B",
-    r"\frac{d}{d\epsilon}\bigl(Q\,R(\epsilon\vec w)\,\vec x+\vec s+\epsilon\vec\delta\bigr)",
-    "derivative of a free frame by a turn about machine axes and by its translation, at ε = 0",
+    r"by_B | \frac{d}{d\epsilon}\bigl(Q\,R(\epsilon\vec w)\,\vec x+\vec s+\epsilon\vec\delta\bigr) | "
+    r"derivative of a free frame by a turn about machine axes and by its translation, at ε = 0",
     Q * small_turn + s + epsilon * change,
     epsilon,
     0,
@@ -889,9 +867,7 @@ d.check(
 
 # %%
 by_k = slope(
-    "by_k",
-    r"\frac{\partial(1+k)\vec x}{\partial k}",
-    "derivative of a point by the scale of the instrument",
+    r"by_k | \frac{\partial(1+k)\vec x}{\partial k} | derivative of a point by the scale of the instrument",
     (1 + factor) * x,
     factor,
 )
@@ -990,7 +966,7 @@ E_D_L_x = d.letter(
     P + E * (slide(x) - P) + translation,
 )
 J_E_D_x = d.letter(
-    r"J_E_D_x | J_{E\vec n,\,D\vec P}\,D\vec x | " r"what the moved joint makes of the moved x | length",
+    r"J_E_D_x | J_{E\vec n,\,D\vec P}\,D\vec x | what the moved joint makes of the moved x | length",
     P + translation + turned(E * (x - P), axis=E * n),
 )
 d.check(
@@ -1012,7 +988,7 @@ d.check(
 # %%
 ahead = d.letter(r"ahead | J(q+a)\,\vec x | the joint with a zero offset | length", turn(x, q + a))
 by_offset = d.letter(
-    r"by_offset | D_{a\vec n,\,0}\,J\vec x | " r"an error motion about the joint's own axis | length",
+    r"by_offset | D_{a\vec n,\,0}\,J\vec x | an error motion about the joint's own axis | length",
     P + by_vector(turned(x - P), a * n),
 )
 d.check(
@@ -1170,9 +1146,8 @@ d.check(
 
 # %%
 by_refraction = slope(
-    "by_refraction",
-    r"\frac{\partial\vec y}{\partial a}",
-    "derivative of the lifted direction by the coefficient",
+    r"by_refraction | \frac{\partial\vec y}{\partial a} | "
+    r"derivative of the lifted direction by the coefficient",
     lift(coefficient / cosine * sine),
     coefficient,
 )
@@ -1286,9 +1261,8 @@ d.check(
 
 # %%
 turned_axes = slope(
-    "turned_axes",
-    r"\frac{\partial\vec\theta}{\partial\epsilon}",
-    "derivative of the residual, at zero, when the prediction turns by ε ω",
+    r"turned_axes | \frac{\partial\vec\theta}{\partial\epsilon} | "
+    r"derivative of the residual, at zero, when the prediction turns by ε ω",
     motions.rodrigues_between(
         FORMULAS,
         [motions.turned_a_little(FORMULAS, m, epsilon * sp.Matrix(omega.components)) for m in m_i],
@@ -1328,10 +1302,9 @@ unit_axes = [sp.eye(3)[:, i] for i in range(3)]
 turned_units = [turned(column, 2 * h, sp.Matrix(n.components)) for column in unit_axes]
 near, far = (
     [
-        d.letter(f"{part}_{name} | {letter}_{name[0]} | as {part} of half the twist, {where} | 1", value)
-        for part, letter, value in zip(
+        d.letter(f"{part}_{name} | {part[0]}_{name[0]} | as {part} of half the twist, {where} | 1", value)
+        for part, value in zip(
             ("sine", "cosine"),
-            "sc",
             motions.half_twist(case, sp.Matrix(line.components), unit_axes, turned_units),
             strict=True,
         )

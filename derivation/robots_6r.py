@@ -26,12 +26,11 @@ import sympy as sp
 from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import EPS, LARGEST, Derivation, coordinate_rotation, equal, select
 
-derivation = Derivation(
+d = derivation = Derivation(
     "robots_6r",
     title="The reverse analysis of robots with six revolute joints, in closed form",
     source="Crane and Duffy, Kinematic Analysis of Robot Manipulators; lecture notes “Robot Geometry”",
 )
-d = derivation
 
 
 # %% [markdown]
@@ -495,7 +494,7 @@ before_4 = d.letter(
     moved("34", 4, -OFFSET[4] * Z_AXIS).subs(MEET_234),
 )
 from_the_end = d.letter(
-    r"meeting_from_end | {}^4\vec m | " r"where they meet, from the end by joints 6 and 5 | length",
+    r"meeting_from_end | {}^4\vec m | where they meet, from the end by joints 6 and 5 | length",
     moved("45", 5, moved("56", 6, of_6)),
 )
 level, distance = meet_234(meeting, ANGLE[1], ANGLE[6])

@@ -55,14 +55,13 @@ from rodgen.symbolic import (
     skew,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "rodrigues",
     title="The axis of a rotation, from one point and the angle",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems"',
     kernels_in="those of the solver: 'rodgen kernels axis'",
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -213,7 +212,7 @@ cos_gamma = d.letter(r"cos_gamma | \cos\gamma | its cosine | 1", dot(theta, rho)
 u = d.letter(r"u[3] | \vec u | unit vector along θ × ρ | 1", cross(theta, rho) / norm(cross(theta, rho)))
 v = d.vector("v", r"\vec v", "unit vector along θ × u", "1", value=cross(theta, u) / norm(theta))
 cos_gamma_90 = d.letter(
-    r"cos_gamma_90 | \cos\left(90^\circ + \gamma\right) | " r"cosine of the angle between v and ρ | 1",
+    r"cos_gamma_90 | \cos\left(90^\circ + \gamma\right) | cosine of the angle between v and ρ | 1",
     dot(v, rho) / norm(rho),
 )
 
@@ -831,7 +830,7 @@ solves
 # %%
 theta3_other = (-L1 - sp.sign(w3) * sp.sqrt(discriminant)) / (2 * L2)
 theta_other = d.letter(
-    r"theta_other[3] | \vec\theta_{\mathrm{other}} | " r"vector of the other root, for the same c | 1",
+    r"theta_other[3] | \vec\theta_{\mathrm{other}} | vector of the other root, for the same c | 1",
     sp.Matrix([a1 + b1 * theta3_other, a2 + b2 * theta3_other, theta3_other]),
 )
 theta_minus = d.vector("theta_minus", r"\vec\theta(-c)", "second solution, with −c", "1", value=solution(-c))
@@ -887,7 +886,7 @@ S = d.letter("S | S | right side of (6) with the other sign, 2α(r, ρ) | length
 plane, triangle = dot(r.components, theta.components), dot(rho.components, theta.components) - c
 resultant = sp.resultant(sp.resultant(squares + S, plane, t1), sp.resultant(triangle, plane, t1), t2)
 elimination = d.letter(
-    r"elimination | \operatorname{Res} | " r"resultant of (6), (7), (3) by θ₁, then by θ₂ | length⁸",
+    r"elimination | \operatorname{Res} | resultant of (6), (7), (3) by θ₁, then by θ₂ | length⁸",
     resultant,
 )
 d.check(

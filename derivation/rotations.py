@@ -31,13 +31,12 @@ from rodgen.symbolic import (
     skew,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "rotations",
     title="Rotations: Rodrigues' formula and conversions",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", eq. (1)',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -96,7 +95,7 @@ d.check(
 
 # %%
 by_ratio = d.letter(
-    r"matrix_of_ratio[3,3] | M(2\vec v/w) | " r"matrix of the rotation with the Rodrigues vector 2 v / w | 1",
+    r"matrix_of_ratio[3,3] | M(2\vec v/w) | matrix of the rotation with the Rodrigues vector 2 v / w | 1",
     matrix_from_rodrigues_vector(2 * sp.Matrix(list(v)) / w),
 )
 d.check(
@@ -115,11 +114,11 @@ d.check(
 
 # %%
 by_halves = d.letter(
-    r"matrix_of_halves[3,3] | M(c,s\,\vec e) | " r"matrix of the rotation with the quaternion (c, s e) | 1",
+    r"matrix_of_halves[3,3] | M(c,s\,\vec e) | matrix of the rotation with the quaternion (c, s e) | 1",
     matrix_from_quaternion(cosine, [sine * x for x in axis]),
 )
 by_angle = d.letter(
-    r"matrix_of_angle[3,3] | M(\vec e,\chi) | " r"matrix of the rotation about the axis e by the angle χ | 1",
+    r"matrix_of_angle[3,3] | M(\vec e,\chi) | matrix of the rotation about the axis e by the angle χ | 1",
     matrix_from_axis_angle(sp.Matrix(list(axis)), cosine**2 - sine**2, 2 * sine * cosine),
 )
 d.check(

@@ -34,12 +34,11 @@ from rodgen.symbolic import (
     transform,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "spatial_links",
     title="Rotations, links, and the hypothetical link",
     source='Crane, "Robot Geometry", notes after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
 )
-d = derivation
 im = sp.ImmutableMatrix
 cos, sin = sp.cos, sp.sin
 

@@ -46,12 +46,11 @@ from rodgen.symbolic import (
     transform,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "spatial_loops",
     title="Closed spatial loops: the group 1 and group 2 solution processes",
     source='Crane and Duffy, "Kinematic Analysis of Robot Manipulators", as in the lecture notes "Robot Geometry"',
 )
-d = derivation
 im = sp.ImmutableMatrix
 
 # %% [markdown]

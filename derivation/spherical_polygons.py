@@ -43,12 +43,11 @@ from rodgen.symbolic import (
     skew,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "spherical_polygons",
     title="Spherical polygons: X-Y-Z notation and the laws of triangle to heptagon",
     source='Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
 )
-d = derivation
 im = sp.ImmutableMatrix
 x_axis, y_axis, z_axis = (im(sp.eye(3)[:, n]) for n in range(3))
 

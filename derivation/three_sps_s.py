@@ -20,13 +20,12 @@ import sympy as sp
 from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import EPS, Derivation, coordinate_rotation, cross, dot, equal, in_notebook, select
 
-derivation = Derivation(
+d = derivation = Derivation(
     "three_sps_s",
     title="3-SPS-S: a platform that turns about a point, on three legs",
     source='Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
     'Angle", Mathematics 2023, 11(18), 3882, sec. 5.1',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols
@@ -689,7 +688,7 @@ letter_cos_T = d.letter(r"cos_T | \cos(T) | cosine of the tilt | 1", cos_T)
 letter_cos_phase = d.letter(r"cos_phase | \cos(3F-\sigma) | cosine of 3F − σ | 1", cos_phase)
 cos_3F = d.letter(r"cos_3F | \cos(3F) | cosine of 3F | 1", C3F)
 determinant_of_tilt = d.letter(
-    r"determinant_tilt | \Delta(T,F,\sigma) | " r"the determinant in tilt and torsion | length⁶",
+    r"determinant_tilt | \Delta(T,F,\sigma) | the determinant in tilt and torsion | length⁶",
     d.value(determinant_short).xreplace(tilt_torsion),
 )  # fmt: skip
 d.check(

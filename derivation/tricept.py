@@ -34,13 +34,12 @@ from rodgen.symbolic import (
     select,
 )
 
-derivation = Derivation(
+d = derivation = Derivation(
     "tricept",
     title="The Tricept: pose, rods, derivatives, singularities",
     source='Kureková, Omachelová, Halaj and Martišovitš, "Positioning uncertainty of the Tricept type parallel '
     'kinematic structure", Acta IMEKO 4(4), 2015',
 )
-d = derivation
 im = sp.ImmutableMatrix
 
 # %% [markdown]

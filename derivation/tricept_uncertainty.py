@@ -24,13 +24,12 @@ import sympy as sp
 from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import Derivation, Letter, coordinate_rotation, cross, equal, factored, in_notebook, rot
 
-derivation = Derivation(
+d = derivation = Derivation(
     "tricept_uncertainty",
     title="Uncertainty of the place of a Tricept's tool",
     source='Kureková, Omachelová, Halaj and Martišovitš, "Positioning uncertainty of the Tricept type parallel '
     'kinematic structure", Acta IMEKO 4(4), 2015',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols

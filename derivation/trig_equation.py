@@ -16,22 +16,13 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import (
-    EPS,
-    LARGEST,
-    Derivation,
-    equal,
-    last_case,
-    power_of_two_scale,
-    select,
-)
+from rodgen.symbolic import EPS, LARGEST, Derivation, equal, last_case, power_of_two_scale, select
 
-derivation = Derivation(
+d = derivation = Derivation(
     "trig_equation",
     title="A cos θ + B sin θ + D = 0",
     source='Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
 )
-d = derivation
 
 # %% [markdown]
 # ## Symbols

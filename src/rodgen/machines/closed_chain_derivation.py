@@ -164,6 +164,14 @@ class _OnLegs:
 
     def from_afar(self) -> _Pose:
         """Return the pose with legs of the commanded lengths, from where the family starts."""
+        half = self.lengths(lambda term: True)
+        pose = self.afar(half)
+        for _ in range(NEWTON_STEPS):
+            pose, _step = self.nearer(pose, half)
+        return pose
+
+    def afar(self, half: Sequence[Any]) -> _Pose:
+        """Return where the family starts, given the halves of the squares of the legs' lengths."""
         raise NotImplementedError
 
     def size(self, step: Vector) -> Any:
@@ -177,17 +185,13 @@ class _Tricept(_OnLegs):
         self.unknowns = self.m.matrix(self.start)
         return self.pose()
 
-    def from_afar(self) -> _Pose:
-        half = self.lengths(lambda term: True)
+    def afar(self, half: Sequence[Any]) -> _Pose:
         R, r = self.number["R"][0], self.number["r"][0]
         square = self.m.let("height", (sum(half, 0) * 2 / 3) - (R - r) ** 2)
         self.unknowns = self.m.matrix(
             [0, 0, self.m.let("height", self.m.sqrt(self.m.select(square > 0, square, R**2)))]
         )
-        pose = self.pose()
-        for _ in range(NEWTON_STEPS):
-            pose, _step = self.nearer(pose, half)
-        return pose
+        return self.pose()
 
     def numbers(self, pose: _Pose) -> list[Any]:
         return list(self.unknowns)
@@ -227,12 +231,8 @@ class _ThreeSpsS(_OnLegs):
     def first(self) -> _Pose:
         return self.pose(self.m.matrix(3, 3, self.start))
 
-    def from_afar(self) -> _Pose:
-        half = self.lengths(lambda term: True)
-        pose = self.pose(self.nearest([self.m.column["q", k] for k in range(3)]))
-        for _ in range(NEWTON_STEPS):
-            pose, _step = self.nearer(pose, half)
-        return pose
+    def afar(self, half: Sequence[Any]) -> _Pose:
+        return self.pose(self.nearest([self.m.column["q", k] for k in range(3)]))
 
     def nearest(self, lengths: Sequence[Any]) -> Vector:
         """Return the starting rotation whose legs are the nearest, by selects without a branch."""
@@ -286,13 +286,9 @@ class _Hexapod(_OnLegs):
     def first(self) -> _Pose:
         return self.pose(self.m.matrix(self.start[:3]), self.m.matrix(3, 3, self.start[3:]))
 
-    def from_afar(self) -> _Pose:
-        half = self.lengths(lambda term: True)
+    def afar(self, half: Sequence[Any]) -> _Pose:
         (begin,) = self.m.begins
-        pose = self.pose(self.m.matrix(begin[len(self.base) :]), self.m.matrix.eye(3))
-        for _ in range(NEWTON_STEPS):
-            pose, _step = self.nearer(pose, half)
-        return pose
+        return self.pose(self.m.matrix(begin[len(self.base) :]), self.m.matrix.eye(3))
 
     def numbers(self, pose: _Pose) -> list[Any]:
         return [*pose.shift, *pose.turn]

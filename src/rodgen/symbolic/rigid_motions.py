@@ -36,43 +36,31 @@ LEGENDRE: Mapping[int, Callable[[Any], Any]] = {
 
 
 class Algebra(Protocol):
-    """What the functions compute with; `let` names a step."""
+    """What the functions compute with."""
 
     @property
     def matrix(self) -> Any:
         """Makes a matrix, as SymPy's ``Matrix`` does."""
 
-    @property
-    def dot(self) -> Callable[[Any, Any], Any]:
-        """Scalar product."""
-        ...
+    def dot(self, x: Vector, y: Vector, /) -> Any:
+        """Return the scalar product."""
 
-    @property
-    def cross(self) -> Callable[[Any, Any], Any]:
-        """Vector product."""
-        ...
+    def cross(self, x: Vector, y: Vector, /) -> Vector:
+        """Return the vector product."""
 
-    @property
-    def sin(self) -> Callable[[Any], Any]:
-        """Sine."""
-        ...
+    def sin(self, angle: Any, /) -> Any:
+        """Return the sine."""
 
-    @property
-    def cos(self) -> Callable[[Any], Any]:
-        """Cosine."""
-        ...
+    def cos(self, angle: Any, /) -> Any:
+        """Return the cosine."""
 
-    @property
-    def sqrt(self) -> Callable[[Any], Any]:
-        """Square root."""
-        ...
+    def sqrt(self, x: Any, /) -> Any:
+        """Return the square root."""
 
-    @property
-    def select(self) -> Callable[[Any, Any, Any], Any]:
-        """Takes the second value where the first, a condition, holds, else the third."""
-        ...
+    def select(self, condition: Any, x: Any, y: Any, /) -> Any:
+        """Return x where a condition holds, else y."""
 
-    def let(self, name: str, value: Any) -> Any:
+    def let(self, name: str, value: Any, /) -> Any:
         """Return a value, named."""
 
 

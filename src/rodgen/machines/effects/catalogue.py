@@ -569,10 +569,7 @@ _MACHINE = (
         usual_size="as large as the set-up is careless: 0.005 to 1 mm, 1 to 100 arcsec",
         remedy="Measure fixed references in every run, clamp the instrument, and note each set-up in the column run.",
         source=f"{_HOLLERBACH}; {_TRACKERS}",
-    ).with_directions(
-        Formula.parse("x*EX + y*EY + z*EZ", file="catalogue", place="frame_shift"),
-        _in("arcsec", "x y z"),
-    ),
+    ).with_directions("x*EX + y*EY + z*EZ", _in("arcsec", "x y z")),
     _row(
         "instrument_scale", "machine", "factor", "k", {"k": "1"}, entry="constant",
         meaning="The instrument measures all lengths too long or too short: a wrong refractive index of the air, a "
@@ -636,13 +633,7 @@ _TARGET = (
         usual_size="0.01 to 1 mm",
         remedy="Clean and re-seat the target, measure where it sits, or let the fit find it.",
         source=f"{_MOORING}; {_HOLLERBACH}",
-    ).with_directions(
-        Formula.parse("a*U + b*V", file="catalogue", place="target_offset"),
-        _in("arcsec", "a b"),
-    ).with_poses(
-        Formula.parse("rx*EX + ry*EY + rz*EZ", file="catalogue", place="target_offset"),
-        _in("arcsec", "rx ry rz"),
-    ),
+    ).with_directions("a*U + b*V", _in("arcsec", "a b")).with_poses("rx*EX + ry*EY + rz*EZ", _in("arcsec", "rx ry rz")),
     _row(
         "target_remounting", "target", "remounting", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
         per_run=True,
@@ -652,13 +643,7 @@ _TARGET = (
         remedy="Leave the target on, use a holder that centres it, note each mounting in the column run, or let the "
         "fit find where it sits in each run.",
         source=f"{_HOLLERBACH}; {_TRACKERS}",
-    ).with_directions(
-        Formula.parse("a*U + b*V", file="catalogue", place="target_remounting"),
-        _in("arcsec", "a b"),
-    ).with_poses(
-        Formula.parse("rx*EX + ry*EY + rz*EZ", file="catalogue", place="target_remounting"),
-        _in("arcsec", "rx ry rz"),
-    ),
+    ).with_directions("a*U + b*V", _in("arcsec", "a b")).with_poses("rx*EX + ry*EY + rz*EZ", _in("arcsec", "rx ry rz")),
 )  # fmt: skip
 
 _LEG = (

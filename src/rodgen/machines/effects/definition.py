@@ -337,14 +337,16 @@ class EffectDefinition:
             **plain(self, "meaning usual_size remedy source"),
         }
 
-    def with_directions(self, formula: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
+    def with_directions(self, formula: str, parameters: Mapping[str, str]) -> EffectDefinition:
         """Return the definition with another formula where directions are measured."""
-        return replace(self, directions=replace(self, formula=formula, parameters=parameters, slope=None))
+        turned = Formula.parse(formula, file="catalogue", place=self.name)
+        return replace(self, directions=replace(self, formula=turned, parameters=parameters, slope=None))
 
-    def with_poses(self, slope: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
+    def with_poses(self, slope: str, parameters: Mapping[str, str]) -> EffectDefinition:
         """Return the definition with a rotation vector, and its parameters, where poses are measured."""
         parameters = {**self.parameters, **parameters}
-        return replace(self, poses=replace(self, slope=slope, parameters=parameters, directions=None))
+        turn = Formula.parse(slope, file="catalogue", place=self.name)
+        return replace(self, poses=replace(self, slope=turn, parameters=parameters, directions=None))
 
 
 def component_dimension(component: str, at: str, measurand: Measurand = POINT) -> Dimension:
