@@ -6,11 +6,11 @@ than a sine by as much less, so the neglected terms are 1e-15 of a column; round
 over that of the step, leaves 1e-12 of it and some ten times as much where places are added up. Parameters
 that change little (a period, a time, those of users' formulas) have longer steps, eight values, and an error of h⁸/630.
 
-C and NumPy run a program that was written without SymPy; they are held against the kernel that SymPy derives and
-differentiates, with 50 digits. How far they may be off is asked of the kernel itself: it
-is evaluated again with inputs that are moved by the machine epsilon, in a few directions, and a result may be off by
-`UNITS` times what that changes: a few hundred roundings of either sign add up like the root of their number. So they
-are within twice that of each other.
+C and NumPy run a program that was written without SymPy. It is held against the kernel that SymPy derives, and central
+differences of that, with 50 digits: a step of 1e-20 leaves its square. Then C and NumPy are held against the program
+with 50 digits. How far they may be off is asked of the program itself: it is evaluated again with inputs that are moved
+by the machine epsilon, in a few directions, and a result may be off by `UNITS` times what that changes: a few hundred
+roundings of either sign add up like the root of their number. So they are within twice that of each other.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from exact_programs import exact
 from machine_cases import ROWS, Case, every, frame, own, several, skyward, unit
 from scipy.spatial.transform import Rotation
 
@@ -187,24 +188,39 @@ def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypat
     same_numbers(every(kind), monkeypatch)
 
 
-def derive_kernels(structure: Structure) -> list[Kernel]:
-    """Return the kernels of a machine by SymPy, whose values the programs of its fit must have."""
-    place = model_kernel(ModelSteps(structure, "place", with_residual=False))
-    residual = model_kernel(ModelSteps(structure, "residual"))
-    wrt = [name for name, wanted in (("freedom", structure.slots), ("e", structure.parameters)) if wanted]
-    kernels = [place, residual]
-    if wrt:
-        kernels.append(
-            residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
-        )
+def derive_kernels(structure: Structure) -> dict[str, Kernel]:
+    """Return the kernels of a machine by SymPy, by the names of the programs of its fit."""
+    kernels = [
+        model_kernel(ModelSteps(structure, "place", with_residual=False)),
+        model_kernel(ModelSteps(structure, "residual")),
+    ]
     if structure.kinematics.is_closed:
         kernels.append(pose_of(ModelSteps(structure, "pose")))
-    # the change of a freedom is in the geometry already
-    return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
+    return {kernel.name: kernel for kernel in kernels}
+
+
+def hold_against_sympy(kernel: Kernel, structure: Structure, found: np.ndarray, inputs: Any) -> None:
+    """Hold the columns of a program, residual and derivatives, against a kernel and its differences, with 50 digits."""
+    values = dict(zip(("rows", "g", "e"), ([mpmath.mpf(x) for x in array] for array in inputs), strict=True))
+    values |= {"freedom": [mpmath.mpf(0)] * len(structure.slots)} if structure.slots else {}
+    (output,) = (port.name for port in kernel.outputs)
+
+    def moved(port: str, n: int, step: Any) -> np.ndarray:
+        array = [x + step * (i == n) for i, x in enumerate(values[port])]
+        return np.ravel(kernel.evaluate(values | {port: array}, digits=50)[output])
+
+    size = 1 + np.abs(found).max()
+    assert np.abs(found[:, 0] - moved("rows", 0, 0)).max() <= 1e-40 * size
+    freedoms = [("freedom", n) for n in range(len(structure.slots))]
+    step = mpmath.mpf(10) ** -20
+    for column, at in enumerate([*freedoms, *(("e", n) for n in range(len(structure.parameters)))], 1):
+        if column < found.shape[1]:
+            slope = (moved(*at, step) - moved(*at, -step)) / (2 * step)
+            assert np.abs(slope - found[:, column]).max() <= 1e-25 * size, at
 
 
 def same_numbers(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hold the kernels of a machine in C and NumPy against those that SymPy derives, with 50 digits."""
+    """Hold the programs of a machine in C and NumPy against what SymPy derives, and 50 digits."""
     kind = case.kind
     structure = case.model.structure
     kernels = derive_kernels(structure)
@@ -226,45 +242,47 @@ def same_numbers(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Problem(case.model, case.observations)  # of its own: it keeps the block
     rows = problem._block(problem.groups[0], 0, 5)
     rng = np.random.default_rng(9)
-    for kernel in kernels:
+    for program in derive_programs(structure):
+        kernel = kernels[program.name.removesuffix("_and_jacobian")]
         results = {
-            "c": compiled[kernel.name](rows, g, e),
-            "numpy": plain[kernel.name](rows, g, e),
+            "c": compiled[program.name](rows, g, e),
+            "numpy": plain[program.name](rows, g, e),
         }
-        assert compiled[kernel.name].target == "c"
-        assert plain[kernel.name].target == "numpy"
+        assert compiled[program.name].target == "c"
+        assert plain[program.name].target == "numpy"
         for row in (0, len(rows) - 1):  # a row of a whole vector of rows, and one of what is left over
-            exact, allowed = bound(kernel, (rows[row], g, e), rng)
+            expected, allowed = bound(program, (rows[row], g, e), rng)
+            if row == 0:
+                with mpmath.workdps(50):
+                    hold_against_sympy(kernel, structure, expected, (rows[row], g, e))
             for target, result in results.items():
                 several = result if isinstance(result, tuple) else (result,)
                 found = np.concatenate(
                     [output[row].reshape(len(output[row]), -1) for output in several], axis=1
                 )
-                off = np.abs(found - exact)
-                assert (off <= allowed).all(), (target, kernel.name, (off / allowed).max())
+                off = np.abs(found - expected.astype(float))
+                assert (off <= allowed).all(), (target, program.name, (off / allowed).max())
 
 
 def bound(
-    kernel: Kernel, inputs: Sequence[np.ndarray], rng: np.random.Generator
+    program: Program, inputs: Sequence[np.ndarray], rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a kernel gives with 50 digits, a column a freedom, and how far off a double may be."""
-    names = [port.name for port in kernel.inputs]
+    """Return what a program gives with 50 digits, a column a freedom, and how far off a double may be."""
 
     def evaluate(arrays: Sequence[Any]) -> np.ndarray:
-        results = kernel.evaluate(dict(zip(names, arrays, strict=True)), digits=50)
-        several = [np.asarray(results[port.name]) for port in kernel.outputs]
+        several = exact(program, dict(zip(("rows", "g", "e"), arrays, strict=True)))
         return np.concatenate([output.reshape(len(output), -1) for output in several], axis=1)
 
-    exact = evaluate(inputs)
     with mpmath.workdps(50):
-        change = np.zeros(exact.shape)
+        found = evaluate(inputs)
+        change = np.zeros(found.shape)
         for _ in range(DIRECTIONS):
             change = np.maximum(
-                change, np.abs(evaluate([beside(a, rng) for a in inputs]) - exact).astype(float)
+                change, np.abs(evaluate([beside(a, rng) for a in inputs]) - found).astype(float)
             )
     # a component may cancel where its column does not
-    allowed = UNITS * (change.max(axis=0) + EPS / 2 * np.abs(exact).astype(float).max(axis=0))
-    return exact.astype(float), np.broadcast_to(allowed, exact.shape)
+    allowed = UNITS * (change.max(axis=0) + EPS / 2 * np.abs(found).astype(float).max(axis=0))
+    return found, np.broadcast_to(allowed, found.shape)
 
 
 def beside(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:

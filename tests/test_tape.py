@@ -15,11 +15,11 @@ from rodgen.codegen import tape
 from rodgen.codegen._rows_numpy import NumPyProgram
 from rodgen.codegen.program import programs_from, text_of
 from rodgen.codegen.tape import Tape
-from rodgen.codegen.tape_jacobian import jacobian_row
+from rodgen.codegen.tape_jacobian import _WAYS, jacobian, jacobian_row
 from rodgen.codegen.tape_matrix import Matrix
 from rodgen.symbolic import select
 
-NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt")
+NAMES = ("sin", "cos", "tan", "asin", "exp", "log", "sqrt")
 OF_TAPE = {name: getattr(tape, name) for name in NAMES} | {
     "abs": tape.absolute,
     "select": tape.select,
@@ -35,6 +35,7 @@ FORMULAS = [
     "select(x < y, x*a, y) + select(y > x, 1, a)*y",
     "a*b + b**2 + sin(a)",
     "atan2(x, y*a) + atan2(-x, -b) + atan2(2, y)",
+    "asin(x/3) - b*asin(-y/4)",
 ]
 
 
@@ -63,6 +64,41 @@ def test_values_and_derivatives_are_those_of_sympy(formula):
     found = evaluated(on, [here, *jacobian_row([here], numbers)], rows, shared)
     expected = [wanted(*row, *shared) for row in rows]
     np.testing.assert_allclose(found, np.array(expected, float), rtol=0, atol=2e-13)
+
+
+@pytest.mark.parametrize("way", range(len(_WAYS)))
+def test_derivatives_of_several_values_are_those_of_sympy_in_every_way(way, monkeypatch):
+    monkeypatch.setattr("rodgen.codegen.tape_jacobian._WAYS", _WAYS[way : way + 1])
+    on = Tape()
+    numbers = [*on.inputs("rows", 2, same=False), *on.inputs("p", 2)]
+    symbols = sp.symbols("x y a b", positive=True)
+    here = [value(f, dict(zip("xyab", numbers, strict=True)), OF_TAPE) for f in FORMULAS]
+    there = [value(f, dict(zip("xyab", symbols, strict=True)), OF_SYMPY) for f in FORMULAS]
+    wanted = sp.lambdify(symbols, sp.Matrix(there).jacobian(symbols[:2]).doit(), "numpy")
+    slopes = jacobian([*here, numbers[1], 3.0], numbers[:2])
+    assert slopes[len(here) :] == [[0, 1], [0, 0]]
+    row, shared = np.array([[0.8, 1.7]]), np.array([0.75, 1.5])
+    found = evaluated(on, [x for each in slopes for x in each], row, shared)[0]
+    # some ten roundings of terms up to 300
+    np.testing.assert_allclose(found[:-4].reshape(-1, 2), wanted(*row[0], *shared), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("function", "at", "slope"),
+    [
+        (lambda x: tape.select(x > 0, tape.sqrt(x), 3 * x), 0.0, 3),
+        (lambda x: tape.select(x > 0, 1 / tape.sqrt(x), -x), 0.0, -1),
+        (lambda x: tape.select(x < 1, tape.select(x > 0, tape.log(x), x), tape.sqrt(x - 1)), 0.0, 1),
+        (lambda x: tape.select(x > 0, math.nan, x), -1.0, 1),
+    ],
+)
+def test_forward_an_infinite_slope_of_a_case_that_is_not_taken_does_no_harm(function, at, slope, monkeypatch):
+    monkeypatch.setattr("rodgen.codegen.tape_jacobian._WAYS", _WAYS[:1])
+    on = Tape()
+    (x,) = on.inputs("rows", 1, same=False)
+    ((found,),) = jacobian([function(x)], [x])
+    with np.errstate(all="ignore"):
+        assert evaluated(on, [found], np.array([[at, 0.0]]), np.zeros(2)) == slope
 
 
 def test_inputs_that_become_known_leave_nothing_behind():

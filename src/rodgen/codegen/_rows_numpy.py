@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.codegen.operations import CONDITION, OPERATIONS
 from rodgen.codegen.program import GIVEN, Program
 
 WORK_BYTES = 1 << 22
@@ -15,29 +16,9 @@ WORK_BYTES = 1 << 22
 FEWEST, MOST = 128, 2048
 """Rows a block."""
 
-INTO = {
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "neg": np.negative,
-    "recip": np.reciprocal,
-    "abs": np.abs,
-    "sign": np.sign,
-    "pow": np.pow,
-    "sqrt": np.sqrt,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "atan2": np.atan2,
-    "exp": np.exp,
-    "log": np.log,
-}
-"""Operations whose result NumPy can write into an array that is given."""
-
-NEW: dict[str, Callable[..., Any]] = {"lt": np.less, "select": np.where}
-"""Operations that return a new array."""
-
-FUNCTIONS = INTO | NEW
+FUNCTIONS: dict[str, Callable[..., Any]] = {op: getattr(np, row.array) for op, row in OPERATIONS.items()}
+INTO = {op: f for op, f in FUNCTIONS.items() if op not in {CONDITION, "select"}}
+"""Operations whose result NumPy writes into an array that is given."""
 
 
 class NumPyProgram:

@@ -11,47 +11,15 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from rodgen.codegen.operations import CONDITION, OPERATIONS, OPERATORS
 from rodgen.codegen.program import GIVEN, Operand, Program
 from rodgen.codegen.source_text import DO_NOT_EDIT, ENVIRONMENT, operations_text
-
-OPERATORS = {
-    "add": "{} + {}",
-    "sub": "{} - {}",
-    "mul": "{}*{}",
-    "neg": "-{}",
-    "recip": "1.0/{}",
-}
-"""What numbers and vectors have in common."""
-
-NUMBERS = {
-    **OPERATORS,
-    "lt": "-(int64_t)({} < {})",
-    "abs": "fabs({})",
-    "sign": "sign_of_number({})",
-    "select": "{} ? {} : {}",
-    "atan2": "atan2({}, {})",
-    "pow": "pow({}, {})",
-}
-"""Numbers that all rows share; a condition is all ones or all zeros, as the lanes' are."""
-
-LANES = {
-    **OPERATORS,
-    "lt": "{} < {}",
-    "abs": "lanes_magnitude({})",
-    "sqrt": "lanes_root({})",
-    "select": "lanes_blend({}, {}, {})",
-    "atan2": "lanes_atan2({}, {})",
-    "pow": "lanes_pow({}, {})",
-}
-
-CONDITION = "lt"
-"""The operation that gives truth values."""
 
 
 def c_source(programs: Sequence[Program]) -> str:
     """Return C whose functions ``rows_NAME`` evaluate programs over many rows."""
     functions = {op for program in programs for op, *_ in program.operations}
-    called = sorted(functions - OPERATORS.keys() - _INLINE)
+    called = sorted(functions - OPERATORS - _INLINE)
     lanewise = [(name, ("x", "y") if name == "atan2" else ("x",)) for name in called]
     lanewise.append(("pow", ("x", "y")))
     return ENVIRONMENT.get_template("rows.c.j2").render(
@@ -129,8 +97,10 @@ def _constant(x: float) -> str:
 def _shared_line(ports: Sequence[str], shared: Sequence[bool], n: int, op: str, args: Sequence[Any]) -> str:
     if op == "input":
         return f"const double t{n} = in{ports.index(args[0])}[{args[1]}];"
-    text = NUMBERS.get(op, f"{op}({{}})").format(*map(_operand, args))
-    return f"const {'int64_t' if op == CONDITION else 'double'} t{n} = {text};"
+    text = OPERATIONS[op].c.format(*map(_operand, args))
+    if op == CONDITION:  # all ones or all zeros, as the lanes' are
+        return f"const int64_t t{n} = -(int64_t)({text});"
+    return f"const double t{n} = {text};"
 
 
 class _Parts:
@@ -249,7 +219,7 @@ class _Parts:
             yield f"vec {sine}, {cosine};"
             yield f"lanes_sine_cosine({self.operand(args[0], part)}, &{sine}, &{cosine}, far, use_libm);"
         else:
-            text = LANES.get(op, f"lanes_{op}({{}})")
+            text = OPERATIONS[op].lanes
             write = self.operand if op in OPERATORS or op == CONDITION else self.whole
             kind = "mask" if op == CONDITION else "vec"
             yield f"const {kind} t{n} = {text.format(*(write(a, part) for a in args))};"

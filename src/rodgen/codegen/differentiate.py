@@ -2,8 +2,7 @@
 
 Forward accumulation: for each assignment ``s = f(a, b)`` the program gains
 ``ds/dx = df/da * da/dx + df/db * db/dx`` for every input component x on which s depends. Local derivatives
-are small, so nothing swells; what is computed twice is shared afterwards. For many inputs and few outputs there is
-reverse accumulation, in :mod:`rodgen.codegen.reverse`.
+are small, so nothing swells; what is computed twice is shared afterwards.
 """
 
 from __future__ import annotations
@@ -13,13 +12,11 @@ from itertools import count
 
 import sympy as sp
 
-from rodgen.codegen._numbering import slope_of
-from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, StraightLine, numbered, port_symbols
-from rodgen.codegen.reverse import gradients
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, StraightLine, port_symbols
 
 
 def derivatives(
-    kernel: StraightLine, inputs: Sequence[str], outputs: Sequence[str], mode: str
+    kernel: StraightLine, inputs: Sequence[str], outputs: Sequence[str]
 ) -> tuple[list[Port], list[Assignment]]:
     """Return the ports of the derivatives of `outputs` with respect to `inputs`, and the steps that compute them.
 
@@ -30,7 +27,7 @@ def derivatives(
     KeyError
         For a name that is not a port of the kernel.
     KernelError
-        When a status is to be differentiated, or there is no such mode.
+        When a status is to be differentiated.
     """
     variables = [s for n in inputs for s in kernel.port(n).symbols]
     differentiated = [kernel.port(n) for n in outputs]
@@ -46,15 +43,7 @@ def derivatives(
         ports.append(Port(f"{port.name}_jacobian", shape, unit, doc, symbols))
 
     rows = [s for port in differentiated for s in port.symbols]
-    if mode == "forward":
-        steps, slopes = _forward(kernel, rows, variables)
-    elif mode == "reverse":
-        program = numbered(kernel, (*ports, *kernel.outputs))
-        slopes = gradients(program, [program.operand(s) for s in rows], variables)
-        steps = [Assignment(*line) for line in program.lines]
-        steps += [Assignment(s, program.operand(s)) for p in kernel.outputs for s in p.symbols]
-    else:
-        raise KernelError(f"there is no mode {mode!r} of differentiation; expected 'forward' or 'reverse'")
+    steps, slopes = _forward(kernel, rows, variables)
     entries = [s for port in ports for s in port.symbols]
     steps += [Assignment(s, v) for s, v in zip(entries, (v for row in slopes for v in row), strict=True)]
     return ports, steps
@@ -99,7 +88,13 @@ def _slope(value: sp.Expr, x: sp.Symbol, tangent: Mapping[sp.Symbol, Mapping[sp.
             return sp.S.Zero
         return sp.Piecewise(*cases, evaluate=False)
     moving = sorted((s for s in value.free_symbols if x in tangent.get(s, {})), key=lambda s: str(s.name))
-    return sp.Add(*(slope_of(value, s) * tangent[s][x] for s in moving))
+    return sp.Add(*(_slope_of(value, s) * tangent[s][x] for s in moving))
+
+
+def _slope_of(value: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
+    """Return the derivative; that of sign() is 0, also at 0."""
+    slope = value.diff(symbol)
+    return slope.replace(sp.DiracDelta, lambda *_: sp.S.Zero) if slope.has(sp.DiracDelta) else slope
 
 
 def _with_selects_on_their_own_lines(kernel: StraightLine) -> Iterator[tuple[sp.Symbol, sp.Basic]]:

@@ -28,7 +28,6 @@ from rodgen.codegen.kernel_parts import (
     Port,
     UsualCase,
     live_steps,
-    numbered,
     shortened,
 )
 
@@ -151,7 +150,6 @@ class Kernel:
         name: str | None = None,
         summary: str | None = None,
         values: bool = False,
-        mode: str = "forward",
     ) -> Kernel:
         """Return the kernel of the derivatives, by accumulation through the assignments.
 
@@ -165,9 +163,6 @@ class Kernel:
             Of the new kernel; made from this one's when left out.
         values : bool
             Whether the differentiated outputs themselves are outputs, too.
-        mode : str
-            ``"forward"``, or ``"reverse"`` where the outputs have fewer components than the inputs: one sweep an
-            output instead of one an input. The ports and, to rounding, the numbers are the same.
 
         Returns
         -------
@@ -177,109 +172,15 @@ class Kernel:
         """
         inputs = [p.name for p in self.inputs] if wrt is None else list(wrt)
         real = [p.name for p in self.outputs if not p.is_status] if outputs is None else list(outputs)
-        ports, steps = derivatives(self, inputs, real, mode)
+        ports, steps = derivatives(self, inputs, real)
         differentiated = [self.port(n) for n in real] if values else []
         made = self._with_program(
             name or f"{self.name}_jacobian",
             self.inputs,
             (*differentiated, *ports, *(port for port in self.outputs if port.is_status)),
             steps,
-            is_numbered=mode == "reverse",
         )
         return replace(made, summary=summary or f"Derivatives of {self.name}.")
-
-    def after(self, first: Kernel) -> Kernel:
-        """Return this kernel with inputs computed by another one, whose outputs have their names.
-
-        Parameters
-        ----------
-        first : Kernel
-            An input of the same name in both is one input.
-
-        Raises
-        ------
-        KernelError
-            When no input is an output of `first`, or ports of one name differ in shape.
-
-        Examples
-        --------
-        >>> from rodgen.codegen import KernelBuilder
-        >>> k = KernelBuilder("area", summary="Area of a circle.", source="definition")
-        >>> k.output("square", k.input("r", unit="m", doc="radius") ** 2, unit="m2", doc="its square")
-        >>> area = k.build()
-        >>> k = KernelBuilder("volume", summary="Volume of a cylinder.", source="definition")
-        >>> square = k.input("square", unit="m2", doc="square of the radius")
-        >>> k.output("volume", sp.pi * square * k.input("h", unit="m", doc="height"), unit="m3", doc="of all")
-        >>> both = k.build().after(area)
-        >>> both.expand("volume"), [port.name for port in both.inputs]
-        (pi*h*r**2, ['h', 'r'])
-        """
-        taken = {port.name: port for port in first.outputs}
-        known = {port.name: port for port in first.inputs}
-        for port in self.inputs:
-            other = taken.get(port.name) or known.get(port.name)
-            if other is not None and other.shape != port.shape:
-                raise KernelError(
-                    f"{port.name} is {other.shape} in {first.name}, but {port.shape} in {self.name}"
-                )
-        if not any(port.name in taken for port in self.inputs):
-            raise KernelError(f"kernel {self.name} takes nothing from {first.name}")
-        own = {a.symbol: _like(a.symbol, f"{first.name}_{a.symbol.name}") for a in first.assignments}
-        steps = [Assignment(own[a.symbol], a.value.xreplace(own)) for a in first.assignments]
-        ports = [port for port in self.inputs if port.name in taken]
-        given = {
-            s: own[t] for port in ports for s, t in zip(port.symbols, taken[port.name].symbols, strict=True)
-        }
-        steps += [Assignment(a.symbol, a.value.xreplace(given)) for a in self.assignments]
-        inputs = {port.name: port for port in (*self.inputs, *first.inputs) if port.name not in taken}
-        named = {f"{first.name}_{name}": value.xreplace(own) for name, value in first.steps.items()}
-        return replace(
-            self, inputs=tuple(inputs.values()), assignments=tuple(steps), steps={**named, **self.steps}
-        )
-
-    def at(self, values: Mapping[str, Any], *, name: str | None = None) -> Kernel:
-        """Return the kernel with some inputs fixed at numbers, and without what is then superfluous.
-
-        Parameters
-        ----------
-        values : mapping of str to number or nested sequence
-            For each of some inputs an exact number for all its components, or one for each.
-        name : str, optional
-            Of the new kernel; this one's when left out.
-
-        Raises
-        ------
-        KernelError
-            When no number of that shape is given, or an output has no value there.
-
-        Examples
-        --------
-        >>> from rodgen.codegen import KernelBuilder
-        >>> k = KernelBuilder("spring", summary="Force of a spring.", source="definition")
-        >>> x = k.input("x", unit="m", doc="elongation")
-        >>> a = k.input("a", 2, unit="N/m", doc="stiffness, and its growth")
-        >>> k.output("force", a[0] * x + a[1] * x**2, unit="N", doc="towards the rest")
-        >>> k.build().at({"a": [3, 0]}).expand("force")
-        3*x
-        """
-        known: dict[sp.Symbol, sp.Basic] = {}
-        for key, value in values.items():
-            port = self.port(key)
-            numbers = [sp.sympify(x) for x in sp.flatten([value])]
-            numbers = [sp.Rational(x) if x.is_Float else x for x in numbers]
-            if len(numbers) not in (1, port.size) or not all(x.is_number for x in numbers):
-                raise KernelError(
-                    f"kernel {self.name}: {key} is fixed at {value}; expected one number or {port.size}"
-                )
-            known.update(zip(port.symbols, numbers * (port.size // len(numbers)), strict=True))
-        program = numbered(self, self.outputs, known)
-        results = {s: program.operand(s) for port in self.outputs for s in port.symbols}
-        for symbol, result in results.items():
-            if result is sp.nan:
-                raise KernelError(f"kernel {self.name}: {symbol.name} has no value at {dict(values)}")
-        steps = [Assignment(symbol, value) for symbol, value in (*program.lines, *results.items())]
-        inputs = [port for port in self.inputs if port.name not in values]
-        return self._with_program(name or self.name, inputs, self.outputs, steps, is_numbered=True)
 
     def evaluate(
         self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
@@ -317,11 +218,9 @@ class Kernel:
         inputs: Sequence[Port],
         outputs: Sequence[Port],
         steps: Sequence[Assignment],
-        *,
-        is_numbered: bool = False,
     ) -> Kernel:
         """Return a kernel of other steps with this one's summary, source, notes and named steps."""
-        program = shortened(inputs, outputs, steps, is_numbered=is_numbered)
+        program = shortened(inputs, outputs, steps)
         return Kernel(
             name,
             self.summary,
@@ -332,11 +231,6 @@ class Kernel:
             self.notes,
             steps=self.steps,
         )
-
-
-def _like(symbol: sp.Symbol, name: str) -> sp.Symbol:
-    """Return a symbol of another name, that is real or a condition as this one is."""
-    return sp.Symbol(name, **symbol.assumptions0) if symbol.is_real else sp.Symbol(name)
 
 
 # operations ----------------------------------------------------------------------------------------------

@@ -15,7 +15,6 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from rodgen.codegen._cse import eliminate_common_subexpressions
-from rodgen.codegen._numbering import Numbering, joined
 
 Step = TypeVar("Step", bound=tuple[sp.Symbol, sp.Basic])
 
@@ -94,7 +93,7 @@ class UsualCase:
 
 
 class StraightLine(Protocol):
-    """A kernel, :class:`rodgen.codegen.kernel.Kernel`, for what differentiates, numbers or evaluates its program."""
+    """A kernel, :class:`rodgen.codegen.kernel.Kernel`, for what differentiates or evaluates its program."""
 
     @property
     def name(self) -> str:
@@ -150,32 +149,11 @@ def live_steps(steps: Sequence[Step], wanted: Iterable[sp.Symbol]) -> list[Step]
 
 
 def shortened(
-    inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment], *, is_numbered: bool = False
+    inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment]
 ) -> tuple[Assignment, ...]:
-    """Return the steps without those that no output needs, and with common subexpressions computed once.
-
-    With `is_numbered` the steps are those of a :class:`~rodgen.codegen._numbering.Numbering`, which has computed
-    common subexpressions once already; they are joined into longer lines instead.
-    """
+    """Return the steps without those that no output needs, and with common subexpressions computed once."""
     wanted = [symbol for port in outputs for symbol in port.symbols]
     live = live_steps(steps, wanted)
-    if is_numbered:
-        pairs = list(joined(live, set(wanted)))
-    else:
-        taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}
-        pairs = eliminate_common_subexpressions(live, taken)
+    taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}
+    pairs = eliminate_common_subexpressions(live, taken)
     return tuple(Assignment(symbol, value) for symbol, value in pairs)
-
-
-def numbered(
-    kernel: StraightLine,
-    outputs: Iterable[Port],
-    known: Mapping[sp.Symbol, sp.Basic] | None = None,
-) -> Numbering:
-    """Return the program of a kernel; the lines of the symbols of `outputs` remain to be written at its end."""
-    last = {s for port in outputs for s in port.symbols}
-    symbols = [s for port in kernel.inputs for s in port.symbols] + [a.symbol for a in kernel.assignments]
-    program = Numbering({s.name for s in (*symbols, *last)}, known)
-    for symbol, value in kernel.assignments:
-        program.define(symbol, value, by_name=symbol not in last)
-    return program

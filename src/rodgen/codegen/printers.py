@@ -16,6 +16,7 @@ from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.precedence import PRECEDENCE, precedence
 
 from rodgen.codegen.kernel_parts import KernelError, Port
+from rodgen.codegen.operations import CPP_WORDS, MATLAB_WORDS
 from rodgen.symbolic import EPS, LARGEST
 
 if TYPE_CHECKING:
@@ -23,21 +24,6 @@ if TYPE_CHECKING:
 
 ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log")
 
-CPP_WORDS = """
-alignas alignof and_eq asm bitand bitor catch char8_t char16_t char32_t co_await co_return co_yield compl
-concept const_cast consteval constexpr constinit decltype delete dynamic_cast explicit export friend mutable
-namespace new noexcept not_eq nullptr operator or_eq private protected public reinterpret_cast requires
-signals slots static_assert static_cast std template this thread_local throw typeid typename using virtual
-wchar_t xor xor_eq
-DOMAIN EDOM EOF ERANGE FALSE HUGE HUGE_VAL OVERFLOW PLOSS Real SING TLOSS TRUE UNDERFLOW detail
-"""
-"""Words that C++ keeps, macros of its headers, and names in the template."""
-MATLAB_WORDS = """
-case catch classdef do else elseif end end_try_catch end_unwind_protect endclassdef endfor endfunction endif endparfor
-endswitch endwhile function global if otherwise parfor persistent return spmd switch try until unwind_protect
-unwind_protect_cleanup while
-"""
-"""Words that MATLAB and GNU Octave keep."""
 _MATLAB_NAMES = "assembled count eps evaluate given_columns kind NaN realmax real_power real_sqrt select"
 """Names in the template."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -29,6 +29,8 @@ class Program:
     for one that is 1 in row i of a Jacobian and 0 in its other rows."""
     results: dict[str, list[Operand]]
     """The components of each output; of a Jacobian that depends on seeds those of one row."""
+    names: dict[int, str] = field(default_factory=dict, compare=False)
+    """What some operations are called in code that people read."""
 
     @cached_property
     def shared(self) -> list[bool]:

@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from itertools import product
 from operator import attrgetter
 from typing import Any, TypeAlias
 
-from rodgen.codegen.program import GIVEN, Operand, Program
+from rodgen.codegen.program import GIVEN, Program
 
 
 class Number:
@@ -195,6 +196,7 @@ def _function(op: str, known: Callable[[float], float]) -> Callable[[Any], Any]:
 sin, cos, tan = _function("sin", math.sin), _function("cos", math.cos), _function("tan", math.tan)
 exp, log = _function("exp", math.exp), _function("log", math.log)
 sqrt, absolute = _function("sqrt", math.sqrt), _function("abs", abs)
+asin = _function("asin", math.asin)
 sign = _function("sign", lambda x: float((x > 0) - (x < 0)))
 
 
@@ -233,6 +235,7 @@ class Tape:
     def __init__(self) -> None:
         self.numbers: list[Number] = []
         self._found: dict[tuple[Any, ...], Number] = {}
+        self._names: dict[Number, str] = {}
 
     def inputs(self, port: str, size: int, *, same: bool = True) -> list[Number]:
         """Return the components of an input; `same` is whether all rows share it."""
@@ -241,6 +244,15 @@ class Tape:
     def seeds(self, count: int) -> list[Number]:
         """Return numbers of which one is 1 and the others are 0: another one for each row of a Jacobian."""
         return [self._number(("seed", i), same=False) for i in range(count)]
+
+    def let(self, name: str, value: Any) -> Any:
+        """Return a value, a number or a matrix, whose numbers get a name, unless they have one."""
+        numbers, shape = getattr(value, "flat", [value]), getattr(value, "shape", ())
+        shape = shape[:1] if shape[1:] == (1,) else shape
+        for number, at in zip(numbers, product(*(range(1, n + 1) for n in shape)), strict=True):
+            if isinstance(number, Number) and number.op not in GIVEN:
+                self._names.setdefault(number, "_".join([name, *map(str, at)]))
+        return value
 
     def number(self, op: str, *args: Any) -> Number:
         """Return the number of an operation on numbers and floats."""
@@ -264,6 +276,7 @@ class Tape:
         name: str,
         inputs: Mapping[str, tuple[int, ...]],
         outputs: Mapping[str, tuple[tuple[int, ...], Sequence[Any]]],
+        late: int | None = None,
     ) -> Program:
         """Return what computes some outputs.
 
@@ -272,11 +285,14 @@ class Tape:
         inputs : mapping of str to tuple of int
             Shapes; the first input is that of the rows.
         outputs : mapping of str to (shape, values)
+        late : int, optional
+            Numbers from this one on stand right after what they need: few of those that come before are then in use at
+            once, where these are derivatives that were taken forward.
         """
         wanted = [x for _, values in outputs.values() for x in values]
-        place: dict[Any, Operand] = {}
+        place: dict[Any, int] = {}
         operations: list[Sequence[Any]] = []
-        for number in needed(wanted):
+        for number in needed(wanted) if late is None else _early(needed(wanted), late):
             place[number] = len(operations)
             args = (
                 number.args
@@ -291,6 +307,7 @@ class Tape:
             {port: shape for port, (shape, _) in outputs.items()},
             operations,
             {port: [next(found) for _ in values] for port, (_, values) in outputs.items()},
+            {n: self._names[number] for number, n in place.items() if number in self._names},
         )
 
 
@@ -317,6 +334,15 @@ def needed(wanted: Sequence[Any]) -> list[Number]:
     return sorted(found, key=attrgetter("index"))
 
 
+def _early(numbers: Sequence[Number], late: int) -> list[Number]:
+    """Return numbers in an order in which the late ones come right after what they need."""
+    rank: dict[Number, int] = {}
+    for x in numbers:
+        operands = [rank[a] for a in x.args if isinstance(a, Number)]
+        rank[x] = x.index if x.index < late or not operands else max(operands)
+    return sorted(numbers, key=lambda x: (rank[x], x.index))
+
+
 def _known_power(a: Any, b: Any) -> Any:
     try:
         return a**b
@@ -334,5 +360,5 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     "lt": lambda a, b: a < b,
     "atan2": atan2,
     "select": select,
-    **{f.__name__: f for f in (sin, cos, tan, exp, log, sqrt, absolute, sign)},
+    **{f.__name__: f for f in (sin, cos, tan, asin, exp, log, sqrt, absolute, sign)},
 }

@@ -1,26 +1,27 @@
-"""Derivatives of numbers of a tape, by one sweep backwards for all rows of a Jacobian.
+"""Derivatives of numbers of a tape: forward, or by sweeps backwards, of which one may do for all rows of a Jacobian.
 
-A number whose adjoint, the derivative of an output with respect to it, is t adds t times a slope to the adjoint of each
-of its operands. The sweep starts from all outputs, each with a seed: that is 1 in its own row of the Jacobian and 0 in
-the others. So the operations of the sweep are written once, and done for every row.
+Forward, the derivatives of a number are those of its operands times slopes. Backwards, a number whose adjoint, the
+derivative of an output with respect to it, is t adds t times a slope to the adjoint of each of its operands.
+:func:`jacobian_row` starts one sweep from all outputs, each with a seed: that is 1 in its own row of the Jacobian and 0
+in the others. So the operations of the sweep are written once, and done for every row.
 
 Where a part of the program acts on the outputs through one number only, as errors of a reading act through the angle of
-their joint, the derivatives of that number are computed once, without a seed, and the sweep multiplies them: a robot
-whose drives wind up under the weights of all later joints needs half of the operations.
+their joint, the derivatives of that number are computed once, without a seed, and multiplied: a robot whose drives wind
+up under the weights of all later joints needs half of the operations.
 
-The case of a select that is not taken must be finite, with its slopes, unless it is NaN: its derivative is multiplied
-by 0 there. (:mod:`rodgen.codegen.reverse` has no such condition.)
+Backwards, the case of a select that is not taken must be finite, with its slopes, unless it is NaN: its derivative is
+multiplied by 0 there.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, TypeAlias
 
 from rodgen.codegen.program import GIVEN
-from rodgen.codegen.tape import Number, Value, cos, log, needed, select, sign, sin
+from rodgen.codegen.tape import Number, Value, cos, log, needed, select, sign, sin, sqrt
 
 Edges: TypeAlias = dict[Number, list[tuple[Number, Any]]]
 """The operands of each number that depend on a variable, with its slope: a value, or a function of the adjoint."""
@@ -41,8 +42,7 @@ def jacobian_row(outputs: Sequence[Any], variables: Sequence[Number]) -> list[Va
     """
     tape = variables[0].tape
     edges = _edges([x for x in outputs if isinstance(x, Number)], variables)
-    for narrow, part in _narrow_parts(edges, [x for x in outputs if x in edges]):
-        edges[narrow] = list(_swept(edges, {narrow: 1}, part).items())
+    _narrow(edges, outputs)
     adjoints: dict[Number, Value] = {}
     seeds: Sequence[Value] = tape.seeds(len(outputs)) if len(outputs) > 1 else [1]
     for x, seed in zip(outputs, seeds, strict=True):
@@ -50,6 +50,64 @@ def jacobian_row(outputs: Sequence[Any], variables: Sequence[Number]) -> list[Va
             adjoints[x] = adjoints.get(x, 0) + seed
     found = _swept(edges, adjoints, edges)
     return [found.get(x, 0) for x in variables]
+
+
+def jacobian(outputs: Sequence[Any], variables: Sequence[Number]) -> list[list[Value]]:
+    """Return the derivatives of values with respect to inputs, row by row, in the way that takes fewest operations.
+
+    Examples
+    --------
+    >>> from rodgen.codegen.tape import Tape
+    >>> (a, b) = Tape().inputs("p", 2)
+    >>> jacobian([a * b + 3 * a, b], [a, b]) == [[b + 3, a], [0, 1]]
+    True
+    """
+    edges = _edges([x for x in outputs if isinstance(x, Number)], variables)
+    narrow = dict(edges)
+    of_narrow = _narrow(narrow, outputs)
+    found = [
+        way(*((narrow, of_narrow) if is_narrow else (edges, set())), outputs, variables)
+        for way, is_narrow in _WAYS
+    ]
+    return min(found, key=lambda rows: len(needed([*outputs, *(x for row in rows for x in row)])))
+
+
+def _forward(
+    edges: Edges, narrow: Collection[Number], outputs: Sequence[Any], variables: Sequence[Number]
+) -> list[list[Value]]:
+    tangents: dict[Number, dict[Number, Any]] = {x: {x: 1} for x in variables}
+    for x, operands in reversed(edges.items()):
+        if x.op == "select" and x not in narrow:
+            holds, *cases = x.args
+            both = [_tangents(case, tangents) for case in cases]
+            rest = [math.nan if case != case else 0 for case in cases]  # what has no value has no derivative
+            tangents[x] = {
+                v: select(holds, *(t.get(v, zero) for t, zero in zip(both, rest, strict=True)))
+                for v in variables
+                if any(v in t for t in both)
+            }
+        elif operands:
+            found = tangents[x] = {}
+            for a, slope in operands:
+                for v, tangent in tangents[a].items():
+                    share = tangent * slope
+                    found[v] = found[v] + share if v in found else share
+    return [[_tangents(x, tangents).get(v, 0) for v in variables] for x in outputs]
+
+
+def _tangents(x: Any, tangents: Mapping[Number, dict[Number, Any]]) -> dict[Number, Any]:
+    return tangents.get(x, {}) if isinstance(x, Number) else {}
+
+
+def _backward(
+    edges: Edges, narrow: Collection[Number], outputs: Sequence[Any], variables: Sequence[Number]
+) -> list[list[Value]]:
+    rows = [_swept(edges, {x: 1}, edges) if x in edges else {} for x in outputs]
+    return [[row.get(v, 0) for v in variables] for row in rows]
+
+
+_WAYS = ((_forward, False), (_backward, False), (_forward, True), (_backward, True))
+"""How a Jacobian is taken, and whether narrow parts are taken first."""
 
 
 def _edges(outputs: Sequence[Number], variables: Sequence[Number]) -> Edges:
@@ -78,6 +136,14 @@ def _swept(edges: Edges, adjoints: dict[Number, Value], part: Iterable[Number]) 
             share = slope(adjoint) if callable(slope) else adjoint * slope
             adjoints[operand] = adjoints[operand] + share if operand in adjoints else share
     return adjoints
+
+
+def _narrow(edges: Edges, outputs: Sequence[Any]) -> set[Number]:
+    """Replace the operands of the numbers whose own derivatives pay by what these are with respect to."""
+    parts = _narrow_parts(edges, [x for x in outputs if x in edges])
+    for narrow, part in parts:
+        edges[narrow] = list(_swept(edges, {narrow: 1}, part).items())
+    return {narrow for narrow, _ in parts}
 
 
 def _narrow_parts(edges: Edges, outputs: Sequence[Number]) -> list[tuple[Number, list[Number]]]:
@@ -178,6 +244,7 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
         "sin": lambda: cos(x),
         "cos": lambda: -sin(x),
         "tan": lambda: 1 + number * number,
+        "asin": lambda: 1 / sqrt(1 - x * x),
         "exp": lambda: number,
         "log": lambda: 1 / x,
         "abs": lambda: sign(x),

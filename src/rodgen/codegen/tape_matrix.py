@@ -55,7 +55,7 @@ class Matrix:
         return isinstance(other, Matrix) and (self.shape, self.flat) == (other.shape, other.flat)
 
     def __getitem__(self, at: Any) -> Any:
-        if isinstance(at, int):
+        if isinstance(at, int | slice):
             return self.flat[at]
         rows, columns = (
             [k] if isinstance(k, int) else list(range(n)[k]) for k, n in zip(at, self.shape, strict=True)

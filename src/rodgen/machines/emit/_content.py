@@ -1,8 +1,8 @@
 """The content of an emitted machine's files, independent of the language: kernels, tables, words, test samples.
 
-Samples are compared with where the machine is by the kernels that a fit evaluates. These are derived on a tape from the
-machine as it was measured, with its instrument and its frame, and run on NumPy. The emitted code is derived with SymPy
-from the part of the machine that is emitted.
+Samples are compared with where the machine is by the kernels that a fit evaluates. These are derived from the machine
+as it was measured, with its instrument and its frame, and run on NumPy; the emitted code from the part of the machine
+that is emitted, with its numbers.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
-from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.printers import CPP_WORDS, MATLAB_WORDS
+from rodgen.codegen.operations import CPP_WORDS, MATLAB_WORDS
+from rodgen.codegen.program import Program
 from rodgen.codegen.source_text import in_comment
 from rodgen.errors import RodgenError, shown
 from rodgen.machines.emit._kernels import (
@@ -205,8 +205,8 @@ class Content:
     scope: Scope
     fitted: MachineKernels
     ideal: MachineKernels
-    aim: Kernel
-    step: Kernel
+    aim: Program
+    step: Program
     fields: tuple[Field, ...]
     """Of a row, without ``q``."""
     lowest: tuple[float, ...]

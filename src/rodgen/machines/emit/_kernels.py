@@ -15,15 +15,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
-import sympy as sp
 
 from rodgen.array_types import Array
-from rodgen.codegen import Assignment, Kernel, KernelBuilder, Port, port_symbols
-from rodgen.machines.algebra import solved
+from rodgen.codegen.program import Program
+from rodgen.codegen.tape import Number, Tape, asin, select, sqrt
+from rodgen.codegen.tape_jacobian import jacobian
+from rodgen.codegen.tape_matrix import Matrix
+from rodgen.machines.algebra import TapeBuilder, on_tape, solved
 from rodgen.machines.closed_chain_derivation import pose_from_afar
 from rodgen.machines.derivation import model_kernel
 from rodgen.machines.kinematics import OnLegs
@@ -31,10 +34,8 @@ from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure, Term, row_effects
-from rodgen.symbolic import select
 
-SOURCE = "product of exponentials with error motions"
-TINY = sp.Rational(1, 10**300)
+TINY = 1e-300
 """Added to what is divided by: where no joint moves the place at all, the step is zero."""
 
 OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
@@ -49,9 +50,6 @@ OF_A_CLOSED_CHAIN = {
     **{f"{of[0].upper()}{k}": f"{of}_joint{k}" for of in ("base", "platform") for k in range(1, 7)},
 }
 """Parts of the geometry of a closed chain, and what they are called in code."""
-SWEEPS = 5
-"""Joints up to which derivatives are accumulated forward: 0.6 of the operations of three sweeps backward with 4 or 5
-joints and many effects, 1.6 of them with 6."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +63,22 @@ class Constant:
     """What it is: part of the geometry or ``"effect"``, number of the joint or term, component or parameter."""
 
 
+class _Values(NamedTuple):
+    """The numbers of a place on their tape."""
+
+    tape: Tape
+    q: list[Number]
+    place: list[Any]
+
+
 @dataclass(frozen=True)
 class MachineKernels:
-    """Forward kernels of a machine, with its numbers."""
+    """Forward programs of a machine, with its numbers."""
 
-    forward: Kernel
+    place: Program
     """Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the
-    constants. Its derivative does not run through ``start``, on which a solved pose does not depend."""
-    pose: Kernel | None
+    constants."""
+    pose: Program | None
     """What finds ``start`` of ``q`` and the constants."""
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
     """Names of the inputs that differ from row to row, other than ``q``, and the column of each."""
@@ -81,74 +87,91 @@ class MachineKernels:
     """The input ``seen`` of each target, (targets, n)."""
     seen_of: tuple[str, ...]
     """What its components are."""
+    values: _Values
 
     @cached_property
-    def place(self) -> Kernel:
-        """The kernel of the place: inputs ``q``, the columns, ``seen``, the constants."""
-        return self._begun(self.forward)
+    def place_and_jacobian(self) -> Program:
+        """The place, and its derivative with respect to ``q``, (numbers of a place, joints).
 
-    @cached_property
-    def place_and_jacobian(self) -> Kernel:
-        """The kernel with the position and its derivative with respect to ``q``."""
-        mode = "forward" if self.forward.port("q").size <= SWEEPS else "reverse"
-        name = f"{self.forward.name}_and_jacobian"
-        return self._begun(self.forward.jacobian(["q"], ["place"], name=name, values=True, mode=mode))
+        It does not run through ``start``, on which a solved pose does not depend.
+        """
+        tape, q, place = self.values
+        late = len(tape.numbers)
+        slopes = list(chain(*jacobian(place, q)))
+        outputs = {
+            "place": ((len(place),), place),
+            "place_jacobian": ((len(place), len(q)), slopes),
+        }
+        return tape.program(f"{self.place.name}_and_jacobian", self.place.inputs, outputs, late)
 
-    def _begun(self, kernel: Kernel) -> Kernel:
-        """Return a kernel after the one that finds the start, where there is one."""
-        return kernel if self.pose is None else kernel.after(self.pose)
 
-    def inputs(self, q: Sequence[float], columns: Mapping[str, float], target: int) -> dict[str, Any]:
-        """Return the inputs of the kernels by name, constants and all."""
-        values: dict[str, Any] = {constant.name: constant.value for constant in self.constants}
-        values |= {"q": list(q), **columns}
-        if self.seen.shape[1]:
-            values["seen"] = list(self.seen[target])
-        return {port.name: values[port.name] for port in self.place.inputs}
+class _Builder(TapeBuilder):
+    """Makes a part of a program whose inputs stand already for numbers, constants, and what differs from row to row."""
+
+    def __init__(self, on: Tape, given: Mapping[str, Sequence[Any]], prefix: str = "") -> None:
+        super().__init__(on)
+        self.given, self.prefix = given, prefix
+
+    def input(self, name: str, shape: tuple[int, ...], *, unit: str, doc: str) -> Any:
+        """Return what stands for an input."""
+        return Matrix(*shape, self.given[name]) if len(shape) == 2 else list(self.given[name])
+
+    def let(self, name: str, value: Any) -> Any:
+        """Name a step."""
+        return self.tape.let(f"{self.prefix}{name}", value)
+
+    def steps(self, structure: Structure) -> ModelSteps:
+        """Return the steps of a machine that are written into this part."""
+        return ModelSteps(
+            structure, "", replace(on_tape(self.tape), builder=lambda _: self), with_residual=False
+        )
 
 
 def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> MachineKernels:
-    """Write the forward kernels of a machine in machine axes; names of its constants begin with `prefix`."""
+    """Write the forward programs of a machine in machine axes; names of its constants begin with `prefix`."""
     structure = _without_parameters(model.structure)
-    general = model_kernel(ModelSteps(structure, name, with_residual=False))
-    numbers = _Numbers(model, structure, prefix)
-    pose = _pose_kernel(model, structure, numbers) if structure.kinematics.pose_numbers else None
-    rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))
-    columns = [
-        (c, s) for c, s in zip(structure.columns, rows, strict=True) if c[0] not in {"reading", "weight"}
-    ]
-    stands_for = dict(zip(g, numbers.geometry, strict=True))
-    stands_for |= dict(zip(e, numbers.effects, strict=False))  # one is left over where there is none
-    if structure.slots:  # the change of a freedom is in the geometry already
-        stands_for |= dict.fromkeys(general.port("freedom").symbols, sp.S.Zero)
-
-    ports = [_port("q", (len(structure.joints),), "commanded coordinates")]
-    if pose is not None:
-        ports.append(_port("start", pose.port("start").shape, "pose on the nominal machine"))
+    tape = Tape()
+    numbers = _Numbers(model, structure, prefix, tape)
+    q = tape.inputs("q", len(structure.joints), same=False)
+    start = tape.inputs("start", structure.kinematics.pose_numbers, same=False)
     names: dict[str, tuple[str, int | str]] = {}
-    for (kind, of), symbol in columns:
-        if kind == "q":
-            stands_for[symbol] = ports[0].symbols[int(of)]
-            continue
-        if kind == "start":
-            stands_for[symbol] = ports[1].symbols[int(of)]
-            continue
-        of_row = _port(_column_name(kind, of, names), (), "of the row")
-        names[of_row.name] = kind, of
-        stands_for[symbol] = of_row.symbols[0]
-        ports.append(of_row)
-    if numbers.seen.shape[1]:
-        ports.append(_port("seen", (numbers.seen.shape[1],), "of the target"))
-    place = _folded(general, stands_for, ports, numbers)
-    kernels = [place] if pose is None else [place, pose]
-    read = {s.name for kernel in kernels for a in kernel.assignments for s in a.value.free_symbols}
+    rows: list[Any] = []
+    for kind, of in structure.columns:
+        if kind in {"q", "start"}:
+            rows.append((q if kind == "q" else start)[int(of)])
+        elif kind in {"reading", "weight"}:
+            rows.append(np.nan)  # of residuals only
+        else:
+            column = _column_name(kind, of, names)
+            names[column] = kind, of
+            rows += tape.inputs(column, 1, same=False)
+    freedoms = [0] * len(structure.slots)  # the change of a freedom is in the geometry already
+    given = {"rows": rows, "g": numbers.geometry, "e": numbers.effects or [0], "freedom": freedoms}
+    place = model_kernel(_Builder(tape, given).steps(structure)).outputs["place"]
+    found = _pose(model, structure, numbers, q) if start else []
+
+    shapes: dict[str, tuple[int, ...]] = {"q": (len(q),), "start": (len(start),)}
+    shapes |= {**dict.fromkeys(names, ()), "seen": (numbers.seen.shape[1],)}
+    constants: dict[str, tuple[int, ...]] = {constant.name: () for constant in numbers.constants}
+    outputs = {"place": ((len(place),), place)}
+    programs = [
+        tape.program(name, shapes | constants, outputs),
+        tape.program(f"{name}_pose", {"q": (len(q),), **constants}, {"start": ((len(start),), found)}),
+    ]
+    read = {args[0] for program in programs for op, *args in program.operations if op == "input"}
+    for port, shape in [("q", len(q)), ("start", len(start)), ("seen", numbers.seen.shape[1])]:
+        read |= {port} if shape else set()  # whole, whatever is read of them
+    first, pose = (
+        replace(p, inputs={port: shape for port, shape in p.inputs.items() if port in read}) for p in programs
+    )
     return MachineKernels(
-        place,
-        pose,
+        first,
+        pose if start else None,
         tuple((n, column) for n, column in names.items() if n in read),
         tuple(constant for constant in numbers.constants if constant.name in read),
         numbers.seen,
         numbers.seen_of,
+        _Values(tape, q, place),
     )
 
 
@@ -157,55 +180,25 @@ def _without_parameters(structure: Structure) -> Structure:
     return replace(structure, joints=joints, target=False, numbers=())
 
 
-def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:
-    """Write the kernel that finds the pose of a closed chain on the nominal machine."""
+def _pose(model: Model, structure: Structure, numbers: _Numbers, q: list[Number]) -> list[Any]:
+    """Find the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
     kinematics = model.machine.kinematics
     assert isinstance(kinematics, OnLegs)
     begins = kinematics.begins
-    general = _general_pose_kernel(bare, begins.shape)
-    q = _port("q", (len(structure.joints),), "commanded coordinates")
-    stands_for: dict[sp.Symbol, sp.Expr] = {}
-    for (kind, of), symbol in zip(bare.columns, general.port("rows").symbols, strict=True):
-        if kind == "q":
-            stands_for[symbol] = q.symbols[int(of)]
-    if len(begins):
-        symbols = iter(general.port("begin").symbols)
-        for k, begin in enumerate(begins.tolist()):
-            for name, value in zip(kinematics.begin_of, begin, strict=True):
-                stands_for[next(symbols)] = numbers.number(value, "begin", k, name)
-    for slot, symbol in zip(_slots(bare), general.port("g").symbols, strict=True):
-        stands_for[symbol] = numbers.by_slot[slot]
-    return _folded(general, stands_for, [q], numbers)
-
-
-@lru_cache(maxsize=8)
-def _general_pose_kernel(bare: Structure, begins: tuple[int, ...]) -> Kernel:
-    """Write it once for the fitted machine and the nominal one."""
-    return pose_from_afar(ModelSteps(bare, "pose", with_residual=False), begins)
-
-
-def _folded(
-    general: Kernel, stands_for: Mapping[sp.Symbol, sp.Expr], ports: Sequence[Port], numbers: _Numbers
-) -> Kernel:
-    """Return a kernel with other inputs: `ports` and the constants that it reads; numbers are folded in."""
-    known = {symbol: value for symbol, value in stands_for.items() if value.is_Number}
-    inputs = [
-        *ports,
-        *(_port(constant.name, (), "a number of the machine") for constant in numbers.constants),
-    ]
-    if known:
-        inputs.append(Port("known", (len(known),), "1", "folded in", tuple(known)))
-    renamed = {symbol: value for symbol, value in stands_for.items() if symbol not in known}
-    steps = tuple(Assignment(a.symbol, a.value.xreplace(renamed)) for a in general.assignments)
-    made = replace(general, inputs=tuple(inputs), assignments=steps)
-    made = made.at({"known": list(known.values())}) if known else made
-    read = {s.name for a in made.assignments for s in a.value.free_symbols}
-    return replace(made, inputs=tuple(p for p in made.inputs if p.shape != () or p.name in read))
-
-
-def _port(name: str, shape: tuple[int, ...], doc: str) -> Port:
-    return Port(name, shape, "1", doc, port_symbols(name, shape))
+    given = {
+        "rows": [q[int(of)] if kind == "q" else np.nan for kind, of in bare.columns],
+        "g": [numbers.by_slot[slot] for slot in _slots(bare)],
+        "e": [0],
+        "freedom": [0] * len(bare.slots),
+        "begin": [
+            numbers.number(value, "begin", k, name)
+            for k, begin in enumerate(begins.tolist())
+            for name, value in zip(kinematics.begin_of, begin, strict=True)
+        ],
+    }
+    builder: Any = pose_from_afar(_Builder(numbers.tape, given, "pose_").steps(bare), begins.shape)
+    return list(builder.outputs["start"])
 
 
 def _column_name(kind: str, of: int | str, names: Mapping[str, tuple[str, int | str]]) -> str:
@@ -217,19 +210,19 @@ def _column_name(kind: str, of: int | str, names: Mapping[str, tuple[str, int | 
 class _Numbers:
     """What stands for each component of ``g`` and ``e``: a number, a named constant, or a component of ``seen``."""
 
-    def __init__(self, model: Model, structure: Structure, prefix: str) -> None:
+    def __init__(self, model: Model, structure: Structure, prefix: str, tape: Tape) -> None:
         self.constants: list[Constant] = []
-        self.prefix = prefix
+        self.prefix, self.tape = prefix, tape
         theta = model.start()
         values = np.array(
             [self._geometry(model, structure, theta, k) for k in range(len(model.machine.targets))]
         )
         differ = np.flatnonzero(np.ptp(values, axis=0) > 0)
         self.seen = values[:, differ]
-        seen = iter(port_symbols("seen", (len(differ),)))
+        seen = iter(tape.inputs("seen", len(differ), same=False))
         slots = _slots(structure)
         self.seen_of = tuple(_slot_name(*slots[i]) for i in differ)
-        self.geometry: list[sp.Expr] = [
+        self.geometry: list[Any] = [
             next(seen) if i in differ else self.number(float(values[0, i]), *slot)
             for i, slot in enumerate(slots)
         ]
@@ -251,22 +244,22 @@ class _Numbers:
         named = {(name, n): x for (name, n, _), x in zip(model.structure.geometry, parts, strict=True)}
         return np.concatenate([named[name, n] for name, n, _ in structure.geometry])
 
-    def number(self, value: float, part: str, number: int, component: str) -> sp.Expr:
+    def number(self, value: float, part: str, number: int, component: str) -> Any:
         if value in (0.0, 1.0, -1.0):
-            return sp.Integer(int(value))
+            return int(value)
         return self._named(_slot_name(part, number, component), value, (part, number, component))
 
-    def _parameter(self, value: float, number: int, name: str, term: Term, definition: Any) -> sp.Expr:
+    def _parameter(self, value: float, number: int, name: str, term: Term, definition: Any) -> Any:
         """Return a parameter; one that is zero takes its term away where the formula is known to be linear in it."""
         if value == 0.0 and not term.own and name not in definition.searched:
-            return sp.S.Zero
+            return 0
         is_ours = not term.own and name in definition.parameters
         plain = name if is_ours else f"p{term.parameters.index(name)}"
         return self._named(f"effect{number}_{plain}", value, ("effect", number, name))
 
-    def _named(self, name: str, value: float, of: tuple[str, int, str]) -> sp.Symbol:
+    def _named(self, name: str, value: float, of: tuple[str, int, str]) -> Number:
         self.constants.append(Constant(f"{self.prefix}{name}", value, of))
-        return sp.Symbol(self.constants[-1].name, real=True)
+        return self.tape.inputs(self.constants[-1].name, 1)[0]
 
 
 def _slots(structure: Structure) -> list[tuple[str, int, str]]:
@@ -287,97 +280,106 @@ def _component(i: int, length: int) -> str:
 # what a compensation repeats ---------------------------------------------------------------------------------
 
 
-def _turns(rates: sp.Matrix, axes: sp.Matrix) -> sp.Matrix:
+def _turns(rates: Matrix, axes: Matrix) -> Matrix:
     """Return ½ Σ m × m′ over the axes m of a body, columns of a matrix: the rotation vector of their rates m′."""
-    half = sp.Rational(1, 2)
-    return sum((axes[:, i].cross(rates[:, i]) for i in range(3)), sp.zeros(3, 1)) * half
+    return sum((axes.col(i).cross(rates.col(i)) for i in range(3)), Matrix.zeros(3, 1)) * 0.5
 
 
-def _exact(arm: float) -> sp.Expr:
+def _rounded(arm: float) -> float:
     """Return a round number near a lever arm, whose size hardly matters."""
-    return sp.Rational(f"{arm:.3g}")
+    return float(f"{arm:.3g}")
 
 
-def _with_turns(place: sp.Matrix, jacobian: sp.Matrix, arm: float) -> sp.Matrix:
+def _with_turns(place: Matrix, slopes: Matrix, arm: float) -> Matrix:
     """Return the derivative of a pose, (6, joints): of its point, and its turns times an arm; (3, joints) without."""
-    axes = sp.Matrix(3, 3, list(place[-9:, :]))
-    columns = (
-        _turns(sp.Matrix(3, 3, list(jacobian[-9:, j])), axes) * _exact(arm) for j in range(jacobian.cols)
-    )
-    return sp.Matrix.vstack(jacobian[:-9, :], sp.Matrix.hstack(*columns))
+    axes = Matrix(3, 3, place.flat[-9:])
+    columns = [
+        _turns(Matrix(3, 3, slopes.col(j).flat[-9:]), axes) * _rounded(arm) for j in range(slopes.shape[1])
+    ]
+    return Matrix.vstack(slopes[:-9, :], Matrix.hstack(*columns))
 
 
-def aim_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
-    """Write the kernel of how far a place is from the wanted one, and how each joint pulls it there.
+class _Numeric:
+    """A program whose inputs are arrays of numbers."""
 
-    Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord, (6) of a pose, turns times `arm`;
-    ``distance``, of directions the angle, of attitudes 2 tan of its half; ``pull`` (joints): Jᵀ error; ``reach``
-    (joints): how far the place goes with each joint.
+    def __init__(self) -> None:
+        self.tape = Tape()
+        self.let = self.tape.let
+        self.shapes: dict[str, tuple[int, ...]] = {}
+
+    def input(self, name: str, *shape: int) -> Matrix:
+        self.shapes[name] = shape
+        return Matrix(
+            *(shape if len(shape) == 2 else (int(np.prod(shape)), 1)),
+            self.tape.inputs(name, int(np.prod(shape)), same=False),
+        )
+
+    def program(self, name: str, **outputs: Any) -> Program:
+        """Return what computes outputs, vectors or numbers."""
+        ports = {
+            port: ((len(x),), list(x)) if isinstance(x, Matrix) else ((), [x]) for port, x in outputs.items()
+        }
+        return self.tape.program(name, self.shapes, ports)
+
+
+def aim_kernel(measurand: Measurand, joints: int, arm: float) -> Program:
+    """Write how far a place is from the wanted one, and how each joint pulls it there.
+
+    Inputs: ``place``, ``place_jacobian``, its derivative, and ``wanted``. Outputs: ``error`` (3), of a direction in its
+    tangent plane, as long as the chord, (6) of a pose, turns times `arm`; ``distance``, of directions the angle, of
+    attitudes 2 tan of its half; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with each one.
     """
-    k = KernelBuilder(
-        "aim", summary="How far it is to the wanted place, and which joints pull.", source=SOURCE
-    )
-    size = measurand.place_numbers
-    place = k.input("place", size, unit="1", doc="where the machine is")
-    jacobian = k.input("place_jacobian", (size, joints), unit="1", doc="its derivative")
-    wanted = k.input("wanted", size, unit="1", doc="where it should be")
+    k, size = _Numeric(), measurand.place_numbers
+    place, slopes = k.input("place", size), k.input("place_jacobian", size, joints)
+    wanted = k.input("wanted", size)
     if measurand.has_attitude:
-        axes, goal = (sp.Matrix(3, 3, list(x[-9:, :])) for x in (place, wanted))
-        along = k.let("along", 1 + sum(axes[:, i].dot(goal[:, i]) for i in range(3)))
-        safe = k.let("safe", select(along > sp.Rational(1, 10**6), along, sp.Rational(1, 10**6)))
-        turn = _turns(goal, axes) * (4 * _exact(arm) / safe)
-        gap = k.let("gap", sp.Matrix.vstack(wanted[:-9, :] - place[:-9, :], turn))
-        jacobian = k.let("slopes", _with_turns(place, jacobian, arm))
+        axes, goal = (Matrix(3, 3, x.flat[-9:]) for x in (place, wanted))
+        along = k.let("along", 1 + sum(axes.col(i).dot(goal.col(i)) for i in range(3)))
+        turn = _turns(goal, axes) * (4 * _rounded(arm) / k.let("safe", select(along > 1e-6, along, 1e-6)))
+        gap = k.let("gap", Matrix.vstack(wanted[:-9, :] - place[:-9, :], turn))
+        slopes = k.let("slopes", _with_turns(place, slopes, arm))
     else:
         gap = k.let("gap", wanted - place)
     square = k.let("square", gap.dot(gap))
     if measurand.is_direction:
         # cos² of half the angle, and the part of the gap across the direction brought to the length of the chord
         half = k.let("half", 1 - square / 4)
-        safe = k.let("safe", select(half > sp.Rational(1, 10**12), half, sp.Rational(1, 10**12)))
-        error = k.let("across", (gap - place * gap.dot(place)) / sp.sqrt(safe))
-        chord = k.let("chord", sp.sqrt(square) / 2)
-        distance = 2 * sp.asin(select(chord > 1, sp.S.One, chord))  # NaN stays
+        safe = k.let("safe", select(half > 1e-12, half, 1e-12))
+        error = k.let("across", (gap - place * gap.dot(place)) / sqrt(safe))
+        chord = k.let("chord", sqrt(square) / 2)
+        distance = 2 * asin(select(chord > 1, 1, chord))  # NaN stays
     else:
-        error, distance = gap, sp.sqrt(square)
-    k.output("error", error, unit="1", doc="from the place to the wanted one")
-    k.output("distance", distance, unit="1", doc="its length")
-    k.output("pull", jacobian.T * error, unit="1", doc="derivative of half the squared distance, negative")
-    reach = [sp.sqrt(jacobian[:, j].dot(jacobian[:, j])) for j in range(joints)]
-    k.output("reach", sp.Matrix(reach), unit="1", doc="lengths of the Jacobian's columns")
-    return k.build()
+        error, distance = gap, sqrt(square)
+    reach = Matrix([sqrt(x.dot(x)) for x in (slopes.col(j) for j in range(joints))])
+    return k.program("aim", error=error, distance=distance, pull=slopes.T * error, reach=reach)
 
 
-def step_kernel(measurand: Measurand, joints: int, arm: float) -> Kernel:
-    """Write the kernel of a damped step of the joints towards the wanted place, the least one where several do.
+def step_kernel(measurand: Measurand, joints: int, arm: float) -> Program:
+    """Write a damped step of the joints towards the wanted place, the least one where several do.
 
-    A weight of 0 holds a joint; the damping is relative to the mean square of the scaled Jacobian.
+    Inputs: ``place``, ``place_jacobian``, ``error``, ``weight``, how freely each joint moves, and ``damping``, 0 for
+    Newton's step. A weight of 0 holds a joint; the damping is relative to the mean square of the scaled Jacobian.
     """
-    k = KernelBuilder("step", summary="The least step of the joints towards the wanted place.", source=SOURCE)
-    size, errors = measurand.place_numbers, len(measurand.rigid if measurand.has_attitude else "xyz")
-    place = k.input("place", size, unit="1", doc="where the machine is")
-    jacobian = k.input("place_jacobian", (size, joints), unit="1", doc="its derivative")
-    error = k.input("error", errors, unit="1", doc="from the place to the wanted one")
-    weight = k.input("weight", joints, unit="1", doc="how freely each joint moves")
-    damping = k.input("damping", unit="1", doc="0 for Newton's step")
+    k, size = _Numeric(), measurand.place_numbers
+    errors = len(measurand.rigid if measurand.has_attitude else "xyz")
+    place, slopes = k.input("place", size), k.input("place_jacobian", size, joints)
+    error, weight = k.input("error", errors), k.input("weight", joints)
+    (damping,) = k.input("damping")
     if measurand.has_attitude:
-        jacobian = k.let("slopes", _with_turns(place, jacobian, arm))
-    scaled = k.let("scaled", sp.Matrix(errors, joints, lambda i, j: jacobian[i, j] * weight[j]))
+        slopes = k.let("slopes", _with_turns(place, slopes, arm))
+    scaled = Matrix(errors, joints, [slopes[i, j] * weight[j] for i in range(errors) for j in range(joints)])
+    k.let("scaled", scaled)
     freedoms = len(measurand.freedoms)
     few = joints <= freedoms
     square = scaled.T * scaled if few else scaled * scaled.T
-    square = sp.Matrix(*square.shape, [k.let(f"a{n}", x) for n, x in enumerate(square)])
-    level = k.let("level", square.trace() / freedoms)
+    n = square.shape[0]
+    level = k.let("level", sum(square[i, i] for i in range(n)) / freedoms)
     diagonal = k.let("added", damping * level + TINY)
     if not few and measurand.is_direction:
         square = (
             square + place * place.T * level
-        )  # no step goes along the direction, so this only keeps it regular
-    square = square + sp.eye(square.rows) * diagonal
-    right = scaled.T * error if few else error
-    y = sp.Matrix(solved(k.let, square, right))
+        )  # no step goes along the direction: this only keeps it regular
+    square = square + Matrix.eye(n) * diagonal
+    y = Matrix(solved(k.let, square, scaled.T * error if few else error))
     y = y if few else scaled.T * y
-    k.output(
-        "step", sp.Matrix([w * x for w, x in zip(weight, y, strict=True)]), unit="1", doc="of the joints"
-    )
-    return k.build()
+    return k.program("step", step=Matrix([w * x for w, x in zip(weight, y, strict=True)]))

@@ -9,10 +9,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sympy as sp
 
-from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.printers import ArrayPrinter, CPrinter, MatlabPrinter, c_lines, numpy_lines, symbols_read
+from rodgen.codegen.program import Program
+from rodgen.codegen.program_text import MATLAB, C, array_language, component_names, program_text
 from rodgen.codegen.source_text import (
     in_comment,
     matlab_helpers,
@@ -135,6 +134,24 @@ def _constants(content: Content) -> Iterator[dict[str, Any]]:
             yield {"title": title, "constants": constants}
 
 
+def _constant_names(content: Content) -> set[str]:
+    return {constant.name for kernels in (content.fitted, content.ideal) for constant in kernels.constants}
+
+
+def _programs(content: Content) -> list[tuple[Program, Program | None, bool]]:
+    """Return the programs in their order, each with the one that finds its pose, and whether it is of a row."""
+    fitted, ideal = content.fitted, content.ideal
+    poses = [(kernels.pose, None, False) for kernels in (fitted, ideal) if kernels.pose]
+    of_rows = [(program, fitted.pose, True) for program in (fitted.place, fitted.place_and_jacobian)]
+    return [
+        *poses,
+        *of_rows,
+        (ideal.place, ideal.pose, False),
+        (content.aim, None, False),
+        (content.step, None, False),
+    ]
+
+
 def _tables(content: Content) -> list[dict[str, Any]]:
     return [
         {
@@ -248,22 +265,20 @@ def _c(content: Content, cpp: bool = False) -> dict[str, Any]:
         for symbol, i in field.used
     }
     rows |= {f"q_{j + 1}": f"row->q[{j}]" for j in range(joints)}
-    row = f"const {content.name}_row *row"
     fitted, ideal = content.fitted, content.ideal
-    kernels: list[tuple[Kernel, Mapping[str, str], str | None]] = [
-        (fitted.place, rows, row),
-        (fitted.place_and_jacobian, rows, row),
-        (ideal.place, {}, f"const double q[{joints}]"),
-        (content.aim, {}, None),
-        (content.step, {}, None),
+    constants, row = _constant_names(content), f"const {content.name}_row *row"
+    programs = _programs(content)
+    kernels = [
+        _c_kernel(program, constants, pose, *((rows, row) if of_row else ()))
+        for program, pose, of_row in programs
     ]
     return {
         "as_function": "inline" if cpp else "static",
         "exported": "inline " if cpp else "",
         "as_constant": "inline constexpr" if cpp else "static const",
         "fields": content.fields,
-        "kernels": [_c_kernel(*kernel) for kernel in kernels],
-        "uses_sign": any(a.value.has(sp.sign) for kernel, *_ in kernels for a in kernel.assignments),
+        "kernels": kernels,
+        "uses_sign": any(op == "sign" for program, *_ in programs for op, *_ in program.operations),
         "tables": [table for table in _tables(content) if table["width"]],
         "has_seen": fitted.seen.shape[1] > 0,
         "has_ideal_seen": ideal.seen.shape[1] > 0,
@@ -273,36 +288,50 @@ def _c(content: Content, cpp: bool = False) -> dict[str, Any]:
     }
 
 
-def _c_kernel(kernel: Kernel, named: Mapping[str, str], first: str | None = None) -> dict[str, Any]:
-    """Write a kernel as a function of the row, what is seen, and whatever else it takes; constants have names."""
-    used = {s.name for s in symbols_read(kernel)}
-    parameters = [] if first is None else [first]
-    taken = {parameters[0].split()[-1].lstrip("*").partition("[")[0]} if parameters else set()
-    loads, read = [], set()
-    for port in kernel.inputs:
-        for i, symbol in enumerate(port.symbols):
-            source = named.get(symbol.name)
-            if source is None and port.shape != ():
-                source = f"{port.name}[{i}]"
-            if source is not None and symbol.name in used:
-                loads.append(f"const double {symbol.name} = {source};")
-                read.add(source.partition("[")[0].partition("->")[0])
-        if port.shape != () and port.name not in taken and port.symbols[0].name not in named:
-            parameters.append(f"const double {port.name}[{port.size}]")
-            taken.add(port.name)
-        elif port.shape == () and port.name == "damping":
-            parameters.append("double damping")
-            read.add("damping")
-            taken.add("damping")
-    unread = [f"(void){name};" for name in sorted(taken - read)]
-    outputs = [f"double {p.name}[{p.size}]" if p.shape else f"double *{p.name}" for p in kernel.outputs]
-    body, stores = c_lines(kernel, CPrinter())
+def _c_kernel(
+    program: Program,
+    constants: set[str],
+    pose: Program | None,
+    of_row: Mapping[str, str] | None = None,
+    row: str = "",
+) -> dict[str, Any]:
+    """Write a program as a function of arrays and numbers, or of the row and arrays; constants have names."""
+    text, sources = program_text(program, C), of_row or {}
+    read = {tuple(args) for op, *args in program.operations if op == "input"}
+    parameters, loads, unread = [row] if row else [], list[str](), list[str]()
+    if pose:
+        loads += [f"double start[{math.prod(pose.outputs['start'])}];"]
+        loads += [f"evaluate_{pose.name}({'&row->q[0]' if row else 'q'}, start);"]
+    for port, shape in program.inputs.items():
+        names = component_names(port, shape)
+        if port in constants:
+            continue
+        used = [(i, name) for i, name in enumerate(names) if (port, i) in read]
+        if names[0] not in sources and not (pose and port == "start"):
+            parameters.append(f"const double {port}[{len(names)}]" if shape else f"double {port}")
+            unread += [] if used else [f"(void){port};"]
+        if shape or names[0] in sources:
+            loads += [f"const double {name} = {sources.get(name, f'{port}[{i}]')};" for i, name in used]
+    if row and not any("row->" in load for load in loads):
+        unread.append("(void)row;")
+    last = {line.name: line.text for line in text.lines if not line.is_read}  # stored at once
+    stores = []
+    for port, shape in program.outputs.items():
+        parameters.append(f"double {port}[{math.prod(shape)}]" if shape else f"double *{port}")
+        places = [f"{port}[{i}]" for i in range(math.prod(shape))] if shape else [f"*{port}"]
+        stores += [
+            f"{place} = {last.get(x, x)};" for place, x in zip(places, text.results[port], strict=True)
+        ]
     return {
-        "function": f"evaluate_{kernel.name}",
-        "operations": operations_text(kernel.operations),
-        "parameters": ", ".join([*parameters, *outputs]),
+        "function": f"evaluate_{program.name}",
+        "operations": operations_text(text.operations),
+        "parameters": ", ".join(parameters),
         "loads": [*unread, *loads],
-        "body": body,
+        "body": [
+            f"const {'int' if line.is_condition else 'double'} {line.name} = {line.text};"
+            for line in text.lines
+            if line.is_read
+        ],
         "stores": stores,
     }
 
@@ -313,20 +342,13 @@ def _c_kernel(kernel: Kernel, named: Mapping[str, str], first: str | None = None
 def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
     """Return what the templates of NumPy and JAX use."""
     arguments = "".join(f", {field.name}" for field in content.fields)
-    fitted, ideal = content.fitted, content.ideal
+    fitted = content.fitted
     rows = {symbol: (field, i) for field in content.fields for symbol, i in field.used}
     columns = [f"q[..., {j}]" for j in range(len(content.machine.joints))]
     for symbol, _ in fitted.columns:
         field, i = rows[symbol]
         columns.append(f"{field.name}[..., {i}]" if field.length else field.name)
-    constants = {c.name for kernels in (fitted, ideal) for c in kernels.constants}
-    kernels = {
-        "_place": fitted.place,
-        "_place_and_jacobian": fitted.place_and_jacobian,
-        "_ideal": ideal.place,
-        "_aim": content.aim,
-        "_least_step": content.step,
-    }
+    constants = _constant_names(content)
     return {
         "fields": content.fields,
         "arguments": arguments,
@@ -335,7 +357,9 @@ def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
         "joint_names": repr([shown(j.name)[1:-1] for j in content.machine.joints]),
         "target_names": repr([shown(t.name)[1:-1] for t in content.machine.targets]),
         "tables": _tables(content),
-        "kernels": [_numpy_kernel(name, kernel, constants, namespace) for name, kernel in kernels.items()],
+        "kernels": [
+            _numpy_kernel(program, constants, pose, namespace) for program, pose, _ in _programs(content)
+        ],
         "lowest": _list(content.lowest, infinite="np.inf"),
         "highest": _list(content.highest, infinite="np.inf"),
         "samples": list(_samples(content, "[{}]")),
@@ -343,15 +367,23 @@ def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
     }
 
 
-def _numpy_kernel(function: str, kernel: Kernel, constants: set[str], namespace: str) -> dict[str, Any]:
-    parameters = [s.name for p in kernel.inputs for s in p.symbols if s.name not in constants]
-    results = [s.name for p in kernel.outputs for s in p.symbols]
+def _numpy_kernel(
+    program: Program, constants: set[str], pose: Program | None, namespace: str
+) -> dict[str, Any]:
+    text = program_text(program, array_language(namespace))
+    names = {port: component_names(port, shape) for port, shape in program.inputs.items()}
+    start = names.pop("start") if pose else []
+    lines = [f"{', '.join(start)} = _{pose.name}({', '.join(names['q'])})"] if pose else []
+    for line in text.lines:
+        lines.append(f"{line.name} = {line.text}")
+        if line.done:  # their memory can be used again
+            lines.append(f"del {', '.join(line.done)}")
     return {
-        "function": function,
-        "operations": operations_text(kernel.operations),
-        "parameters": ", ".join(parameters),
-        "lines": list(numpy_lines(kernel, ArrayPrinter(namespace))),
-        "results": ", ".join(results),
+        "function": f"_{program.name}",
+        "operations": operations_text(text.operations),
+        "parameters": ", ".join(name for port in names if port not in constants for name in names[port]),
+        "lines": lines,
+        "results": ", ".join(x for values in text.results.values() for x in values),
     }
 
 
@@ -367,13 +399,7 @@ def _matlab(content: Content) -> dict[str, Any]:
     places = {f"q_{j}": f"columns({j}, :)" for j in range(1, joints + 1)}
     places |= {symbol: f"columns({joints + n}, :)" for n, (symbol, *_) in enumerate(used, 1)}
     places |= {c.name: f"rodgen.{content.name}.{c.name}" for of in (fitted, ideal) for c in of.constants}
-    kernels = [
-        *(
-            _matlab_kernel(k, places, ["columns", "seen"])
-            for k in (fitted.place, fitted.place_and_jacobian, ideal.place)
-        ),
-        *(_matlab_kernel(k, {}, [p.name for p in k.inputs]) for k in (content.aim, content.step)),
-    ]
+    kernels = [_matlab_kernel(program, places, pose) for program, pose, _ in _programs(content)]
     return {
         "fields": content.fields,
         "columns": [f"{field.name}({i + 1}, :)" for _, field, i in used],
@@ -394,24 +420,27 @@ def _matlab_text(text: str) -> str:
     return "'" + in_comment(shown(text)[1:-1]).replace("'", "''") + "'"
 
 
-def _matlab_kernel(kernel: Kernel, places: Mapping[str, str], parameters: list[str]) -> dict[str, Any]:
-    """Write a kernel as a function of arrays, a column a case; each component of an array is a row."""
-    printer, read = MatlabPrinter(), symbols_read(kernel)
-    lines = []
-    for port in kernel.inputs:
-        for i, symbol in enumerate(port.symbols, 1):
-            place = places.get(symbol.name, f"{port.name}({i}, :)")
-            if symbol in read and place != f"{symbol.name}(1, :)":
-                lines.append(f"{symbol.name} = {place};")
-    lines += [f"{a.symbol.name} = {printer.line(a.value)};" for a in kernel.assignments]
-    for port in kernel.outputs:
-        components = ", ".join(s.name for s in port.symbols)
-        lines.append(f"{port.name} = assembled(size({parameters[0]}, 2), {components});")
+def _matlab_kernel(program: Program, places: Mapping[str, str], pose: Program | None) -> dict[str, Any]:
+    """Write a program as a function of arrays, a column a case; each component of an array is a row."""
+    text = program_text(program, MATLAB)
+    parameters = ["columns", "seen"] if "q" in program.inputs else [*program.inputs]
+    lines = [f"start = evaluate_{pose.name}(columns, seen);"] if pose else []
+    for op, *args in program.operations:
+        if op == "input":
+            port, i = args
+            name = component_names(port, program.inputs[port])[i]
+            if place := places.get(name, f"{port}({i + 1}, :)" if program.inputs[port] else ""):
+                lines.append(f"{name} = {place};")
+    lines += [f"{line.name} = {line.text};" for line in text.lines]
+    lines += [
+        f"{port} = assembled(size({parameters[0]}, 2), {', '.join(values)});"
+        for port, values in text.results.items()
+    ]
     return {
-        "function": f"evaluate_{kernel.name}",
-        "operations": operations_text(kernel.operations),
+        "function": f"evaluate_{program.name}",
+        "operations": operations_text(text.operations),
         "parameters": parameters,
-        "outputs": [p.name for p in kernel.outputs],
+        "outputs": [*program.outputs],
         "lines": [part for line in lines for part in matlab_lines(line)],
     }
 

@@ -1,0 +1,228 @@
+"""The text of a program in C, C++, NumPy, JAX and MATLAB: a line a number, or several where each is used once.
+
+What is used once is written into the line that uses it, in brackets where the order of operations needs them, so that
+every language does the same operations in the same order. A product with a reciprocal that is used once is a quotient.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import count, product
+from typing import NamedTuple
+
+from rodgen.codegen.operations import CONDITION, OPERATIONS
+from rodgen.codegen.program import GIVEN, Operand, Program
+
+LONGEST = 12
+"""Most operands of a line that others were written into: longer ones are hard to read."""
+
+_NEEDS = {"add": (2, 3), "sub": (2, 3), "mul": (3, 4), "neg": (3,), "recip": (4,), "lt": (2, 2)}
+"""How strongly an operand must bind to stand without brackets; 1 in a select, 0 in a call."""
+_BINDS = {"select": 0, "lt": 1, "add": 2, "sub": 2, "mul": 3, "neg": 3, "recip": 3}
+
+
+class Language(NamedTuple):
+    """How a language writes operations and numbers."""
+
+    written: Mapping[str, str]
+    """Each operation, with ``{}`` for its operands."""
+    not_a_number: str
+    infinity: str
+
+    def constant(self, x: float) -> str:
+        """Write a number."""
+        if math.isfinite(x):
+            return repr(float(x))
+        return self.not_a_number if math.isnan(x) else f"{'-' if x < 0 else ''}{self.infinity}"
+
+
+C = Language({op: row.c for op, row in OPERATIONS.items()}, "(double)NAN", "(double)INFINITY")
+"""C99, and C++ where the functions of ``std`` are at hand."""
+MATLAB = Language({op: row.matlab for op, row in OPERATIONS.items()}, "NaN", "Inf")
+
+
+def array_language(namespace: str) -> Language:
+    """Return Python on arrays of a module that has the array API standard, ``np`` or ``jnp``."""
+    written = {
+        op: row.c if op in _NEEDS else f"{namespace}.{row.array}({', '.join(['{}'] * row.c.count('{}'))})"
+        for op, row in OPERATIONS.items()
+    }
+    return Language(written, f"{namespace}.nan", f"{namespace}.inf")
+
+
+class Line(NamedTuple):
+    """A name and what it stands for."""
+
+    name: str
+    text: str
+    is_condition: bool
+    is_read: bool
+    """Whether a later line uses it; others are results."""
+    done: tuple[str, ...]
+    """Names of earlier lines that no later line and no result uses."""
+
+
+class ProgramText(NamedTuple):
+    """A program in a language."""
+
+    lines: list[Line]
+    results: dict[str, list[str]]
+    """The components of each output."""
+    operations: dict[str, int]
+    """How often each kind of operation is done."""
+
+
+class _Part(NamedTuple):
+    """An operation that waits to be written into a line."""
+
+    op: str
+    text: str
+    binds: int
+    size: int
+    reads: frozenset[int]
+    below: str = ""
+    """What a reciprocal divides by, or what is negative, in brackets where they are needed."""
+
+
+def component_names(port: str, shape: Sequence[int]) -> list[str]:
+    """Return the names of the components of a port: ``x``, ``x_1``, ``x_1_2``."""
+    return ["_".join([port, *map(str, at)]) for at in product(*(range(1, n + 1) for n in shape))]
+
+
+def program_text(program: Program, language: Language) -> ProgramText:
+    """Write a program whose inputs have the names of :func:`component_names`.
+
+    Examples
+    --------
+    >>> from rodgen.codegen.tape import Tape, sin
+    >>> tape = Tape()
+    >>> (a,), (b,) = tape.inputs("a", 1), tape.inputs("b", 1)
+    >>> twice = sin(a) / b
+    >>> text = program_text(tape.program("f", {"a": (), "b": ()}, {"y": ((2,), [1 - twice * b, twice])}), C)
+    >>> [(line.name, line.text) for line in text.lines], text.results
+    ([('y_2', 'sin(a)/b'), ('y_1', '1.0 - b*y_2')], {'y': ['y_1', 'y_2']})
+    """
+    return _Writer(program, language).whole()
+
+
+class _Writer:
+    def __init__(self, program: Program, language: Language) -> None:
+        self.program, self.language = program, language
+        self.uses = Counter(
+            a for op, *args in program.operations if op not in GIVEN for a in args if isinstance(a, int)
+        )
+        self.names: dict[int, str] = {}
+        self.held: dict[int, _Part] = {}
+        self.lines: list[tuple[int, str, frozenset[int]]] = []
+        self.counts: Counter[str] = Counter()
+        self.results: set[int] = set()
+        self._name()
+
+    def _name(self) -> None:
+        """Choose names: those of the ports, of the steps, and numbers."""
+        operations, taken = self.program.operations, set[str]()
+        inputs = {port: component_names(port, shape) for port, shape in self.program.inputs.items()}
+        for names in inputs.values():
+            taken.update(names)
+        for port, shape in self.program.outputs.items():
+            # a single number is stored where its name points to in C
+            names = component_names(port, shape) if shape else [f"{port}_value"]
+            taken.update(names)
+            for name, x in zip(names, self.program.results[port], strict=True):
+                if isinstance(x, int):
+                    self.results.add(x)
+                    if operations[x][0] not in GIVEN:
+                        self.names.setdefault(x, name)
+        free = (name for name in (f"x{n}" for n in count()) if name not in taken)
+        for n, (op, *args) in enumerate(operations):
+            if op == "input":
+                self.names[n] = inputs[args[0]][args[1]]
+            elif n not in self.names:
+                name = self.program.names.get(n, "")
+                self.names[n] = name if name and name not in taken else next(free)
+                taken.add(self.names[n])
+
+    def whole(self) -> ProgramText:
+        for n, (op, *args) in enumerate(self.program.operations):
+            if op not in GIVEN:
+                self._operation(n, op, args)
+        last = {a: at for at, (_, _, reads) in enumerate(self.lines) for a in reads}
+        of_lines = {n for n, _, _ in self.lines}
+        lines = []
+        for at, (n, text, reads) in enumerate(self.lines):
+            done = sorted(self.names[a] for a in (reads & of_lines) - self.results if last[a] == at)
+            is_condition = self.program.operations[n][0] == CONDITION
+            lines.append(Line(self.names[n], text, is_condition, n in last, tuple(done)))
+        results = {
+            port: [self.names[x] if isinstance(x, int) else self.language.constant(x) for x in values]
+            for port, values in self.program.results.items()
+        }
+        first = ["add", "mul", "div", "sqrt", "select", "compare"]
+        order = [*first, *sorted(self.counts.keys() - set(first))]
+        return ProgramText(lines, results, {kind: self.counts[kind] for kind in order if self.counts[kind]})
+
+    def _operation(self, n: int, op: str, args: Sequence[Operand]) -> None:
+        parts = self._operands(args)
+        self._count(op, parts)
+        whole = self._joined(op, parts)
+        if self.uses[n] == 1 and n not in self.results:
+            self.held[n] = whole
+        else:
+            self.lines.append((n, whole.text, whole.reads))
+
+    def _operands(self, args: Sequence[Operand]) -> list[_Part]:
+        """Return the operands; those that make the line too long get lines of their own, the later ones first."""
+        held = [a for a in args if isinstance(a, int) and a in self.held]
+        size = len(args)
+        kept = set()
+        for a in held:
+            if size - 1 + self.held[a].size <= LONGEST:
+                size += self.held[a].size - 1
+                kept.add(a)
+        for a in held:
+            if a not in kept:
+                part = self.held.pop(a)
+                self.lines.append((a, part.text, part.reads))
+        return [self.held.pop(a) if a in kept else self._atom(a) for a in args]  # type: ignore[arg-type]
+
+    def _atom(self, x: Operand) -> _Part:
+        if isinstance(x, int):
+            return _Part("", self.names[x], 9, 1, frozenset({x}))
+        return _Part("", self.language.constant(x), 9, 1, frozenset())
+
+    def _joined(self, op: str, parts: Sequence[_Part]) -> _Part:
+        written = self.language.written[op]
+        size = sum(part.size for part in parts)
+        reads = frozenset().union(*(part.reads for part in parts))
+        if op == "mul" and "recip" in (parts[0].op, parts[1].op):
+            above, below = parts if parts[1].op == "recip" else reversed(parts)
+            over = self.language.written["recip"].replace("1.0", _bracketed(above, 3))
+            return _Part("div", over.format(below.below), 3, size, reads)
+        if op == "add" and parts[1].op == "neg":
+            op, written, parts = (
+                "sub",
+                self.language.written["sub"],
+                [parts[0], parts[1]._replace(text=parts[1].below)],
+            )
+        if written.endswith(")"):
+            return _Part(op, written.format(*(part.text for part in parts)), 9, size, reads)
+        needs = _NEEDS.get(op, (1,) * len(parts))
+        texts = [_bracketed(part, need) for part, need in zip(parts, needs, strict=True)]
+        if op == "neg" and texts[0].startswith("-"):
+            texts = [f"({texts[0]})"]
+        return _Part(
+            op, written.format(*texts), _BINDS[op], size, reads, texts[0] if op in {"recip", "neg"} else ""
+        )
+
+    def _count(self, op: str, parts: Sequence[_Part]) -> None:
+        kinds = {"add": "add", "sub": "add", "neg": "", "recip": "div", CONDITION: "compare"}
+        if op == "mul" and "recip" in (parts[0].op, parts[1].op):
+            return
+        if kind := kinds.get(op, op):
+            self.counts[kind] += 1
+
+
+def _bracketed(part: _Part, need: int) -> str:
+    return part.text if part.binds >= need else f"({part.text})"
