@@ -11,27 +11,21 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rodgen.codegen.builder import KernelBuilder
     from rodgen.codegen.kernel import Kernel
-    from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, port_symbols
+    from rodgen.codegen.kernel_parts import KernelError
     from rodgen.codegen.source_files import numpy_function
 
 _MODULES = {
-    "Assignment": "kernel_parts",
     "Kernel": "kernel",
     "KernelBuilder": "builder",
     "KernelError": "kernel_parts",
-    "Port": "kernel_parts",
     "numpy_function": "source_files",
-    "port_symbols": "kernel_parts",
 }
 
 __all__ = [
-    "Assignment",
     "Kernel",
     "KernelBuilder",
     "KernelError",
-    "Port",
     "numpy_function",
-    "port_symbols",
 ]
 
 
