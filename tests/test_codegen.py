@@ -121,31 +121,6 @@ def shared_kernel() -> Kernel:
     return k.build()
 
 
-def test_a_kernel_after_another_takes_what_it_makes() -> None:
-    first = builder("first")
-    x = first.input("x", 2, unit="1", doc="two numbers")
-    first.output("y", sp.Matrix([x[0] * x[1], first.let("step", x[0] + 1)]), unit="1", doc="made")
-    second = builder("second")
-    y, x = second.input("y", 2, unit="1", doc="taken"), second.input("x", 2, unit="1", doc="two numbers")
-    second.output("z", select(y[0] > second.let("step", y[1]), y[0] - x[1], -y[1]), unit="1", doc="of both")
-    both = second.build().after(first.build())
-    assert [port.name for port in both.inputs] == ["x"]
-    for a, b in ((3.0, 5.0), (2.0, 0.5)):
-        product, more = a * b, a + 1
-        assert both.evaluate({"x": [a, b]})["z"] == (product - b if product > more else -more)
-
-
-def test_a_kernel_after_one_that_makes_nothing_for_it_is_refused() -> None:
-    first = builder("first")
-    first.output("y", first.input("x", 2, unit="1", doc="two numbers")[0], unit="1", doc="made")
-    for name, shape, message in (("w", (), "takes nothing"), ("y", 3, r"y is \(\) in first")):
-        second = builder("second")
-        taken = second.input(name, shape, unit="1", doc="taken")
-        second.output("z", taken if shape == () else taken[0], unit="1", doc="of it")
-        with pytest.raises(KernelError, match=message):
-            second.build().after(first.build())
-
-
 def test_elimination_keeps_named_steps_shares_the_rest_and_drops_what_nothing_needs() -> None:
     kernel = shared_kernel()
     names = [a.symbol.name for a in kernel.assignments]
