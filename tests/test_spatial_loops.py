@@ -167,6 +167,32 @@ def test_closed_forms_are_the_general_way(kinds, input_joint, monkeypatch):
         assert (nearest[np.isfinite(ours[:, 0])] < 1e-9).all()  # each way as a whole
 
 
+@pytest.mark.parametrize(
+    ("kinds", "input_joint", "a", "twists", "offsets", "singular"),
+    [
+        ("CCCR", 3, [1.5, 2, 2, 1], [-90, 90, 90, 90], [0, -0.5, 1, -0.5], 0.0),
+        ("RRCCR", 4, [1, 1.5, 1, 0, 1.5], [-90, -90, 90, -90, -90], [0, 0, -0.5, -0.5, -0.5], np.pi / 2),
+    ],
+)
+def test_a_singular_row_changes_nothing_of_the_others(
+    kinds, input_joint, a, twists, offsets, singular, monkeypatch
+):
+    slides = np.array([kind == "C" for kind in kinds])
+    loop = Mechanism(kinds, a, np.radians(twists), np.where(slides, np.nan, offsets))
+    given, values = (input_joint, "theta"), np.random.default_rng(12).uniform(-3, 3, 20)
+    mixed = np.insert(values, 7, singular)  # among the rows of a block
+    certain = loop_reverse.closed_form(loop, {loop.variables.index(given): mixed})[-1]
+    assert np.flatnonzero(~certain).tolist() == [7]
+    found, alone = reverse_loop(loop, {given: mixed}), reverse_loop(loop, {given: values})
+    np.testing.assert_array_equal(np.delete(found.solutions, 7, axis=0), alone.solutions)
+    np.testing.assert_array_equal(np.delete(found.status, 7, axis=0), alone.status)
+    assert (alone.status == ReverseStatus.REGULAR).any()
+    monkeypatch.setattr(loop_reverse, "closed_form", lambda *_: None)
+    general = reverse_loop(loop, {given: np.array([singular])})
+    np.testing.assert_array_equal(found.solutions[7], general.solutions[0])
+    np.testing.assert_array_equal(found.status[7], general.status[0])
+
+
 def test_where_a_joint_starts_does_not_matter():
     """A loop written from another joint on has the same solutions."""
     rng = np.random.default_rng(8)

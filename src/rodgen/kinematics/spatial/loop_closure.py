@@ -32,7 +32,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.numerics import angle_between, apart
 from rodgen.kinematics.spatial.mechanism import Link, Mechanism, Merged
 from rodgen.kinematics.spatial.pair_equations import solve_pair, solve_trig
-from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
+from rodgen.kinematics.spatial.status import ReverseStatus
 from rodgen.kinematics.spatial.transforms import rz
 
 NEWTON_STEPS = 4
@@ -231,21 +231,16 @@ def solve_merged(
     merged: Merged,
     count: int,
     size: Array,
-    start: tuple[Array, NDArray[np.bool_]] | None = None,
+    start: tuple[Array, NDArray[np.bool_], NDArray[np.bool_]] | None = None,
 ) -> tuple[Array, Array, NDArray[np.int8]]:
     """Return all ways to close `count` loops: angles (count, N, m), slides (count, N, 6 - m), statuses (count, N).
 
     The links of `merged` have an axis of `count` elements or of one, `size` (count) is the unit of length of each loop,
-    and `start` has all angles (count, N, m) from a closed form, and which of them are there.
+    and `start` has all angles (count, N, m) from a closed form, which of them are there, and for which loops this is
+    certain (count).
     """
     links = [_spread(link, count) for link in merged.links]
-    if start is not None:
-        theta, odd = start[0], np.zeros(count, bool)
-        status = np.where(start[1], ReverseStatus.REGULAR, ReverseStatus.NONE)
-    elif len(links) == 3:
-        theta, status, odd = _three_angles(links)
-    else:
-        theta, status, odd = _four_angles(mechanism, merged, links)
+    theta, status, odd = _starts(mechanism, merged, links, start)
     wide = [link.each(lambda x: x[:, None]) for link in links]
     with np.errstate(invalid="ignore"):
         slides = offsets(wide, theta)
@@ -270,6 +265,27 @@ def solve_merged(
         movable = moves(parts, theta[element, slot], slides[element, slot], size[element], CLOSES)
         status[element, slot] = np.where(movable, ReverseStatus.FAMILY, ReverseStatus.DOUBLE)
     return theta, slides, status.astype(np.int8)
+
+
+def _starts(
+    mechanism: Mechanism,
+    merged: Merged,
+    links: list[Link],
+    start: tuple[Array, NDArray[np.bool_], NDArray[np.bool_]] | None,
+) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
+    """Return angles (count, N, m), statuses (count, N), and of which loops the equations may not tell all of them."""
+
+    def general(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
+        return _three_angles(links) if len(links) == 3 else _four_angles(mechanism, merged, links)
+
+    if start is None:
+        return general(links)
+    theta, there, certain = start
+    status, odd = np.where(there, ReverseStatus.REGULAR, ReverseStatus.NONE), np.zeros(len(theta), bool)
+    rest = np.flatnonzero(~certain)
+    if len(rest):
+        theta[rest], status[rest], odd[rest] = general([_rows(link, rest) for link in links])
+    return theta, status, odd
 
 
 def _add_searched(
@@ -400,9 +416,9 @@ def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     R0, R1, R2, R3 = (link.R[:, None] for link in ring)
     whole = R0 @ rz(theta2) @ R1 @ rz(theta3) @ R2
     theta1, theta4 = _ends(whole, R3)
-    there = pair.status <= PairStatus.COMMON_FACTOR
+    there = pair.status <= ReverseStatus.FAMILY
     status = np.where(there, ReverseStatus.REGULAR, ReverseStatus.NONE)
-    strange = (pair.status == PairStatus.COMMON_FACTOR) | (pair.status >= PairStatus.INCOMPLETE)
+    strange = (pair.status == ReverseStatus.FAMILY) | (pair.status >= ReverseStatus.INCOMPLETE)
     # where the constant outweighs all else there is no solution, whatever the second equation is
     rest = np.abs(first).sum(axis=(1, 2)) - np.abs(first[:, 0, 0])
     possible = np.abs(first[:, 0, 0]) <= rest + ODD

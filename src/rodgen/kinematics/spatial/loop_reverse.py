@@ -25,7 +25,7 @@ from rodgen.kinematics.spatial.arm_reverse import solve_arm
 from rodgen.kinematics.spatial.loop_closure import solve_merged
 from rodgen.kinematics.spatial.mechanism import Mechanism, Merged, merge
 from rodgen.kinematics.spatial.pair_equations import solve_pair
-from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
 from rodgen.kinematics.spatial.transforms import is_pose, rx, rz, transform
 
 PLAIN = 1e-3
@@ -33,13 +33,17 @@ PLAIN = 1e-3
 chooses its divisor."""
 
 
+CERTAIN = (ReverseStatus.REGULAR, ReverseStatus.DOUBLE, ReverseStatus.NONE)
+"""The statuses in the slots of a pair of equations of which all solutions are known, and are no family."""
+
+
 def closed_form(
     mechanism: Mechanism, known: Mapping[int, Array]
-) -> tuple[tuple[int, ...], Array, NDArray[np.bool_]] | None:
+) -> tuple[tuple[int, ...], Array, NDArray[np.bool_], NDArray[np.bool_]] | None:
     """Return all angles of an RCCC or RRRCC loop in which the angle of the R before, or after, the C is given.
 
-    These are the joints, their angles (count, N, joints), and which solutions exist; None for any other loop, and where
-    the closed form may fail.
+    These are the joints, their angles (count, N, joints), which solutions exist (count, N), and of which elements that
+    is certain (count); None for any other loop.
     """
     if len(known) != 1 or not mechanism.closed:
         return None
@@ -54,20 +58,18 @@ def closed_form(
     offset = mechanism.offset
     if kinds == "CCCR" and (np.abs(np.sin(twists)) >= PLAIN).all():
         theta, _, status = kernels.loop_rccc(twists, lengths, offset[given], value)
-        if (status == RCCCStatus.SINGULAR).any():
-            return None
-        return tuple(ring[:3]), theta, np.isfinite(theta).all(axis=-1)
+        certain = status != RCCCStatus.SINGULAR
+        return tuple(ring[:3]), theta, np.isfinite(theta).all(axis=-1), certain
     if kinds == "RRCCR" and abs(np.sin(twists[2])) >= PLAIN:
         offsets = np.array([offset[ring[0]], offset[ring[1]], offset[given]])
         pair = solve_pair(kernels.loop_rrrcc_pair(twists, lengths, offsets, value))
-        if (pair.status == PairStatus.COMMON_FACTOR).any() or (pair.status > PairStatus.NONE).any():
-            return None
         first, second = pair.theta1, pair.theta2
         rest, _ = kernels.loop_rrrcc_back(twists, lengths, offsets, value[:, None], first, second)
         return (
             tuple(ring[:4]),
             np.stack([first, second, rest[..., 0], rest[..., 1]], axis=-1),
-            pair.status <= 1,
+            pair.status <= ReverseStatus.DOUBLE,
+            np.asarray(np.isin(pair.status, CERTAIN).all(axis=-1)),
         )
     return None
 
@@ -251,8 +253,8 @@ def _solved(
     size = _size(mechanism, merged, count)
     start = None
     if (form := closed_form(mechanism, clean)) is not None:
-        joints, angles_there, there = form
-        start = angles_there[..., [joints.index(j) for j in merged.joints]], there
+        joints, angles_there, there, certain = form
+        start = angles_there[..., [joints.index(j) for j in merged.joints]], there, certain
     theta, slides, status = solve_merged(mechanism, merged, count, size, start)
     values = np.full((count, status.shape[1], len(variables)), np.nan)
     values[..., list(merged.rotary)] = theta
