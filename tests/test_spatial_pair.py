@@ -16,7 +16,7 @@ import pytest
 from pair_reference import TURN, all_angles, all_roots
 
 from rodgen.kinematics import spatial
-from rodgen.kinematics.spatial import PairStatus, TrigStatus, pair_equations
+from rodgen.kinematics.spatial import ReverseStatus, TrigStatus, pair_equations
 from rodgen.kinematics.spatial.pair_solutions import certain_solutions
 
 EPS = np.finfo(float).eps
@@ -80,9 +80,9 @@ def test_all_solutions_are_those_with_60_digits(method, spread):
     pair = spatial.solve_pair(M, method=method)
     for m, found, status in zip(M, angles_of(pair), pair.status, strict=True):
         wanted = all_angles(m)
-        there = status == PairStatus.REGULAR
+        there = status == ReverseStatus.REGULAR
         assert there.sum() == len(wanted)
-        assert (status[~there] == PairStatus.NONE).all()
+        assert (status[~there] == ReverseStatus.NONE).all()
         assert np.isnan(found[~there]).all()
         # condition numbers are up to 1e3 here
         assert (off(found[there], wanted) <= 1e3 * EPS).all()
@@ -94,7 +94,7 @@ def test_eight_real_solutions(method):
     points = rng.uniform(-np.pi, np.pi, size=(200, 7, 2))
     M = through(rng, points)
     pair = spatial.solve_pair(M, method=method)
-    assert (pair.status == PairStatus.REGULAR).all()
+    assert (pair.status == ReverseStatus.REGULAR).all()
     # equations through seven points are ill conditioned; a null space in float64 is, too
     assert nearest(pair, points).max() < 1e-8
     assert np.abs(values(M, pair)).max() < 1e-14
@@ -118,7 +118,7 @@ def test_solutions_may_share_an_angle(method):
     points[:, 1, 0], points[:, 3, 1] = points[:, 0, 0], points[:, 2, 1]
     pair = spatial.solve_pair(through(rng, points), method=method)
     assert nearest(pair, points).max() < 1e-8
-    assert not np.isin(pair.status, [PairStatus.INCOMPLETE, PairStatus.COMMON_FACTOR]).any()
+    assert not np.isin(pair.status, [ReverseStatus.INCOMPLETE, ReverseStatus.FAMILY]).any()
 
 
 def test_every_double_root_of_the_octic():
@@ -127,12 +127,12 @@ def test_every_double_root_of_the_octic():
     M = rng.normal(size=(300, 2, 3, 3))
     M[..., 2] = 0
     pair = spatial.solve_pair(M)
-    count = (pair.status == PairStatus.REGULAR).sum(axis=-1)
+    count = (pair.status == ReverseStatus.REGULAR).sum(axis=-1)
     assert (count % 2 == 0).all()
     assert {0, 2, 4} <= set(count.tolist())
-    assert not (pair.status == PairStatus.INCOMPLETE).any()
+    assert not (pair.status == ReverseStatus.INCOMPLETE).any()
     mirrored = np.stack([pair.theta1, -pair.theta2], axis=-1)
-    there = pair.status == PairStatus.REGULAR
+    there = pair.status == ReverseStatus.REGULAR
     assert nearest(pair, mirrored)[there].max() < 1e-9
     # cos θ2 by Cramer's rule on a fine grid of θ1: as many zeros as pairs of solutions
     grid = np.linspace(-np.pi, np.pi, 4001)
@@ -152,7 +152,7 @@ def test_all_eight_roots_with_60_digits(spread):
     rng = np.random.default_rng(21)
     M = rng.normal(size=(8, 2, 3, 3)) * 10.0 ** rng.uniform(-spread, spread, size=(8, 2, 3, 3))
     pair = spatial.solve_pair(M, complex=True)
-    assert (pair.status == PairStatus.REGULAR).all()
+    assert (pair.status == ReverseStatus.REGULAR).all()
     for m, found in zip(M, angles_of(pair), strict=True):
         wanted = np.array(
             [
@@ -172,12 +172,12 @@ def test_complex_roots_have_their_own_status():
     M[0, 1, 0] = M[0, 0, 1] = M[1, 2, 0] = M[1, 0, 2] = 1.0
     M[1, 0, 0] = -1.0
     pair = spatial.solve_pair(M, complex=True)
-    assert (pair.status[:2] == PairStatus.REGULAR).all()
+    assert (pair.status[:2] == ReverseStatus.REGULAR).all()
     np.testing.assert_allclose(pair.theta1[:2], np.radians([30, 150]), atol=1e-12)
-    assert (pair.status[2:] != PairStatus.REGULAR).all()
+    assert (pair.status[2:] != ReverseStatus.REGULAR).all()
     both = spatial.solve_pair(np.stack([M, M[[0, 0]], np.full((2, 3, 3), np.nan)]), complex=True)
-    assert (both.status[1] == PairStatus.COMMON_FACTOR).all()
-    assert (both.status[2] == PairStatus.INVALID).all()
+    assert (both.status[1] == ReverseStatus.FAMILY).all()
+    assert (both.status[2] == ReverseStatus.INVALID).all()
 
 
 # solutions that meet ------------------------------------------------------------------------------------------------
@@ -188,12 +188,12 @@ def test_two_solutions_that_meet_are_one_double(method):
     rng = np.random.default_rng(6)
     points = rng.uniform(-np.pi, np.pi, size=(100, 4, 2))
     pair = spatial.solve_pair(through(rng, points, tangents=1), method=method)
-    double = pair.status == PairStatus.DOUBLE
+    double = pair.status == ReverseStatus.DOUBLE
     assert (double.sum(axis=-1) >= 1).all()
     assert (nearest(pair, points)[:, 1:] < 1e-8).mean() > 0.99
     # rounding of the coefficients moves a double solution by the root of that, times the condition of the equations
     assert np.quantile(nearest(pair, points)[:, 0], 0.95) < 1e-6
-    assert not (pair.status == PairStatus.INCOMPLETE).any()
+    assert not (pair.status == ReverseStatus.INCOMPLETE).any()
 
 
 @pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-8])
@@ -202,9 +202,9 @@ def test_nearly_double_solutions_are_not_lost(distance):
     points = rng.uniform(-np.pi, np.pi, size=(100, 5, 2))
     points[:, 1] = points[:, 0] + distance * rng.normal(size=(100, 2))
     pair = spatial.solve_pair(through(rng, points))
-    assert not (pair.status == PairStatus.INCOMPLETE).any()
+    assert not (pair.status == ReverseStatus.INCOMPLETE).any()
     assert np.quantile(nearest(pair, points), 0.99) < max(1e-6, 4 * distance)
-    assert ((pair.status <= PairStatus.DOUBLE).sum(axis=-1) >= 4).all()
+    assert ((pair.status <= ReverseStatus.DOUBLE).sum(axis=-1) >= 4).all()
 
 
 @pytest.mark.thorough("fast")
@@ -213,9 +213,9 @@ def test_no_solution_is_counted_twice(method):
     """Small whole coefficients, where three and more solutions meet in many rows."""
     M = np.random.default_rng(22).integers(-1, 2, size=(800, 2, 3, 3)).astype(float)
     pair = spatial.solve_pair(M, method=method)
-    family = (pair.status == PairStatus.COMMON_FACTOR).any(axis=-1)
+    family = (pair.status == ReverseStatus.FAMILY).any(axis=-1)
     alone, double = (
-        (pair.status[~family] == kind).sum(axis=-1) for kind in (PairStatus.REGULAR, PairStatus.DOUBLE)
+        (pair.status[~family] == kind).sum(axis=-1) for kind in (ReverseStatus.REGULAR, ReverseStatus.DOUBLE)
     )
     assert double.any()
     assert (alone + 2 * double <= 8).all()
@@ -226,7 +226,7 @@ def test_no_solution_is_counted_twice(method):
         angles = angles_of(found)
         distance = off(angles[:, :, None], angles[:, None]).max(axis=-1) + 9 * np.eye(8)
         row, k, j = np.nonzero(distance < 1e-4)
-        assert (found.status[row, [k, j]] == PairStatus.DOUBLE).all()
+        assert (found.status[row, [k, j]] == ReverseStatus.DOUBLE).all()
         parted[row] = True
     assert parted.sum() <= 4
     np.testing.assert_array_equal(np.sort(pair.status[~parted]), np.sort(expected.status[~parted]))
@@ -252,7 +252,7 @@ def outer(a, b):
 
 def holds_on_family(M, pair):
     """At a representative the equations hold, and the derivatives are dependent."""
-    slots = pair.status == PairStatus.COMMON_FACTOR
+    slots = pair.status == ReverseStatus.FAMILY
     u, v = basis(pair.theta1), basis(pair.theta2)
     a = np.einsum("neij,nki,nkj->nke", M, slope(pair.theta1), v)
     b = np.einsum("neij,nki,nkj->nke", M, u, slope(pair.theta2))
@@ -268,9 +268,9 @@ def test_a_factor_of_one_angle():
     M = outer(a[:, None], b)
     for case in (M, M.swapaxes(-1, -2)):
         pair = spatial.solve_pair(case)
-        told = (pair.status == PairStatus.COMMON_FACTOR).sum(axis=-1)
+        told = (pair.status == ReverseStatus.FAMILY).sum(axis=-1)
         np.testing.assert_array_equal(told, 2 * solvable)
-        assert (pair.status[~solvable] == PairStatus.NONE).all()
+        assert (pair.status[~solvable] == ReverseStatus.NONE).all()
         assert holds_on_family(case, pair)
 
 
@@ -288,9 +288,9 @@ def test_a_factor_of_the_biquadratics(shape):
             )
     M = spatial.pair_from_biquadratics(E)
     pair = spatial.solve_pair(M)
-    assert (pair.status == PairStatus.COMMON_FACTOR).any(axis=-1).all()
+    assert (pair.status == ReverseStatus.FAMILY).any(axis=-1).all()
     assert holds_on_family(M, pair)
-    alone = pair.status == PairStatus.REGULAR
+    alone = pair.status == ReverseStatus.REGULAR
     assert alone.any()
     # they solve the remaining equations
     x1, x2 = np.tan(pair.theta1 / 2), np.tan(pair.theta2 / 2)
@@ -310,12 +310,12 @@ def test_dependent_and_empty_equations():
     for m in ([one, -3 * one], [one, np.zeros((3, 3))], [np.zeros((3, 3)), one], [np.zeros((3, 3))] * 2):
         M = np.array([m])
         pair = spatial.solve_pair(M)
-        assert pair.status[0, 0] == PairStatus.COMMON_FACTOR
-        assert (pair.status[0, 1:] == PairStatus.NONE).all()
+        assert pair.status[0, 0] == ReverseStatus.FAMILY
+        assert (pair.status[0, 1:] == ReverseStatus.NONE).all()
         assert np.abs(values(M, pair)[0, 0]).max() < 1e-14
     nothing = np.zeros((1, 2, 3, 3))
     nothing[0, :, 0, 0] = 1.0
-    assert (spatial.solve_pair(nothing).status == PairStatus.NONE).all()
+    assert (spatial.solve_pair(nothing).status == ReverseStatus.NONE).all()
 
 
 def test_nearly_dependent_equations_are_not_dependent():
@@ -326,7 +326,7 @@ def test_nearly_dependent_equations_are_not_dependent():
     for share in (1e-3, 1e-6, 1e-9):
         pair = spatial.solve_pair(np.stack([one, one + share * other], axis=1))
         np.testing.assert_array_equal(pair.status, plain.status)
-        there = plain.status == PairStatus.REGULAR
+        there = plain.status == ReverseStatus.REGULAR
         assert off(angles_of(pair), angles_of(plain))[there].max() < 1e5 * EPS / share
 
 
@@ -346,22 +346,24 @@ def test_exchanged_and_turned_angles():
     rng = np.random.default_rng(14)
     M = rng.normal(size=(300, 2, 3, 3))
     pair = spatial.solve_pair(M)
-    there = pair.status == PairStatus.REGULAR
+    there = pair.status == ReverseStatus.REGULAR
     exchanged = spatial.solve_pair(M.swapaxes(-1, -2))
     points = np.stack([exchanged.theta2, exchanged.theta1], axis=-1)
-    assert nearest(pair, points)[exchanged.status == PairStatus.REGULAR].max() < 1e-10
-    np.testing.assert_array_equal((exchanged.status == PairStatus.REGULAR).sum(axis=-1), there.sum(axis=-1))
+    assert nearest(pair, points)[exchanged.status == ReverseStatus.REGULAR].max() < 1e-10
+    np.testing.assert_array_equal(
+        (exchanged.status == ReverseStatus.REGULAR).sum(axis=-1), there.sum(axis=-1)
+    )
     turn = 2.7
     T = np.array([[1, 0, 0], [0, np.cos(turn), np.sin(turn)], [0, -np.sin(turn), np.cos(turn)]])
     turned = spatial.solve_pair(T @ M)
     points = np.stack([turned.theta1 + turn, turned.theta2], axis=-1)
-    assert nearest(pair, points)[turned.status == PairStatus.REGULAR].max() < 1e-10
-    np.testing.assert_array_equal((turned.status == PairStatus.REGULAR).sum(axis=-1), there.sum(axis=-1))
+    assert nearest(pair, points)[turned.status == ReverseStatus.REGULAR].max() < 1e-10
+    np.testing.assert_array_equal((turned.status == ReverseStatus.REGULAR).sum(axis=-1), there.sum(axis=-1))
 
 
 def test_order_and_range():
     pair = spatial.solve_pair(np.random.default_rng(15).normal(size=(500, 2, 3, 3)))
-    there = pair.status == PairStatus.REGULAR
+    there = pair.status == ReverseStatus.REGULAR
     assert (there[:, 1:] <= there[:, :-1]).all()  # those there come first
     assert (np.diff(np.where(there, pair.theta1, 9.0), axis=-1)[there[:, 1:]] > 0).all()
     for theta in pair[:2]:
@@ -374,9 +376,9 @@ def test_what_is_not_finite_is_invalid():
     M = np.random.default_rng(16).normal(size=(4, 2, 3, 3))
     M[1, 0, 2, 1], M[2, 1, 0, 0] = np.nan, np.inf
     pair = spatial.solve_pair(M)
-    assert (pair.status[1:3] == PairStatus.INVALID).all()
+    assert (pair.status[1:3] == ReverseStatus.INVALID).all()
     assert np.isnan(pair.theta1[1:3]).all()
-    assert (pair.status[[0, 3]] != PairStatus.INVALID).all()
+    assert (pair.status[[0, 3]] != ReverseStatus.INVALID).all()
 
 
 def test_interface():
@@ -421,7 +423,7 @@ def test_the_fast_way_is_the_usual_way_and_agrees():
     by_eigenvalues = spatial.solve_pair(M[:1000], method="sylvester")
     some = np.flatnonzero(certain[:1000])
     np.testing.assert_array_equal(
-        np.isfinite(angles[some, :, 0]), by_eigenvalues.status[some] == PairStatus.REGULAR
+        np.isfinite(angles[some, :, 0]), by_eigenvalues.status[some] == ReverseStatus.REGULAR
     )
     assert np.nanmax(off(angles[some], angles_of(by_eigenvalues)[some])) < 1e-10
 
@@ -439,12 +441,12 @@ def test_lost_starts_are_made_up_for_or_reported(lost, monkeypatch):
         angles, status = collected(M, loss, starts)
         rows = [np.flatnonzero((complete_M == m).all(axis=(-1, -2, -3)))[0] for m in M]
         near = (off(angles[:, :, None], taken[rows][:, None]).max(axis=-1) < 1e-6).any(axis=-1)
-        return np.where(near[..., None], np.nan, angles), np.where(near, PairStatus.NONE, status)
+        return np.where(near[..., None], np.nan, angles), np.where(near, ReverseStatus.NONE, status)
 
     one, two, _ = pair_equations.kernels.pair_prepared(M[:, 0], M[:, 1])
     complete_M = np.stack([one, two], axis=1)
     monkeypatch.setattr(pair_equations, "collected", without)
-    told = spatial.solve_pair(M, method="sylvester").status == PairStatus.INCOMPLETE
+    told = spatial.solve_pair(M, method="sylvester").status == ReverseStatus.INCOMPLETE
     assert told.any(axis=-1).mean() > 0.95
 
 

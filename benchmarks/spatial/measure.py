@@ -96,7 +96,7 @@ def _arithmetic(
 def _pair(n: int, rounds: int) -> dict:
     M = np.random.default_rng(2).normal(size=(n, 2, 3, 3))
     pair = spatial.solve_pair(M)
-    count = (pair.status <= spatial.PairStatus.DOUBLE).sum(axis=-1)
+    count = (pair.status <= spatial.ReverseStatus.DOUBLE).sum(axis=-1)
     matrices = companions(M[:LOOPED])
     by_hand = {"by_eigenvalues": by_eigenvalues, "by_pencils": by_pencils, "by_roots": by_roots}
     same = {
@@ -119,7 +119,7 @@ def _pair(n: int, rounds: int) -> dict:
     return {
         **found,
         "same": same,
-        "incomplete": int((pair.status == spatial.PairStatus.INCOMPLETE).any(axis=-1).sum()),
+        "incomplete": int((pair.status == spatial.ReverseStatus.INCOMPLETE).any(axis=-1).sum()),
     }
 
 

@@ -58,7 +58,7 @@ from rodgen.kinematics.spatial.spherical_polygons import (
     spherical_quadrilateral,
     toolkit,
 )
-from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus
+from rodgen.kinematics.spatial.status import Reverse, ReverseStatus
 from rodgen.kinematics.spatial.transforms import (
     VectorAngle,
     inverse_transform,
@@ -78,7 +78,6 @@ __all__ = [
     "Mechanism",
     "Mobility",
     "Pair",
-    "PairStatus",
     "Placement",
     "PolygonStatus",
     "ProductOfExponentials",

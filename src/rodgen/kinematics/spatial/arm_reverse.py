@@ -37,7 +37,7 @@ from rodgen.kinematics.spatial.arm_plan import (
 from rodgen.kinematics.spatial.forward_analysis import forward, link_transform
 from rodgen.kinematics.spatial.mechanism import Mechanism
 from rodgen.kinematics.spatial.pair_equations import solve_pair
-from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
 from rodgen.kinematics.spatial.transforms import is_pose
 
 ABSENT = 1e-14
@@ -53,7 +53,7 @@ def solved(way: Way, arm: Arm, T: Any) -> tuple[Any, Any, Any]:
     R, P = T[:, :3, :3], T[:, :3, 3] - np.array([0.0, 0.0, arm.offset[0]])
     M = getattr(kernels, way.equations)(T, arm.a, arm.cosine, arm.sine, arm.offset)
     one, two, status = _pairs(M)
-    there = status <= PairStatus.COMMON_FACTOR
+    there = status <= ReverseStatus.FAMILY
     safe_one, safe_two = np.where(there, one, 0.0), np.where(there, two, 0.0)
     branch = way.complete(arm, R[:, None], P[:, None], safe_one, safe_two)
     codes = np.where(branch.double, ReverseStatus.DOUBLE, ReverseStatus.REGULAR)
@@ -61,17 +61,17 @@ def solved(way: Way, arm: Arm, T: Any) -> tuple[Any, Any, Any]:
     codes = np.where(branch.free, ReverseStatus.FAMILY, codes)
     codes = np.where(there[..., None] & branch.there, codes, ReverseStatus.NONE)
     n = len(T)
-    missing = (status == PairStatus.INCOMPLETE).any(axis=-1)
+    missing = (status == ReverseStatus.INCOMPLETE).any(axis=-1)
     return arm.angles(branch.angles).reshape(n, -1, 6), codes.reshape(n, -1).astype(np.int8), missing
 
 
 def _pairs(M: Any) -> tuple[Any, Any, Any]:
-    """Return solutions of pairs (n, 2, 3, 3): angles (n, 8) and (n, 8), and statuses as of :class:`PairStatus`."""
+    """Return solutions of pairs (n, 2, 3, 3): angles (n, 8) and (n, 8), and statuses as of :class:`ReverseStatus`."""
     n = len(M)
     size = np.abs(M).max(axis=(-2, -1), keepdims=True)
     M = M / np.where(size > 0, size, 1.0)
     one, two = np.full((n, 8), np.nan), np.full((n, 8), np.nan)
-    status = np.full((n, 8), PairStatus.NONE, np.int8)
+    status = np.full((n, 8), ReverseStatus.NONE, np.int8)
     left = np.ones(n, bool)
     for swapped in (False, True):
         N = M.swapaxes(-1, -2) if swapped else M
@@ -98,9 +98,9 @@ def _one_by_one(first: Any, second: Any) -> tuple[Any, Any, Any]:
     theta, there, double, free = _roots(first)
     u = np.stack([np.ones_like(theta), np.cos(theta), np.sin(theta)], axis=-1)
     other, also, double_2, free_2 = _roots(np.einsum("nki,nij->nkj", u, second))
-    status = np.where(double[..., None] | double_2, PairStatus.DOUBLE, PairStatus.REGULAR)
-    status = np.where(free[..., None] | free_2, PairStatus.COMMON_FACTOR, status)
-    status = np.where(there[..., None] & also, status, PairStatus.NONE)
+    status = np.where(double[..., None] | double_2, ReverseStatus.DOUBLE, ReverseStatus.REGULAR)
+    status = np.where(free[..., None] | free_2, ReverseStatus.FAMILY, status)
+    status = np.where(there[..., None] & also, status, ReverseStatus.NONE)
     n = len(first)
     return np.repeat(theta, 2, axis=-1), other.reshape(n, 4), status.reshape(n, 4)
 

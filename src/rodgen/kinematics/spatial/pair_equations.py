@@ -23,7 +23,7 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.spatial.pair_roots import HALF, complex_solutions, grid, starts, with_common_factor
 from rodgen.kinematics.spatial.pair_solutions import SLOTS, certain_solutions, collected, consistent
-from rodgen.kinematics.spatial.status import PairStatus
+from rodgen.kinematics.spatial.status import ReverseStatus
 from rodgen.views import with_html
 
 
@@ -136,7 +136,7 @@ def solve_pair(
     complex : bool, optional
         Whether complex solutions are returned, too: then all eight roots of the octic are given, as complex angles, and
         a slot with NONE is a root ±i, which is not an angle. Where solutions meet both have a slot, as DOUBLE. Where
-        the equations have a common factor no roots are given, and every slot has COMMON_FACTOR.
+        the equations have a common factor no roots are given, and every slot has FAMILY.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def solve_pair(
     >>> pair = spatial.solve_pair(M)
     >>> np.degrees(pair.theta1[:3]).round(9), np.degrees(pair.theta2[:3]).round(9)
     (array([ 30., 150.,  nan]), array([150.,  30.,  nan]))
-    >>> [spatial.PairStatus(s).name for s in pair.status[:3]]
+    >>> [spatial.ReverseStatus(s).name for s in pair.status[:3]]
     ['REGULAR', 'REGULAR', 'NONE']
     """
     if method not in ("fast", "sylvester", "bezout"):
@@ -178,7 +178,7 @@ def solve_pair(
     flat = given.reshape(-1, 2, 3, 3)
     one, two, loss = kernels.pair_prepared(flat[:, 0], flat[:, 1])
     angles = np.full((len(flat), SLOTS, 2), np.nan)
-    status = np.full((len(flat), SLOTS), PairStatus.INVALID, np.int8)
+    status = np.full((len(flat), SLOTS), ReverseStatus.INVALID, np.int8)
     valid = np.isfinite(one[:, 0, 0])
     left = np.flatnonzero(valid)
     shape = (*given.shape[:-3], SLOTS)
@@ -197,12 +197,12 @@ def solve_pair(
 def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...]) -> Pair:
     """Return the complex solutions of the prepared equations in `rows`."""
     angles = np.full((len(one), SLOTS, 2), np.nan + 0j)
-    status = np.full((len(one), SLOTS), PairStatus.INVALID, np.int8)
+    status = np.full((len(one), SLOTS), ReverseStatus.INVALID, np.int8)
     if len(rows):
         M = np.stack([one[rows], two[rows]], axis=1)
         _, _, distance = starts(M)
         common = (distance <= COMMON) | (loss[rows] >= DEPENDENT)
-        status[rows[common]] = PairStatus.COMMON_FACTOR
+        status[rows[common]] = ReverseStatus.FAMILY
         usual = rows[~common]
         if len(usual):
             angles[usual], status[usual] = complex_solutions(M[~common], loss[usual])
@@ -221,7 +221,7 @@ def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any
         found = np.take_along_axis(found, order[..., None], axis=1)
     done = rows[certain]
     angles[done] = found[certain]
-    status[done] = np.where(np.isnan(found[certain, :, 0]), PairStatus.NONE, PairStatus.REGULAR)
+    status[done] = np.where(np.isnan(found[certain, :, 0]), ReverseStatus.NONE, ReverseStatus.REGULAR)
     return rows[~certain]
 
 
@@ -230,7 +230,10 @@ def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
     pencil = "bezout" if method == "bezout" else "sylvester"
     first, alone, distance = starts(M, pencil)
     common = (distance <= COMMON) | (loss >= DEPENDENT)
-    angles, status = np.full((len(M), SLOTS, 2), np.nan), np.full((len(M), SLOTS), PairStatus.NONE, np.int8)
+    angles, status = (
+        np.full((len(M), SLOTS, 2), np.nan),
+        np.full((len(M), SLOTS), ReverseStatus.NONE, np.int8),
+    )
     usual = np.flatnonzero(~common)
     if len(usual):
         angles[usual], status[usual] = _from_starts(M[usual], loss[usual], first[usual], alone[usual], pencil)
@@ -251,5 +254,5 @@ def _from_starts(M: Any, loss: Any, first: Any, alone: Any, pencil: str) -> tupl
         more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
         angles[flawed], status[flawed] = collected(M[flawed], loss[flawed], more)
         still = flawed[~consistent(M[flawed], angles[flawed], status[flawed], alone[flawed])]
-        status[still] = np.where(status[still] == PairStatus.NONE, PairStatus.INCOMPLETE, status[still])
+        status[still] = np.where(status[still] == ReverseStatus.NONE, ReverseStatus.INCOMPLETE, status[still])
     return angles, status

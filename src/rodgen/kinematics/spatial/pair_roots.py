@@ -33,7 +33,7 @@ from rodgen.kinematics.spatial.pair_solutions import (
     regular_below,
     slope,
 )
-from rodgen.kinematics.spatial.status import PairStatus
+from rodgen.kinematics.spatial.status import ReverseStatus
 from rodgen.kinematics.spatial.transforms import rx
 
 TURNS = 2 * np.pi / 9 * np.arange(9) + 0.1
@@ -193,9 +193,9 @@ def complex_solutions(M: Any, loss: Any) -> tuple[Any, Any]:
         condition = condition_number(J, size)
         right = (np.abs(value) / size).max(axis=-1) <= 4 * ROUNDING * loss[:, None]
         regular = right & (condition <= regular_below(loss)[:, None])
-    status = np.select([far, regular], [PairStatus.NONE, PairStatus.REGULAR], PairStatus.DOUBLE).astype(
-        np.int8
-    )
+    status = np.select(
+        [far, regular], [ReverseStatus.NONE, ReverseStatus.REGULAR], ReverseStatus.DOUBLE
+    ).astype(np.int8)
     angles = principal(angles.real) + 1j * angles.imag
     angles = np.where(far[..., None], np.nan, angles)
     order = np.lexsort((angles[..., 0].imag, angles[..., 0].real, far), axis=-1)
@@ -227,9 +227,9 @@ def grid(n: int, side: int = 12) -> Any:
 
 def with_common_factor(M: Any) -> tuple[Any, Any]:
     """Return the solutions of one pair (2, 3, 3): angles (8, 2), and statuses (8,)."""
-    slots, status = np.full((SLOTS, 2), np.nan), np.full(SLOTS, PairStatus.NONE, np.int8)
+    slots, status = np.full((SLOTS, 2), np.nan), np.full(SLOTS, ReverseStatus.NONE, np.int8)
     if not M.any():  # every pair of angles
-        slots[0], status[0] = 0.0, PairStatus.COMMON_FACTOR
+        slots[0], status[0] = 0.0, ReverseStatus.FAMILY
         return slots, status
     lines = 2 * np.pi * np.arange(LINES) / LINES + 0.05
     rows = np.einsum("eij,ki->kej", M, basis(lines))
@@ -241,10 +241,10 @@ def with_common_factor(M: Any) -> tuple[Any, Any]:
     with np.errstate(invalid="ignore"):
         there = residual <= 4 * ROUNDING
         alone = (residual <= ROUNDING) & (condition <= regular_below(1.0))
-    found: list[tuple[Any, PairStatus]] = []
+    found: list[tuple[Any, ReverseStatus]] = []
     for k in np.flatnonzero(alone):
         if all(apart(angles[k], other) > 0.25 / condition[k] for other, _ in found):
-            found.append((angles[k], PairStatus.REGULAR))
+            found.append((angles[k], ReverseStatus.REGULAR))
     family = np.flatnonzero(there & ~alone)
     if len(family):
         found += _representatives(M, angles[family], residual[family])
@@ -254,19 +254,19 @@ def with_common_factor(M: Any) -> tuple[Any, Any]:
     return slots, status
 
 
-def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, PairStatus]]:
+def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, ReverseStatus]]:
     """Return, of points (n, 2) of families, one on each line along which one angle is free, and one of other curves."""
     many = np.broadcast_to(M, (len(angles), *M.shape))
     moved, free = on_lines(many, np.full(len(angles), ROUNDING), angles)
-    found: list[tuple[Any, PairStatus]] = []
+    found: list[tuple[Any, ReverseStatus]] = []
     for which in (1, 2):
         known: list[float] = []
         for pair in moved[free == which]:
             fixed = pair[which - 1]
             if all(abs(principal(fixed - other)) > NEAR for other in known):
                 known.append(fixed)
-                found.append((pair, PairStatus.COMMON_FACTOR))
+                found.append((pair, ReverseStatus.FAMILY))
     curve = np.flatnonzero(free == 0)
     if len(curve):
-        found.append((angles[curve[residual[curve].argmin()]], PairStatus.COMMON_FACTOR))
+        found.append((angles[curve[residual[curve].argmin()]], ReverseStatus.FAMILY))
     return found

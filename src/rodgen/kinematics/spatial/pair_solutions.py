@@ -25,7 +25,7 @@ import numpy as np
 from rodgen.generated.numpy.biquadratic_pair import PairRoots
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.numerics import apart, principal
-from rodgen.kinematics.spatial.status import PairStatus
+from rodgen.kinematics.spatial.status import ReverseStatus
 
 SLOTS = 8
 """Two equations without a common factor have no more solutions than the octic has roots."""
@@ -202,20 +202,20 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
         angles[of, which], free[of, which] = on_lines(M[of], limit[of], met)
     kind = np.select(
         [regular, free > 0, there],
-        [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
-        PairStatus.NONE,
+        [ReverseStatus.REGULAR, ReverseStatus.FAMILY, ReverseStatus.DOUBLE],
+        ReverseStatus.NONE,
     )
     # the best first: it represents those that are equal to it
     order = np.argsort(np.where(there, kind + residual, 9.0), axis=-1, kind="stable")
     angles = np.take_along_axis(angles, order[..., None], axis=1)
     kind, condition, free = (np.take_along_axis(x, order, axis=1) for x in (kind, condition, free))
     found = np.full((n, SLOTS, 2), np.nan)
-    status, known = np.full((n, SLOTS), PairStatus.NONE, np.int8), np.full((n, SLOTS), np.nan)
+    status, known = np.full((n, SLOTS), ReverseStatus.NONE, np.int8), np.full((n, SLOTS), np.nan)
     lines = np.zeros((n, SLOTS), int)
     count = np.zeros(n, int)
     width = int(there.sum(axis=-1).max(initial=0))
     for k in range(width):
-        rows = np.flatnonzero((kind[:, k] != PairStatus.NONE) & (count < SLOTS))
+        rows = np.flatnonzero((kind[:, k] != ReverseStatus.NONE) & (count < SLOTS))
         same = _known(
             M[rows], limit[rows], angles[rows, k], kind[rows, k], found[rows], status[rows], known[rows]
         )
@@ -313,7 +313,7 @@ def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, 
     """Return which candidates (n, 2) are among those found (n, 8, 2)."""
     distance = apart(angles[:, None], found)
     with np.errstate(invalid="ignore"):
-        both = (kind == PairStatus.REGULAR)[:, None] & (status == PairStatus.REGULAR)
+        both = (kind == ReverseStatus.REGULAR)[:, None] & (status == ReverseStatus.REGULAR)
         same = distance <= np.where(both, 0.25 / condition, NEAR)
         rows, slots = np.nonzero(~same & ~both & (distance <= STRETCH))
     if len(rows):
@@ -336,9 +336,9 @@ def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
     flat = np.nan_to_num(angles).reshape(-1, 2)
     of = np.repeat(np.arange(n), SLOTS)
     _, _, _, determinant = kernels.pair_polish(M[of, 0], M[of, 1], flat)
-    alone = status == PairStatus.REGULAR
-    meeting = (status == PairStatus.DOUBLE).sum(axis=-1)
-    family = (status == PairStatus.COMMON_FACTOR).any(axis=-1)
+    alone = status == ReverseStatus.REGULAR
+    meeting = (status == ReverseStatus.DOUBLE).sum(axis=-1)
+    family = (status == ReverseStatus.FAMILY).any(axis=-1)
     balance = np.where(alone, np.sign(determinant).reshape(n, SLOTS), 0.0).sum(axis=-1)
     good = np.abs(balance) <= meeting
     # between solutions, that is at samples and half way between neighbours, the sign changes with the count

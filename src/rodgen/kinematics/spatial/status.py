@@ -26,11 +26,12 @@ class Reverse(NamedTuple):
 
 
 class ReverseStatus(IntEnum):
-    """The status of one slot in the solutions of a reverse analysis.
+    """The status of one slot in the solutions of a reverse analysis, or of two equations in two angles.
 
     REGULAR: a solution that stands alone.
-    DOUBLE: two solutions meet here.
-    FAMILY: the representative of a one-parameter family of solutions.
+    DOUBLE: two solutions or more meet here, to rounding; it is given once. Where four solutions of two equations meet,
+        it may be given twice, within 1e-4 rad.
+    FAMILY: the representative of a one-parameter family of solutions. Two equations have one by a common factor.
     NONE: this slot holds no solution; the value is NaN.
     INCOMPLETE: this slot is empty, but a solution may be missing; the value is NaN.
     INVALID: an input is not finite or no pose; the value is NaN.
@@ -39,26 +40,6 @@ class ReverseStatus(IntEnum):
     REGULAR = 0
     DOUBLE = 1
     FAMILY = 2
-    NONE = 3
-    INCOMPLETE = 4
-    INVALID = 5
-
-
-class PairStatus(IntEnum):
-    """The status of one slot in the solutions of two equations in two angles.
-
-    REGULAR: a solution that stands alone.
-    DOUBLE: two solutions or more meet here, to rounding; it is given once. Where four meet, it may be given twice,
-        within 1e-4 rad.
-    COMMON_FACTOR: one of a family: the equations have a common factor, and this solves it.
-    NONE: this slot holds no solution; the angles are NaN.
-    INCOMPLETE: this slot is empty, but a solution may be missing; the angles are NaN.
-    INVALID: a coefficient is not finite; the angles are NaN.
-    """
-
-    REGULAR = 0
-    DOUBLE = 1
-    COMMON_FACTOR = 2
     NONE = 3
     INCOMPLETE = 4
     INVALID = 5
