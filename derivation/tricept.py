@@ -1308,6 +1308,54 @@ def sensitivity_kernel():
     return k.build()
 
 
+def at_point_kernel():
+    k = builder(
+        "at_point",
+        "Derivatives of the point by the rods and the two radii, and the rods, where the point is.",
+        "conditions below eq. (4), eqs. (2) to (4) and (20)",
+        "In the physical pose S = K = +1, without angles and case distinctions: NaN or infinite where there is no such "
+        "pose. Every quantity is used as rarely as possible, so that intervals put into the steps give narrow "
+        "intervals.",
+    )
+    X, Y, Z = k.input("point", 3, unit="length", doc="the point, from the base's centre")
+    r, R = radii_inputs(k)
+    q = q_input(k)
+    level = k.let("level_squared", X**2 + Z**2)
+    whole = k.let("whole_squared", level + Y**2 - q[0] ** 2)
+    g = k.let("g", sp.sqrt(level - q[0] ** 2))
+    sines = []
+    # each angle is that of the point less that by which q is beside the middle rod
+    for name, squared, opposite, adjacent, beside in (
+        ("b", level, X, Z, q[0]),
+        ("a", whole, Y, g, q[1]),
+    ):
+        inverse = k.let(f"by_{name}", 1 / sp.sqrt(squared))
+        s, c = k.let(f"s{name}_point", opposite * inverse), k.let(f"c{name}_point", adjacent * inverse)
+        less = k.let(f"s{name}_less", beside * inverse)
+        across = k.let(f"c{name}_less", sp.sqrt(1 - less**2))
+        sines = [k.let(f"s{name}", s * across - c * less), k.let(f"c{name}", c * across + s * less), *sines]
+    sa, ca, sb, cb = sines
+    z = k.let("z", sp.sqrt(whole - q[1] ** 2) - q[2])
+    lean = k.let("lean", z * sb)
+    middle = k.let("middle", r * cb / 4 + ca * (r * sp.Rational(3, 4) - lean / 2))
+    side = k.let("side", sp.sqrt(3) / 2 * sa * (z + sb * r / 2))
+    shared = k.let("shared", z**2 + r**2 + R**2)
+    along = (k.let("along", r * cb + lean * ca), middle + side, middle - side)
+    length = k.let("rod_length", sp.Matrix([sp.sqrt(shared - 2 * R * part) for part in along]))
+    W33 = k.let("W33", printed_W33.xreplace(letters(sines, (z, r, R))).subs(z * sb, lean))
+    adjugate = k.let("adjugate", cofactors(W33))
+    inverse = k.let("inverse_determinant", 1 / (W33[0, :] * adjugate[:, 0])[0])
+    M33 = sp.Matrix([[-sb * Y, Z, sb * ca], [g, 0, sa], [-cb * Y, -X, cb * ca]])
+    N = k.let("N", k.let("M33", M33) * adjugate)
+    # the lengths, factors of the first columns of W35, come last
+    W35 = printed_W35.xreplace(letters(sines, (z, r, R), (1, 1, 1))).subs(z * sb, lean)
+    by_radii = k.let("W35_radii", W35[:, 3:])
+    A = (-(N * W35[:, :3]) * sp.diag(*length)).row_join(-(N * by_radii)) * inverse
+    k.output("A35", A, unit="1", doc="derivatives of Q by A0, A1, A-1, r, R")
+    k.output("legs", length, unit="length", doc="A0, A1, A-1")
+    return k.build()
+
+
 def matrices_kernel():
     k = builder("matrices", "The matrices W33, W35, M33, M35 and A35 in a pose.", "eqs. (5) to (20)")
     sines, z = pose_input(k)
@@ -1566,6 +1614,7 @@ kernels = {
         direct_kernel(),
         matrices_kernel(),
         sensitivity_kernel(),
+        at_point_kernel(),
         propagate_kernel(),
         singularity_kernel(),
     )
@@ -1650,6 +1699,71 @@ d.check(
     text="The matrix of `tricept_sensitivity` is the $A_{35}$ of (20), with $\\det "
     "P=-\\tfrac{3\\sqrt3}{16}\\det W_{33}$.",
 ).prove()
+
+# %% [markdown]
+# `tricept_at_point` takes each angle as that of the point, less the one by which $\vec q$ is beside the middle rod.
+# With the distances $\varrho$ and $\ell$ the sines of the two smaller angles are $q_x/\varrho$ and $q_y/\ell$. Its
+# roots are positive, so their squares say what they are.
+
+# %%
+rho = d.symbol("rho", r"\varrho", "√(Q_x² + Q_z²)", "length", positive=True)
+ell = d.symbol("ell", r"\ell", "√(|Q|² − q_x²)", "length", positive=True)
+positive_roots = {rho: rho**2 - level, ell: ell**2 - whole, u: roots[u], g: roots[g]}
+of_point = {"point": list(Q), **by_q}
+by_distances = {"g": g, "by_b": 1 / rho, "by_a": 1 / ell, "cb_less": g / rho, "ca_less": u / ell}
+SINES = ("sa", "ca", "sb", "cb")
+of_roots = {"g": (), "by_b": (), "by_a": ("g",), "cb_less": ("by_b",), "ca_less": ("by_a",)}
+squared_roots = [
+    steps("at_point", name, keep, **of_point, **{kept: by_distances[kept] for kept in keep})[0] ** 2
+    for name, keep in of_roots.items()
+]
+computed_pose = [
+    *(steps("at_point", name, tuple(by_distances), **of_point, **by_distances)[0] for name in SINES),
+    (steps("at_point", "z", (), **of_point)[0] + qz) ** 2,
+]
+at_point_roots = d.matrix(
+    "roots_at_point", r"\vec\varrho^{\,\mathrm{fn}}", "squares of the roots of the function at_point", "mixed",
+    value=sp.Matrix(squared_roots), rows=5, columns=1,
+)  # fmt: skip
+at_point_pose = d.matrix(
+    "pose_at_point", r"\vec p^{\,\mathrm{fn}}", "sines, cosines and (z + q_z)² of the function at_point", "mixed",
+    value=sp.Matrix(computed_pose), rows=5, columns=1,
+)  # fmt: skip
+physical = [formula.subs({S: 1, K: 1}) for formula in (sin_alpha, cos_alpha, sin_beta, cos_beta)]
+d.check(
+    "kernel-at-point-pose",
+    equal(at_point_roots, im([g**2, 1 / rho**2, 1 / ell**2, (g / rho) ** 2, (u / ell) ** 2])),
+    equal(at_point_pose, im([*physical, u**2])),
+    text="The sines, the cosines and $z$ of `tricept_at_point` are those of the pose with $S=K=1$.",
+).prove(modulo=positive_roots)
+
+# %%
+for name in ("pose", "singular", "inverse_determinant"):
+    del by_letters[name]
+by_letters |= {"z": z, "point": list(Q), "g": across}
+pose_steps = (*SINES, "z")
+at_point_squares = d.vector(
+    "squares_at_point", r"\vec A^{2\,\mathrm{fn}}", "squared rods of the function at_point", "length²",
+    value=sp.Matrix([rod**2 for rod in steps("at_point", "rod_length", pose_steps, **by_letters)]),
+)  # fmt: skip
+at_point_det = d.symbol(
+    "det_at_point", r"\det\nolimits^\mathrm{fn} W_{33}", "det W33 of the function at_point", "length⁵",
+    value=1 / steps("at_point", "inverse_determinant", pose_steps, **by_letters)[0],
+)  # fmt: skip
+by_letters["inverse_determinant"] = 1 / det_W33
+kept = (*pose_steps, "g", "rod_length", "inverse_determinant")
+at_point_A35 = d.matrix(
+    "A35_at_point", r"A_{35}^\mathrm{at}", "A35 of the function at_point", "1", columns=5,
+    value=sp.Matrix(3, 5, list(steps("at_point", "A35", kept, **by_letters))),
+)  # fmt: skip
+d.check(
+    "kernel-at-point",
+    *(equal(at_point_squares[n], square) for n, square in enumerate(squares)),
+    equal(at_point_det, written_det),
+    equal(at_point_A35, M33 * letter_M35),
+    text="The rods of `tricept_at_point` are (2) to (4), and its matrix is the $A_{35}$ of (20), with the determinant "
+    "of `det-W33`.",
+).prove(given=by_pose)
 
 # %%
 unknown = ("sa1", "ca1", "sb1", "cb1", "z1", "c1", "c2", "c3")

@@ -92,9 +92,9 @@ def generated() -> dict[str, Generated]:
             module,
             *ports,
             operations=sum(map(int, re.findall(r"\d+(?= [a-z])", counts[1]))),
-            vectorised=f"TYPED({name}_block)" in text,
+            vectorised=f"BLOCKWISE({name})" in text,
             usual=f"TYPED({name}_usual)" in text,
-            trigonometric=f"TYPED({name}_beyond)" in text,
+            trigonometric=bool(re.search(rf"[1-9], BLOCKWISE\({name}\)", text)),
             is_derivative="; last axis: " in function.__doc__,
         )
     return found

@@ -39,7 +39,7 @@ def forms(kernel: Generated) -> set[tuple[object, ...]]:
         for port in ports:
             written_out = (
                 port.size if port.size in (1, 3, 6) else None
-            )  # sizes that vector.h has code of its own for
+            )  # sizes that loop.h has code of its own for
             found.add((kernel.vectorised, side, len(port.shape), port.is_status, written_out))
     overlapping = {p.shape for p in kernel.inputs} & {p.shape for p in kernel.outputs if not p.is_status}
     return found | {("output over an input", shape) for shape in overlapping}
@@ -66,7 +66,7 @@ QUICK_IN_BOTH = {*LAYOUT_KERNELS, *(name for name, kernel in GENERATED.items() i
 
 def stream_from_bytes() -> int:
     """The threshold as it stands in the generated header."""
-    header = (C_FOLDER.parent / "gufunc" / "vector.h").read_text()
+    header = (C_FOLDER.parent / "gufunc" / "loop.h").read_text()
     number, shift = re.findall(r"#define STREAM_FROM_BYTES \((\d+) << (\d+)\)", header)[0]
     return int(number) << int(shift)
 

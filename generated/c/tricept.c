@@ -1133,6 +1133,133 @@ void TYPED(tricept_tricept_sensitivity_batch)(size_t count, const REAL *pose, co
     TYPED(tricept_tricept_sensitivity)(pose + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], A35 + 15 * i);
 }
 
+/* tricept_at_point: 83 add, 161 mul, 3 div, 10 sqrt */
+void TYPED(tricept_tricept_at_point)(const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL A35[15], REAL legs[3]) {
+  /* inputs */
+  const REAL point_1 = point[0];
+  const REAL point_2 = point[1];
+  const REAL point_3 = point[2];
+  /* intermediate terms */
+  const REAL level_squared = (point_1*point_1) + (point_3*point_3);
+  const REAL x0 = level_squared - (q_x*q_x);
+  const REAL whole_squared = (point_2*point_2) + x0;
+  const REAL g = SQRT(x0);
+  const REAL by_b = K(1.0)/SQRT(level_squared);
+  const REAL sb_point = by_b*point_1;
+  const REAL cb_point = by_b*point_3;
+  const REAL sb_less = by_b*q_x;
+  const REAL cb_less = SQRT(K(1.0) - (sb_less*sb_less));
+  const REAL sb = cb_less*sb_point - cb_point*sb_less;
+  const REAL cb = cb_less*cb_point + sb_less*sb_point;
+  const REAL by_a = K(1.0)/SQRT(whole_squared);
+  const REAL sa_point = by_a*point_2;
+  const REAL ca_point = by_a*g;
+  const REAL sa_less = by_a*q_y;
+  const REAL ca_less = SQRT(K(1.0) - (sa_less*sa_less));
+  const REAL sa = ca_less*sa_point - ca_point*sa_less;
+  const REAL ca = ca_less*ca_point + sa_less*sa_point;
+  const REAL z = SQRT(whole_squared - (q_y*q_y)) - q_z;
+  const REAL lean = sb*z;
+  const REAL x1 = cb*r;
+  const REAL middle = ca*(K(0.75)*r - K(0.5)*lean) + K(0.25)*x1;
+  const REAL x2 = SQRT(K(3.0));
+  const REAL x3 = r*sb;
+  const REAL side = K(0.5)*sa*x2*(K(0.5)*x3 + z);
+  const REAL shared = (R*R) + (r*r) + (z*z);
+  const REAL along = ca*lean + x1;
+  const REAL x5 = K(2.0)*R;
+  const REAL rod_length_1 = SQRT(shared - along*x5);
+  const REAL rod_length_2 = SQRT(shared - x5*(middle + side));
+  const REAL rod_length_3 = SQRT(shared - x5*(middle - side));
+  const REAL x6 = R*sa;
+  const REAL W33_1_1 = r*x6;
+  const REAL W33_1_2 = R*x3;
+  const REAL x7 = K(2.0)*z;
+  const REAL W33_1_3 = x7;
+  const REAL x8 = x3 + x7;
+  const REAL W33_2_1 = R*ca*x8;
+  const REAL W33_2_2 = x1*x6;
+  const REAL W33_2_3 = sa*x5;
+  const REAL x9 = K(2.0)*lean - r;
+  const REAL W33_3_1 = -x6*x9;
+  const REAL x10 = ca*cb;
+  const REAL W33_3_2 = R*(x10*x7 - x3);
+  const REAL x11 = ca*sb;
+  const REAL W33_3_3 = x11*x5;
+  const REAL adjugate_1_1 = W33_2_2*W33_3_3 - W33_2_3*W33_3_2;
+  const REAL adjugate_1_2 = W33_1_3*W33_3_2 - W33_1_2*W33_3_3;
+  const REAL adjugate_1_3 = W33_1_2*W33_2_3 - W33_1_3*W33_2_2;
+  const REAL adjugate_2_1 = W33_2_3*W33_3_1 - W33_2_1*W33_3_3;
+  const REAL adjugate_2_2 = W33_1_1*W33_3_3 - W33_1_3*W33_3_1;
+  const REAL adjugate_2_3 = W33_1_3*W33_2_1 - W33_1_1*W33_2_3;
+  const REAL adjugate_3_1 = W33_2_1*W33_3_2 - W33_2_2*W33_3_1;
+  const REAL adjugate_3_2 = W33_1_2*W33_3_1 - W33_1_1*W33_3_2;
+  const REAL adjugate_3_3 = W33_1_1*W33_2_2 - W33_1_2*W33_2_1;
+  const REAL inverse_determinant = K(1.0)/(W33_1_1*adjugate_1_1 + W33_1_2*adjugate_2_1 + W33_1_3*adjugate_3_1);
+  const REAL M33_1_1 = -point_2*sb;
+  const REAL M33_1_2 = point_3;
+  const REAL M33_1_3 = x11;
+  const REAL M33_2_1 = g;
+  const REAL M33_2_2 = K(0.0);
+  const REAL M33_2_3 = sa;
+  const REAL M33_3_1 = -cb*point_2;
+  const REAL M33_3_2 = -point_1;
+  const REAL M33_3_3 = x10;
+  const REAL N_1_1 = M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1;
+  const REAL N_1_2 = M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2;
+  const REAL N_1_3 = M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3;
+  const REAL N_2_1 = M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1;
+  const REAL N_2_2 = M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2;
+  const REAL N_2_3 = M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3;
+  const REAL N_3_1 = M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1;
+  const REAL N_3_2 = M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2;
+  const REAL N_3_3 = M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3;
+  const REAL x12 = ca + cb;
+  const REAL W35_radii_1_1 = K(2.0)*r - R*x12;
+  const REAL W35_radii_1_2 = x5 - r*x12;
+  const REAL W35_radii_2_1 = sb*x6;
+  const REAL W35_radii_2_2 = sa*x8;
+  const REAL W35_radii_3_1 = R*(cb - ca);
+  const REAL W35_radii_3_2 = ca*x9 + x1;
+  const REAL x13 = K(2.0)*N_1_1/K(3.0);
+  const REAL x14 = inverse_determinant*rod_length_1;
+  const REAL x15 = K(2.0)*x2/K(3.0);
+  const REAL x16 = N_1_2*x15;
+  const REAL x17 = K(2.0)*N_1_3/K(3.0) + x13;
+  const REAL x18 = inverse_determinant*rod_length_2;
+  const REAL x19 = inverse_determinant*rod_length_3;
+  const REAL x20 = K(2.0)*N_2_1/K(3.0);
+  const REAL x21 = N_2_2*x15;
+  const REAL x22 = K(2.0)*N_2_3/K(3.0) + x20;
+  const REAL x23 = K(2.0)*N_3_1/K(3.0);
+  const REAL x24 = N_3_2*x15;
+  const REAL x25 = K(2.0)*N_3_3/K(3.0) + x23;
+  /* outputs */
+  A35[0] = x14*(x13 - K(4.0)*N_1_3/K(3.0));
+  A35[1] = x18*(x17 - x16);
+  A35[2] = x19*(x16 + x17);
+  A35[3] = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1);
+  A35[4] = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2);
+  A35[5] = x14*(x20 - K(4.0)*N_2_3/K(3.0));
+  A35[6] = x18*(x22 - x21);
+  A35[7] = x19*(x21 + x22);
+  A35[8] = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1);
+  A35[9] = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2);
+  A35[10] = x14*(x23 - K(4.0)*N_3_3/K(3.0));
+  A35[11] = x18*(x25 - x24);
+  A35[12] = x19*(x24 + x25);
+  A35[13] = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1);
+  A35[14] = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2);
+  legs[0] = rod_length_1;
+  legs[1] = rod_length_2;
+  legs[2] = rod_length_3;
+}
+
+void TYPED(tricept_tricept_at_point_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *A35, REAL *legs) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_at_point)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], A35 + 15 * i, legs + 3 * i);
+}
+
 /* tricept_propagate: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
 void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, const REAL U_x[25], REAL U_y[9], int8_t *status) {
   /* inputs */

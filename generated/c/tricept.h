@@ -156,6 +156,23 @@ void tricept_tricept_sensitivity_batch_f64(size_t count, const double *pose, con
 void tricept_tricept_sensitivity_f32(const float pose[3], float r, float R, float q_x, float q_y, float q_z, float A35[15]);
 void tricept_tricept_sensitivity_batch_f32(size_t count, const float *pose, const float *r, const float *R, const float *q_x, const float *q_y, const float *q_z, float *A35);
 
+/* Derivatives of the point by the rods and the two radii, and the rods, where the point is.
+ * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4), eqs. (2) to (4) and (20)
+ * Operations: 83 add, 161 mul, 3 div, 10 sqrt
+ * point (3), length: the point, from the base's centre
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * A35 (3, 5), no unit: derivatives of Q by A0, A1, A-1, r, R
+ * legs (3), length: A0, A1, A-1
+ */
+void tricept_tricept_at_point_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double A35[15], double legs[3]);
+void tricept_tricept_at_point_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, double *A35, double *legs);
+void tricept_tricept_at_point_f32(const float point[3], float r, float R, float q_x, float q_y, float q_z, float A35[15], float legs[3]);
+void tricept_tricept_at_point_batch_f32(size_t count, const float *point, const float *r, const float *R, const float *q_x, const float *q_y, const float *q_z, float *A35, float *legs);
+
 /* Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (20) and (21)
  * Operations: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow

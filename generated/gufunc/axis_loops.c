@@ -12,27 +12,91 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/axis.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* solve_axis: 53 add, 110 mul, 6 div, 5 sqrt, 40 select, 41 compare, 19 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+/* The usual case: 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 13 compare, 4 abs, 1 tan. Returns whether all elements are usual. */
+SHARED REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  REAL_MASK all_usual = -1;
+  VECTORISE_ALL(all_usual)
+  for (int i = 0; i < BLOCK; ++i) {
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    const REAL difference_1 = rho_prime_1 - rho_1;
+    const REAL difference_2 = rho_prime_2 - rho_2;
+    const REAL difference_3 = rho_prime_3 - rho_3;
+    const REAL total_1 = rho_1 + rho_prime_1;
+    const REAL total_2 = rho_2 + rho_prime_2;
+    const REAL total_3 = rho_3 + rho_prime_3;
+    const REAL length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3);
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL excess_divisor = K(2.0)*gain + K(4.0)*length_squared;
+    const REAL excess = gain/excess_divisor;
+    const REAL x0 = excess*((excess*excess) + K(1.0));
+    const REAL m_1 = total_1 - difference_1*x0;
+    const REAL m_2 = total_2 - difference_2*x0;
+    const REAL m_3 = total_3 - difference_3*x0;
+    const REAL r_1 = difference_1 - total_1*x0;
+    const REAL r_2 = difference_2 - total_2*x0;
+    const REAL r_3 = difference_3 - total_3*x0;
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_tan)(half_angle);
+    const REAL sine_size = FABS(sine);
+    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
+    const REAL x1 = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL r_squared = x1;
+    const REAL x4 = (sine_size*sine_size);
+    const REAL along_m = m_squared*x4;
+    const REAL along_n = x1;
+    const REAL root_squared = along_m - along_n;
+    const REAL w_1 = m_2*r_3 - m_3*r_2;
+    const REAL w_2 = m_3*r_1 - m_1*r_3;
+    const REAL w_3 = m_1*r_2 - m_2*r_1;
+    const REAL x6 = K(8.0)*REAL_EPSILON;
+    const REAL root = SQRT(root_squared);
+    const REAL divisor = m_squared*sine;
+    const REAL inverse = K(1.0)/divisor;
+    const REAL m_factor = root*FABS(inverse);
+    const REAL base_1 = inverse*w_1;
+    const REAL base_2 = inverse*w_2;
+    const REAL base_3 = inverse*w_3;
+    const REAL offset_1 = m_1*m_factor;
+    const REAL offset_2 = m_2*m_factor;
+    const REAL offset_3 = m_3*m_factor;
+    const REAL plus_1 = base_1 + offset_1;
+    const REAL plus_2 = base_2 + offset_2;
+    const REAL plus_3 = base_3 + offset_3;
+    const REAL minus_1 = base_1 - offset_1;
+    const REAL minus_2 = base_2 - offset_2;
+    const REAL minus_3 = base_3 - offset_3;
+    const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
+    const REAL x2 = FABS(excess);
+    const REAL_MASK lengths_agree = TYPED(mask)(x2 <= K(0.375)*least_tolerance);
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL x5 = SQRT(REAL_EPSILON);
+    const REAL_MASK is_usual = (TYPED(mask)(x2 <= K(0.000244140625))) & ((lengths_agree) | (TYPED(mask)(x2 >= K(0.625)*least_tolerance))) & ((TYPED(mask)(length_tolerance >= K(0.0))) | (TYPED(mask)(length_tolerance <= K(0.0)))) & (TYPED(mask)(excess_divisor > K(4.0)*x3)) & (TYPED(mask)(root_squared > K(2.0)*along_m*x5)) & (TYPED(mask)(m_squared*sine_size > K(16.0)*excess_divisor*x5*(sine_size + K(1.0)))) & (TYPED(mask)(excess_divisor < K(4.0)/x3)) & (TYPED(mask)(K(16.0)*(gain*gain) < m_squared*r_squared)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(8.0)));
+    output[0][i] = plus_1;
+    output[1][i] = plus_2;
+    output[2][i] = plus_3;
+    output[3][i] = minus_1;
+    output[4][i] = minus_2;
+    output[5][i] = minus_3;
+    output[6][i] = TYPED(blend)(~(lengths_agree), K(6.0), K(0.0));
+    all_usual &= is_usual;
+  }
+  return all_usual;
+}
+SHARED int TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  if (TYPED(solve_axis_usual)(input, output))
+    return 0;
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -133,12 +197,6 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL minus_2 = base_2 - offset_2;
     const REAL minus_3 = base_3 - offset_3;
     const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), K(1.0));
-    const REAL axes_1_1 = TYPED(blend)(valid, plus_1*plus_factor, (REAL)NAN);
-    const REAL axes_1_2 = TYPED(blend)(valid, plus_2*plus_factor, (REAL)NAN);
-    const REAL axes_1_3 = TYPED(blend)(valid, plus_3*plus_factor, (REAL)NAN);
-    const REAL axes_2_1 = TYPED(blend)(valid, minus_1*minus_factor, (REAL)NAN);
-    const REAL axes_2_2 = TYPED(blend)(valid, minus_2*minus_factor, (REAL)NAN);
-    const REAL axes_2_3 = TYPED(blend)(valid, minus_3*minus_factor, (REAL)NAN);
     const REAL_MASK both_zero = (TYPED(mask)(size_after == K(0.0))) & (TYPED(mask)(size_before == K(0.0)));
     const REAL_MASK one_zero = (TYPED(mask)(size_after == K(0.0))) | (TYPED(mask)(size_before == K(0.0)));
     const REAL x8 = length_squared*x3;
@@ -155,245 +213,34 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
     const REAL ratio = SQRT(length_prime_squared*TYPED(blend)(TYPED(mask)(length_squared > K(0.0)), K(1.0)/length_squared, K(1.0)));
     const REAL_MASK lengths_agree = ((comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)))) | ((TYPED(mask)(FABS(ratio*scale_before/scale - K(1.0)) <= least_tolerance)) & (~(comparable)));
-    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(both_zero, K(5.0), TYPED(blend)(one_zero, K(2.0), TYPED(blend)(~(lengths_agree), K(6.0), TYPED(blend)(every, K(5.0), TYPED(blend)(opposite, K(4.0), TYPED(blend)(too_small, K(2.0), TYPED(blend)(~(two), K(1.0), TYPED(blend)(parallel, K(3.0), K(0.0))))))))));
-    output[0][i] = axes_1_1;
-    output[1][i] = axes_1_2;
-    output[2][i] = axes_1_3;
-    output[3][i] = axes_2_1;
-    output[4][i] = axes_2_2;
-    output[5][i] = axes_2_3;
-    output[6][i] = status;
+    output[0][i] = TYPED(blend)(valid, plus_1*plus_factor, (REAL)NAN);
+    output[1][i] = TYPED(blend)(valid, plus_2*plus_factor, (REAL)NAN);
+    output[2][i] = TYPED(blend)(valid, plus_3*plus_factor, (REAL)NAN);
+    output[3][i] = TYPED(blend)(valid, minus_1*minus_factor, (REAL)NAN);
+    output[4][i] = TYPED(blend)(valid, minus_2*minus_factor, (REAL)NAN);
+    output[5][i] = TYPED(blend)(valid, minus_3*minus_factor, (REAL)NAN);
+    output[6][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(both_zero, K(5.0), TYPED(blend)(one_zero, K(2.0), TYPED(blend)(~(lengths_agree), K(6.0), TYPED(blend)(every, K(5.0), TYPED(blend)(opposite, K(4.0), TYPED(blend)(too_small, K(2.0), TYPED(blend)(~(two), K(1.0), TYPED(blend)(parallel, K(3.0), K(0.0))))))))));
     output[7][i] = FABS(half_angle);
   }
-}
-
-/* The usual case: 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 13 compare, 4 abs, 1 tan. Returns whether all elements are usual. */
-static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  REAL_MASK all_usual = -1;
-  VECTORISE_ALL(all_usual)
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rho_1 = input[0][i];
-    const REAL rho_2 = input[1][i];
-    const REAL rho_3 = input[2][i];
-    const REAL rho_prime_1 = input[3][i];
-    const REAL rho_prime_2 = input[4][i];
-    const REAL rho_prime_3 = input[5][i];
-    const REAL angle = input[6][i];
-    const REAL length_tolerance = input[7][i];
-    const REAL difference_1 = rho_prime_1 - rho_1;
-    const REAL difference_2 = rho_prime_2 - rho_2;
-    const REAL difference_3 = rho_prime_3 - rho_3;
-    const REAL total_1 = rho_1 + rho_prime_1;
-    const REAL total_2 = rho_2 + rho_prime_2;
-    const REAL total_3 = rho_3 + rho_prime_3;
-    const REAL length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3);
-    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const REAL excess_divisor = K(2.0)*gain + K(4.0)*length_squared;
-    const REAL excess = gain/excess_divisor;
-    const REAL x0 = excess*((excess*excess) + K(1.0));
-    const REAL m_1 = total_1 - difference_1*x0;
-    const REAL m_2 = total_2 - difference_2*x0;
-    const REAL m_3 = total_3 - difference_3*x0;
-    const REAL r_1 = difference_1 - total_1*x0;
-    const REAL r_2 = difference_2 - total_2*x0;
-    const REAL r_3 = difference_3 - total_3*x0;
-    const REAL half_angle = K(0.5)*angle;
-    const REAL sine = TYPED(vector_tan)(half_angle);
-    const REAL sine_size = FABS(sine);
-    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const REAL x1 = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const REAL r_squared = x1;
-    const REAL x4 = (sine_size*sine_size);
-    const REAL along_m = m_squared*x4;
-    const REAL along_n = x1;
-    const REAL root_squared = along_m - along_n;
-    const REAL w_1 = m_2*r_3 - m_3*r_2;
-    const REAL w_2 = m_3*r_1 - m_1*r_3;
-    const REAL w_3 = m_1*r_2 - m_2*r_1;
-    const REAL x6 = K(8.0)*REAL_EPSILON;
-    const REAL root = SQRT(root_squared);
-    const REAL divisor = m_squared*sine;
-    const REAL inverse = K(1.0)/divisor;
-    const REAL m_factor = root*FABS(inverse);
-    const REAL base_1 = inverse*w_1;
-    const REAL base_2 = inverse*w_2;
-    const REAL base_3 = inverse*w_3;
-    const REAL offset_1 = m_1*m_factor;
-    const REAL offset_2 = m_2*m_factor;
-    const REAL offset_3 = m_3*m_factor;
-    const REAL plus_1 = base_1 + offset_1;
-    const REAL plus_2 = base_2 + offset_2;
-    const REAL plus_3 = base_3 + offset_3;
-    const REAL minus_1 = base_1 - offset_1;
-    const REAL minus_2 = base_2 - offset_2;
-    const REAL minus_3 = base_3 - offset_3;
-    const REAL axes_1_1 = plus_1;
-    const REAL axes_1_2 = plus_2;
-    const REAL axes_1_3 = plus_3;
-    const REAL axes_2_1 = minus_1;
-    const REAL axes_2_2 = minus_2;
-    const REAL axes_2_3 = minus_3;
-    const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
-    const REAL x2 = FABS(excess);
-    const REAL_MASK lengths_agree = TYPED(mask)(x2 <= K(0.375)*least_tolerance);
-    const REAL status = TYPED(blend)(~(lengths_agree), K(6.0), K(0.0));
-    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
-    const REAL x5 = SQRT(REAL_EPSILON);
-    const REAL_MASK is_usual = (TYPED(mask)(x2 <= K(0.000244140625))) & ((lengths_agree) | (TYPED(mask)(x2 >= K(0.625)*least_tolerance))) & ((TYPED(mask)(length_tolerance >= K(0.0))) | (TYPED(mask)(length_tolerance <= K(0.0)))) & (TYPED(mask)(excess_divisor > K(4.0)*x3)) & (TYPED(mask)(root_squared > K(2.0)*along_m*x5)) & (TYPED(mask)(m_squared*sine_size > K(16.0)*excess_divisor*x5*(sine_size + K(1.0)))) & (TYPED(mask)(excess_divisor < K(4.0)/x3)) & (TYPED(mask)(K(16.0)*(gain*gain) < m_squared*r_squared)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(8.0)));
-    output[0][i] = axes_1_1;
-    output[1][i] = axes_1_2;
-    output[2][i] = axes_1_3;
-    output[3][i] = axes_2_1;
-    output[4][i] = axes_2_2;
-    output[5][i] = axes_2_3;
-    output[6][i] = status;
-    all_usual &= is_usual;
-  }
-  return all_usual;
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(solve_axis_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL angle = input[6][i];
-    const REAL length_tolerance = input[7][i];
-    REAL axes[6];
-    int8_t status[1];
-    TYPED(axis_solve_axis)(rho, rho_prime, angle, length_tolerance, axes, status);
-    for (int k = 0; k < 6; ++k)
-      output[0 + k][i] = axes[k];
-    for (int k = 0; k < 1; ++k)
-      output[6 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(solve_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  if (TYPED(solve_axis_usual)(input, output))
-    return;
-  TYPED(solve_axis)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(solve_axis_beyond)(input, output);
+  return is_beyond(output + 7, 1);
 }
 #endif
+
+static void TYPED(solve_axis_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(axis_solve_axis)(x + 0, x + 3, x[6], x[7], y + 0, codes + 6);
+}
 
 void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 3) % 2 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[8][BLOCK], output[8][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(solve_axis_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 6);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 6 * width, (total - start) * 6 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 7, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
-      TYPED(solve_axis_block)(input, output);
-      {
-        REAL staged[6 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_6)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[5] + start, output[6]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rho_prime[3];
-    for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL length_tolerance[1];
-    for (int k = 0; k < 1; ++k)
-      length_tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL axes[6];
-    int8_t status[1];
-    TYPED(axis_solve_axis)(rho, rho_prime, angle[0], length_tolerance[0], axes, status);
-    for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], axes[k]);
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {6, 0, 2, {2, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 2, 8, 7, 1, BLOCKWISE(solve_axis), TYPED(solve_axis_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* length_mismatch: 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(length_mismatch)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(length_mismatch)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -424,90 +271,27 @@ static inline void TYPED(length_mismatch)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
     const REAL length_product = SQRT(length_squared*other_squared);
     const REAL ratio = SQRT(other_squared/length_squared);
-    const REAL mismatch = TYPED(blend)((TYPED(mask)(length_squared == K(0.0))) & (TYPED(mask)(other_squared == K(0.0))), K(0.0), TYPED(blend)(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - K(1.0)));
-    output[0][i] = mismatch;
+    output[0][i] = TYPED(blend)((TYPED(mask)(length_squared == K(0.0))) & (TYPED(mask)(other_squared == K(0.0))), K(0.0), TYPED(blend)(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - K(1.0)));
   }
-}
-
-SHARED void TYPED(length_mismatch_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(length_mismatch)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(length_mismatch_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(axis_length_mismatch)(x + 0, x + 3, y + 0);
+}
 
 void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[1][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(length_mismatch_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      TYPED(length_mismatch_block)(input, output);
-      write_block(&writer_0, output[0], sizeof output[0]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rho_prime[3];
-    for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL mismatch[1];
-    TYPED(axis_length_mismatch)(rho, rho_prime, mismatch);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], mismatch[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 1, 6, 1, 0, BLOCKWISE(length_mismatch), TYPED(length_mismatch_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_condition: 29 add, 50 mul, 2 div, 3 sqrt, 8 select, 11 compare, 10 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -571,123 +355,28 @@ static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL band = TYPED(blend)(TYPED(mask)(rounding < x4), rounding, x4);
     const REAL positive = TYPED(blend)(TYPED(mask)(length_squared == K(0.0)), K(1.0), length_squared);
     const REAL under_root = TYPED(blend)(TYPED(mask)(band < root_squared), root_squared, K(0.0));
-    const REAL condition = TYPED(blend)((TYPED(mask)(REAL_MAX >= size_after)) & (TYPED(mask)(REAL_MAX >= size_before)) & (TYPED(mask)(REAL_MAX >= FABS(angle))), SQRT(positive)*turn_scale/SQRT(under_root), (REAL)NAN);
-    output[0][i] = condition;
+    output[0][i] = TYPED(blend)((TYPED(mask)(REAL_MAX >= size_after)) & (TYPED(mask)(REAL_MAX >= size_before)) & (TYPED(mask)(REAL_MAX >= FABS(angle))), SQRT(positive)*turn_scale/SQRT(under_root), (REAL)NAN);
     output[1][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(axis_condition_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[1][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL angle = input[6][i];
-    REAL condition[1];
-    TYPED(axis_axis_condition)(rho, rho_prime, angle, condition);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = condition[k];
-  }
-}
-
-SHARED void TYPED(axis_condition_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_condition)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[1][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(axis_condition_beyond)(input, output);
+  return is_beyond(output + 1, 1);
 }
 #endif
+
+static void TYPED(axis_condition_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(axis_axis_condition)(x + 0, x + 3, x[6], y + 0);
+}
 
 void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[7][BLOCK], output[2][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(axis_condition_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
-      TYPED(axis_condition_block)(input, output);
-      write_block(&writer_0, output[0], sizeof output[0]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rho_prime[3];
-    for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL condition[1];
-    TYPED(axis_axis_condition)(rho, rho_prime, angle[0], condition);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], condition[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 3, 1, 7, 1, 1, BLOCKWISE(axis_condition), TYPED(axis_condition_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_jacobian: 340 add, 629 mul, 12 div, 5 sqrt, 178 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -1250,236 +939,70 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL select_16 = TYPED(blend)(~(lengths_agree), K(6.0), select_15);
     const REAL select_17 = TYPED(blend)(one_zero, K(2.0), select_16);
     const REAL select_18 = TYPED(blend)(both_zero, K(5.0), select_17);
-    const REAL status = TYPED(blend)(~(valid), K(7.0), select_18);
-    const REAL axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
-    const REAL axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
-    const REAL axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
-    const REAL axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
-    const REAL axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
-    const REAL axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
-    const REAL axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
-    const REAL axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
-    const REAL axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
-    const REAL axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
-    const REAL axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
-    const REAL axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
-    const REAL axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
-    const REAL axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
-    const REAL axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
-    const REAL axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
-    const REAL axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
-    const REAL axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
-    const REAL axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
-    const REAL axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
-    const REAL axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
-    const REAL axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
-    const REAL axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
-    const REAL axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
-    const REAL axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
-    const REAL axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
-    const REAL axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
-    const REAL axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
-    const REAL axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
-    const REAL axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
-    const REAL axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
-    const REAL axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
-    const REAL axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
-    const REAL axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
-    const REAL axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
-    const REAL axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
-    const REAL axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
-    const REAL axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
-    const REAL axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
-    const REAL axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
-    const REAL axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
-    const REAL axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
-    output[0][i] = axes_jacobian_1_1_1;
-    output[1][i] = axes_jacobian_1_1_2;
-    output[2][i] = axes_jacobian_1_1_3;
-    output[3][i] = axes_jacobian_1_1_4;
-    output[4][i] = axes_jacobian_1_1_5;
-    output[5][i] = axes_jacobian_1_1_6;
-    output[6][i] = axes_jacobian_1_1_7;
-    output[7][i] = axes_jacobian_1_2_1;
-    output[8][i] = axes_jacobian_1_2_2;
-    output[9][i] = axes_jacobian_1_2_3;
-    output[10][i] = axes_jacobian_1_2_4;
-    output[11][i] = axes_jacobian_1_2_5;
-    output[12][i] = axes_jacobian_1_2_6;
-    output[13][i] = axes_jacobian_1_2_7;
-    output[14][i] = axes_jacobian_1_3_1;
-    output[15][i] = axes_jacobian_1_3_2;
-    output[16][i] = axes_jacobian_1_3_3;
-    output[17][i] = axes_jacobian_1_3_4;
-    output[18][i] = axes_jacobian_1_3_5;
-    output[19][i] = axes_jacobian_1_3_6;
-    output[20][i] = axes_jacobian_1_3_7;
-    output[21][i] = axes_jacobian_2_1_1;
-    output[22][i] = axes_jacobian_2_1_2;
-    output[23][i] = axes_jacobian_2_1_3;
-    output[24][i] = axes_jacobian_2_1_4;
-    output[25][i] = axes_jacobian_2_1_5;
-    output[26][i] = axes_jacobian_2_1_6;
-    output[27][i] = axes_jacobian_2_1_7;
-    output[28][i] = axes_jacobian_2_2_1;
-    output[29][i] = axes_jacobian_2_2_2;
-    output[30][i] = axes_jacobian_2_2_3;
-    output[31][i] = axes_jacobian_2_2_4;
-    output[32][i] = axes_jacobian_2_2_5;
-    output[33][i] = axes_jacobian_2_2_6;
-    output[34][i] = axes_jacobian_2_2_7;
-    output[35][i] = axes_jacobian_2_3_1;
-    output[36][i] = axes_jacobian_2_3_2;
-    output[37][i] = axes_jacobian_2_3_3;
-    output[38][i] = axes_jacobian_2_3_4;
-    output[39][i] = axes_jacobian_2_3_5;
-    output[40][i] = axes_jacobian_2_3_6;
-    output[41][i] = axes_jacobian_2_3_7;
-    output[42][i] = status;
+    output[42][i] = TYPED(blend)(~(valid), K(7.0), select_18);
+    output[0][i] = d_axes_1_1_d_rho_1;
+    output[1][i] = d_axes_1_1_d_rho_2;
+    output[2][i] = d_axes_1_1_d_rho_3;
+    output[3][i] = d_axes_1_1_d_rho_prime_1;
+    output[4][i] = d_axes_1_1_d_rho_prime_2;
+    output[5][i] = d_axes_1_1_d_rho_prime_3;
+    output[6][i] = d_axes_1_1_d_angle;
+    output[7][i] = d_axes_1_2_d_rho_1;
+    output[8][i] = d_axes_1_2_d_rho_2;
+    output[9][i] = d_axes_1_2_d_rho_3;
+    output[10][i] = d_axes_1_2_d_rho_prime_1;
+    output[11][i] = d_axes_1_2_d_rho_prime_2;
+    output[12][i] = d_axes_1_2_d_rho_prime_3;
+    output[13][i] = d_axes_1_2_d_angle;
+    output[14][i] = d_axes_1_3_d_rho_1;
+    output[15][i] = d_axes_1_3_d_rho_2;
+    output[16][i] = d_axes_1_3_d_rho_3;
+    output[17][i] = d_axes_1_3_d_rho_prime_1;
+    output[18][i] = d_axes_1_3_d_rho_prime_2;
+    output[19][i] = d_axes_1_3_d_rho_prime_3;
+    output[20][i] = d_axes_1_3_d_angle;
+    output[21][i] = d_axes_2_1_d_rho_1;
+    output[22][i] = d_axes_2_1_d_rho_2;
+    output[23][i] = d_axes_2_1_d_rho_3;
+    output[24][i] = d_axes_2_1_d_rho_prime_1;
+    output[25][i] = d_axes_2_1_d_rho_prime_2;
+    output[26][i] = d_axes_2_1_d_rho_prime_3;
+    output[27][i] = d_axes_2_1_d_angle;
+    output[28][i] = d_axes_2_2_d_rho_1;
+    output[29][i] = d_axes_2_2_d_rho_2;
+    output[30][i] = d_axes_2_2_d_rho_3;
+    output[31][i] = d_axes_2_2_d_rho_prime_1;
+    output[32][i] = d_axes_2_2_d_rho_prime_2;
+    output[33][i] = d_axes_2_2_d_rho_prime_3;
+    output[34][i] = d_axes_2_2_d_angle;
+    output[35][i] = d_axes_2_3_d_rho_1;
+    output[36][i] = d_axes_2_3_d_rho_2;
+    output[37][i] = d_axes_2_3_d_rho_3;
+    output[38][i] = d_axes_2_3_d_rho_prime_1;
+    output[39][i] = d_axes_2_3_d_rho_prime_2;
+    output[40][i] = d_axes_2_3_d_rho_prime_3;
+    output[41][i] = d_axes_2_3_d_angle;
     output[43][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(axis_jacobian_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[43][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL angle = input[6][i];
-    const REAL length_tolerance = input[7][i];
-    REAL axes_jacobian[42];
-    int8_t status[1];
-    TYPED(axis_axis_jacobian)(rho, rho_prime, angle, length_tolerance, axes_jacobian, status);
-    for (int k = 0; k < 42; ++k)
-      output[0 + k][i] = axes_jacobian[k];
-    for (int k = 0; k < 1; ++k)
-      output[42 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(axis_jacobian_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_jacobian)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[43][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(axis_jacobian_beyond)(input, output);
+  return is_beyond(output + 43, 1);
 }
 #endif
+
+static void TYPED(axis_jacobian_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(axis_axis_jacobian)(x + 0, x + 3, x[6], x[7], y + 0, codes + 42);
+}
 
 void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[42];
-  for (int k = 0; k < 42; ++k)
-    offsets_4[k] = (k / 21) % 2 * core[2] + (k / 7) % 3 * core[3] + (k / 1) % 7 * core[4];
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[8][BLOCK], output[44][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 42, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(axis_jacobian_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 42, count, output + 0);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 42);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 42 * width, (total - start) * 42 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 7, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
-      TYPED(axis_jacobian_block)(input, output);
-      {
-        REAL staged[42 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 42);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[5] + start, output[42]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rho_prime[3];
-    for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL length_tolerance[1];
-    for (int k = 0; k < 1; ++k)
-      length_tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL axes_jacobian[42];
-    int8_t status[1];
-    TYPED(axis_axis_jacobian)(rho, rho_prime, angle[0], length_tolerance[0], axes_jacobian, status);
-    for (int k = 0; k < 42; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], axes_jacobian[k]);
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {42, 0, 3, {2, 3, 7}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 2, 8, 43, 1, BLOCKWISE(axis_jacobian), TYPED(axis_jacobian_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_covariance: 520 add, 867 mul, 12 div, 5 sqrt, 196 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -2140,235 +1663,54 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1;
     const REAL half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
     const REAL half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
-    const REAL covariance_1_1_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (REAL)NAN);
     const REAL x66 = axes_jacobian_1_1_7*var_angle;
     const REAL x67 = axes_jacobian_1_2_7*x66;
-    const REAL covariance_1_1_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (REAL)NAN);
     const REAL x68 = axes_jacobian_1_3_7*x66;
-    const REAL covariance_1_1_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (REAL)NAN);
-    const REAL covariance_1_2_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (REAL)NAN);
-    const REAL covariance_1_2_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (REAL)NAN);
     const REAL x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
-    const REAL covariance_1_2_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (REAL)NAN);
-    const REAL covariance_1_3_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (REAL)NAN);
-    const REAL covariance_1_3_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (REAL)NAN);
-    const REAL covariance_1_3_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (REAL)NAN);
-    const REAL covariance_2_1_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (REAL)NAN);
     const REAL x70 = axes_jacobian_2_1_7*var_angle;
     const REAL x71 = axes_jacobian_2_2_7*x70;
-    const REAL covariance_2_1_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (REAL)NAN);
     const REAL x72 = axes_jacobian_2_3_7*x70;
-    const REAL covariance_2_1_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (REAL)NAN);
-    const REAL covariance_2_2_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (REAL)NAN);
-    const REAL covariance_2_2_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (REAL)NAN);
     const REAL x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
-    const REAL covariance_2_2_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (REAL)NAN);
-    const REAL covariance_2_3_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (REAL)NAN);
-    const REAL covariance_2_3_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (REAL)NAN);
-    const REAL covariance_2_3_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (REAL)NAN);
-    const REAL axis_status = status;
-    output[0][i] = covariance_1_1_1;
-    output[1][i] = covariance_1_1_2;
-    output[2][i] = covariance_1_1_3;
-    output[3][i] = covariance_1_2_1;
-    output[4][i] = covariance_1_2_2;
-    output[5][i] = covariance_1_2_3;
-    output[6][i] = covariance_1_3_1;
-    output[7][i] = covariance_1_3_2;
-    output[8][i] = covariance_1_3_3;
-    output[9][i] = covariance_2_1_1;
-    output[10][i] = covariance_2_1_2;
-    output[11][i] = covariance_2_1_3;
-    output[12][i] = covariance_2_2_1;
-    output[13][i] = covariance_2_2_2;
-    output[14][i] = covariance_2_2_3;
-    output[15][i] = covariance_2_3_1;
-    output[16][i] = covariance_2_3_2;
-    output[17][i] = covariance_2_3_3;
-    output[18][i] = axis_status;
+    output[0][i] = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (REAL)NAN);
+    output[1][i] = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (REAL)NAN);
+    output[2][i] = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (REAL)NAN);
+    output[3][i] = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (REAL)NAN);
+    output[4][i] = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (REAL)NAN);
+    output[5][i] = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (REAL)NAN);
+    output[6][i] = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (REAL)NAN);
+    output[7][i] = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (REAL)NAN);
+    output[8][i] = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (REAL)NAN);
+    output[9][i] = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (REAL)NAN);
+    output[10][i] = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (REAL)NAN);
+    output[11][i] = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (REAL)NAN);
+    output[12][i] = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (REAL)NAN);
+    output[13][i] = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (REAL)NAN);
+    output[14][i] = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (REAL)NAN);
+    output[15][i] = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (REAL)NAN);
+    output[16][i] = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (REAL)NAN);
+    output[17][i] = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (REAL)NAN);
+    output[18][i] = status;
     output[19][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(axis_covariance_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL angle = input[6][i];
-    const REAL length_tolerance = input[7][i];
-    const REAL cov_rho[9] = {input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i]};
-    const REAL cov_rho_prime[9] = {input[17][i], input[18][i], input[19][i], input[20][i], input[21][i], input[22][i], input[23][i], input[24][i], input[25][i]};
-    const REAL var_angle = input[26][i];
-    REAL covariance[18];
-    int8_t axis_status[1];
-    TYPED(axis_axis_covariance)(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle, covariance, axis_status);
-    for (int k = 0; k < 18; ++k)
-      output[0 + k][i] = covariance[k];
-    for (int k = 0; k < 1; ++k)
-      output[18 + k][i] = axis_status[k];
-  }
-}
-
-SHARED void TYPED(axis_covariance_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_covariance)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(axis_covariance_beyond)(input, output);
+  return is_beyond(output + 19, 1);
 }
 #endif
+
+static void TYPED(axis_covariance_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(axis_axis_covariance)(x + 0, x + 3, x[6], x[7], x + 8, x + 17, x[26], y + 0, codes + 18);
+}
 
 void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 9;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_5[k] = (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_7[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[27][BLOCK], output[20][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 9, 9 * width, width)) | (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= ((steps[5] == 0) & is_packed(offsets_5, 9, 9 * width, width)) | (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 18, steps[7], width) & is_aligned(args[7], width));
-  packed &= steps[8] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[5], steps[5]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 8, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
-      TYPED(gather)(input + 17, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
-      TYPED(gather)(input + 26, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-      TYPED(axis_covariance_block)(input, output);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 18, count, output + 0);
-      TYPED(scatter_codes)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 18);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[7] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 7, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 8, args[4], 9);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 17, args[5], 9);
-    if (steps[6] == 0)
-      TYPED(fill)(input + 26, args[6], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load)(input + 8, args[4] + start * 9 * width, 9);
-      if (steps[5] != 0)
-        TYPED(load)(input + 17, args[5] + start * 9 * width, 9);
-      if (steps[6] != 0)
-        TYPED(load_1)(input + 26, args[6] + start * 1 * width);
-      TYPED(axis_covariance_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[8] + start, output[18]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rho_prime[3];
-    for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL length_tolerance[1];
-    for (int k = 0; k < 1; ++k)
-      length_tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL cov_rho[9];
-    for (int k = 0; k < 9; ++k)
-      cov_rho[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL cov_rho_prime[9];
-    for (int k = 0; k < 9; ++k)
-      cov_rho_prime[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL var_angle[1];
-    for (int k = 0; k < 1; ++k)
-      var_angle[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
-    REAL covariance[18];
-    int8_t axis_status[1];
-    TYPED(axis_axis_covariance)(rho, rho_prime, angle[0], length_tolerance[0], cov_rho, cov_rho_prime, var_angle[0], covariance, axis_status);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], covariance[k]);
-    for (int k = 0; k < 1; ++k)
-      args[8][start * steps[8] + offsets_8[k]] = (char)axis_status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {1, 0, 0, {0}}, {18, 0, 3, {2, 3, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 7, 2, 27, 19, 1, BLOCKWISE(axis_covariance), TYPED(axis_covariance_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_residual: 36 add, 73 mul, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -2418,7 +1760,6 @@ static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL moved_2 = rho_prime_2 - rho_2;
     const REAL moved_3 = rho_prime_3 - rho_3;
     const REAL x0 = K(2.0)*sine;
-    const REAL residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2);
     const REAL x8 = axis_2*x0;
     const REAL d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8;
     const REAL x9 = inner_3*x0;
@@ -2429,7 +1770,6 @@ static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_residual_1_d_point_1 = axis_3*d_inner_2_d_point_1*x0 - d_inner_3_d_point_1*x8;
     const REAL d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8;
     const REAL d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8;
-    const REAL residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3);
     const REAL x12 = axis_1*x0;
     const REAL d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9;
     const REAL d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11;
@@ -2438,209 +1778,47 @@ static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11;
     const REAL d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11;
     const REAL d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11;
-    const REAL residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1);
     const REAL d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10;
     const REAL d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13;
     const REAL d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12;
     const REAL d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12;
     const REAL d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12;
     const REAL d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12;
-    const REAL residual_jacobian_1_1 = d_residual_1_d_axis_1;
-    const REAL residual_jacobian_1_2 = d_residual_1_d_axis_2;
-    const REAL residual_jacobian_1_3 = d_residual_1_d_axis_3;
-    const REAL residual_jacobian_1_4 = d_residual_1_d_point_1;
-    const REAL residual_jacobian_1_5 = d_residual_1_d_point_2;
-    const REAL residual_jacobian_1_6 = d_residual_1_d_point_3;
-    const REAL residual_jacobian_2_1 = d_residual_2_d_axis_1;
-    const REAL residual_jacobian_2_2 = d_residual_2_d_axis_2;
-    const REAL residual_jacobian_2_3 = d_residual_2_d_axis_3;
-    const REAL residual_jacobian_2_4 = d_residual_2_d_point_1;
-    const REAL residual_jacobian_2_5 = d_residual_2_d_point_2;
-    const REAL residual_jacobian_2_6 = d_residual_2_d_point_3;
-    const REAL residual_jacobian_3_1 = d_residual_3_d_axis_1;
-    const REAL residual_jacobian_3_2 = d_residual_3_d_axis_2;
-    const REAL residual_jacobian_3_3 = d_residual_3_d_axis_3;
-    const REAL residual_jacobian_3_4 = d_residual_3_d_point_1;
-    const REAL residual_jacobian_3_5 = d_residual_3_d_point_2;
-    const REAL residual_jacobian_3_6 = d_residual_3_d_point_3;
-    output[0][i] = residual_1;
-    output[1][i] = residual_2;
-    output[2][i] = residual_3;
-    output[3][i] = residual_jacobian_1_1;
-    output[4][i] = residual_jacobian_1_2;
-    output[5][i] = residual_jacobian_1_3;
-    output[6][i] = residual_jacobian_1_4;
-    output[7][i] = residual_jacobian_1_5;
-    output[8][i] = residual_jacobian_1_6;
-    output[9][i] = residual_jacobian_2_1;
-    output[10][i] = residual_jacobian_2_2;
-    output[11][i] = residual_jacobian_2_3;
-    output[12][i] = residual_jacobian_2_4;
-    output[13][i] = residual_jacobian_2_5;
-    output[14][i] = residual_jacobian_2_6;
-    output[15][i] = residual_jacobian_3_1;
-    output[16][i] = residual_jacobian_3_2;
-    output[17][i] = residual_jacobian_3_3;
-    output[18][i] = residual_jacobian_3_4;
-    output[19][i] = residual_jacobian_3_5;
-    output[20][i] = residual_jacobian_3_6;
+    output[0][i] = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2);
+    output[1][i] = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3);
+    output[2][i] = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1);
+    output[3][i] = d_residual_1_d_axis_1;
+    output[4][i] = d_residual_1_d_axis_2;
+    output[5][i] = d_residual_1_d_axis_3;
+    output[6][i] = d_residual_1_d_point_1;
+    output[7][i] = d_residual_1_d_point_2;
+    output[8][i] = d_residual_1_d_point_3;
+    output[9][i] = d_residual_2_d_axis_1;
+    output[10][i] = d_residual_2_d_axis_2;
+    output[11][i] = d_residual_2_d_axis_3;
+    output[12][i] = d_residual_2_d_point_1;
+    output[13][i] = d_residual_2_d_point_2;
+    output[14][i] = d_residual_2_d_point_3;
+    output[15][i] = d_residual_3_d_axis_1;
+    output[16][i] = d_residual_3_d_axis_2;
+    output[17][i] = d_residual_3_d_axis_3;
+    output[18][i] = d_residual_3_d_point_1;
+    output[19][i] = d_residual_3_d_point_2;
+    output[20][i] = d_residual_3_d_point_3;
     output[21][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(axis_residual_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL angle = input[6][i];
-    const REAL axis[3] = {input[7][i], input[8][i], input[9][i]};
-    const REAL point[3] = {input[10][i], input[11][i], input[12][i]};
-    REAL residual[3];
-    REAL residual_jacobian[18];
-    TYPED(axis_axis_residual)(rho, rho_prime, angle, axis, point, residual, residual_jacobian);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = residual[k];
-    for (int k = 0; k < 18; ++k)
-      output[3 + k][i] = residual_jacobian[k];
-  }
-}
-
-SHARED void TYPED(axis_residual_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_residual)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(axis_residual_beyond)(input, output);
+  return is_beyond(output + 21, 1);
 }
 #endif
+
+static void TYPED(axis_residual_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(axis_axis_residual)(x + 0, x + 3, x[6], x + 7, x + 10, y + 0, y + 3);
+}
 
 void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_5[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_6[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_6[k] = (k / 6) % 3 * core[5] + (k / 1) % 6 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[13][BLOCK], output[22][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 18, steps[6], width) & is_aligned(args[6], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[4], steps[4]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(gather)(input + 10, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-      TYPED(axis_residual_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 18, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[6] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 7, args[3], 3);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 10, args[4], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 7, args[3] + start * 3 * width);
-      if (steps[4] != 0)
-        TYPED(load_3)(input + 10, args[4] + start * 3 * width);
-      TYPED(axis_residual_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 3, 18);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rho_prime[3];
-    for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL axis[3];
-    for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL residual[3];
-    REAL residual_jacobian[18];
-    TYPED(axis_axis_residual)(rho, rho_prime, angle[0], axis, point, residual, residual_jacobian);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], residual[k]);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], residual_jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 2, {3, 6}}};
+  static const struct kernel kernel = {ports, 5, 2, 13, 21, 1, BLOCKWISE(axis_residual), TYPED(axis_residual_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

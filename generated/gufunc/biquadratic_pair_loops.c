@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/biquadratic_pair.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(pair_prepared)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(pair_prepared)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL first_1_1 = input[0][i];
@@ -92,159 +77,46 @@ static inline void TYPED(pair_prepared)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL left = FABS(rest_1_1) + FABS(rest_1_2) + FABS(rest_1_3) + FABS(rest_2_1) + FABS(rest_2_2) + FABS(rest_2_3) + FABS(rest_3_1) + FABS(rest_3_2) + FABS(rest_3_3);
     const REAL rest_scale = TYPED(power_of_two_scale)(left);
     const REAL_MASK there = (good_b) & (TYPED(mask)(left > K(0.0))) & (TYPED(mask)(square > K(0.0)));
-    const REAL one_1_1 = TYPED(blend)(good_b, scaled_a_1_1, (REAL)NAN);
-    const REAL one_1_2 = TYPED(blend)(good_b, scaled_a_1_2, (REAL)NAN);
-    const REAL one_1_3 = TYPED(blend)(good_b, scaled_a_1_3, (REAL)NAN);
-    const REAL one_2_1 = TYPED(blend)(good_b, scaled_a_2_1, (REAL)NAN);
-    const REAL one_2_2 = TYPED(blend)(good_b, scaled_a_2_2, (REAL)NAN);
-    const REAL one_2_3 = TYPED(blend)(good_b, scaled_a_2_3, (REAL)NAN);
-    const REAL one_3_1 = TYPED(blend)(good_b, scaled_a_3_1, (REAL)NAN);
-    const REAL one_3_2 = TYPED(blend)(good_b, scaled_a_3_2, (REAL)NAN);
-    const REAL one_3_3 = TYPED(blend)(good_b, scaled_a_3_3, (REAL)NAN);
     const REAL x2 = K(0.5)*rest_scale;
-    const REAL two_1_1 = TYPED(blend)(good_b, rest_1_1*x2, (REAL)NAN);
-    const REAL two_1_2 = TYPED(blend)(good_b, rest_1_2*x2, (REAL)NAN);
-    const REAL two_1_3 = TYPED(blend)(good_b, rest_1_3*x2, (REAL)NAN);
-    const REAL two_2_1 = TYPED(blend)(good_b, rest_2_1*x2, (REAL)NAN);
-    const REAL two_2_2 = TYPED(blend)(good_b, rest_2_2*x2, (REAL)NAN);
-    const REAL two_2_3 = TYPED(blend)(good_b, rest_2_3*x2, (REAL)NAN);
-    const REAL two_3_1 = TYPED(blend)(good_b, rest_3_1*x2, (REAL)NAN);
-    const REAL two_3_2 = TYPED(blend)(good_b, rest_3_2*x2, (REAL)NAN);
-    const REAL two_3_3 = TYPED(blend)(good_b, rest_3_3*x2, (REAL)NAN);
-    const REAL loss = TYPED(blend)(there, before*TYPED(blend)(there, K(1.0)/left, K(1.0)), REAL_MAX);
-    output[0][i] = one_1_1;
-    output[1][i] = one_1_2;
-    output[2][i] = one_1_3;
-    output[3][i] = one_2_1;
-    output[4][i] = one_2_2;
-    output[5][i] = one_2_3;
-    output[6][i] = one_3_1;
-    output[7][i] = one_3_2;
-    output[8][i] = one_3_3;
-    output[9][i] = two_1_1;
-    output[10][i] = two_1_2;
-    output[11][i] = two_1_3;
-    output[12][i] = two_2_1;
-    output[13][i] = two_2_2;
-    output[14][i] = two_2_3;
-    output[15][i] = two_3_1;
-    output[16][i] = two_3_2;
-    output[17][i] = two_3_3;
-    output[18][i] = loss;
+    output[0][i] = TYPED(blend)(good_b, scaled_a_1_1, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good_b, scaled_a_1_2, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good_b, scaled_a_1_3, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good_b, scaled_a_2_1, (REAL)NAN);
+    output[4][i] = TYPED(blend)(good_b, scaled_a_2_2, (REAL)NAN);
+    output[5][i] = TYPED(blend)(good_b, scaled_a_2_3, (REAL)NAN);
+    output[6][i] = TYPED(blend)(good_b, scaled_a_3_1, (REAL)NAN);
+    output[7][i] = TYPED(blend)(good_b, scaled_a_3_2, (REAL)NAN);
+    output[8][i] = TYPED(blend)(good_b, scaled_a_3_3, (REAL)NAN);
+    output[9][i] = TYPED(blend)(good_b, rest_1_1*x2, (REAL)NAN);
+    output[10][i] = TYPED(blend)(good_b, rest_1_2*x2, (REAL)NAN);
+    output[11][i] = TYPED(blend)(good_b, rest_1_3*x2, (REAL)NAN);
+    output[12][i] = TYPED(blend)(good_b, rest_2_1*x2, (REAL)NAN);
+    output[13][i] = TYPED(blend)(good_b, rest_2_2*x2, (REAL)NAN);
+    output[14][i] = TYPED(blend)(good_b, rest_2_3*x2, (REAL)NAN);
+    output[15][i] = TYPED(blend)(good_b, rest_3_1*x2, (REAL)NAN);
+    output[16][i] = TYPED(blend)(good_b, rest_3_2*x2, (REAL)NAN);
+    output[17][i] = TYPED(blend)(good_b, rest_3_3*x2, (REAL)NAN);
+    output[18][i] = TYPED(blend)(there, before*TYPED(blend)(there, K(1.0)/left, K(1.0)), REAL_MAX);
   }
-}
-
-SHARED void TYPED(pair_prepared_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(pair_prepared)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(pair_prepared_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(biquadratic_pair_pair_prepared)(x + 0, x + 9, y + 0, y + 9, y + 18);
+}
 
 void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_3[k] = (k / 3) % 3 * core[6] + (k / 1) % 3 * core[7];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[18][BLOCK], output[19][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-      TYPED(pair_prepared_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 9, count, output + 9);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 18);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
-      TYPED(pair_prepared_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 9, 9);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      write_block(&writer_2, output[18], sizeof output[18]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL first[9];
-    for (int k = 0; k < 9; ++k)
-      first[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL second[9];
-    for (int k = 0; k < 9; ++k)
-      second[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL one[9];
-    REAL two[9];
-    REAL loss[1];
-    TYPED(biquadratic_pair_pair_prepared)(first, second, one, two, loss);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], one[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], two[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], loss[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 3, 18, 19, 0, BLOCKWISE(pair_prepared), TYPED(pair_prepared_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* pair_octic: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(pair_octic)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(pair_octic)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL one_1_1 = input[0][i];
@@ -412,147 +284,41 @@ static inline void TYPED(pair_octic)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL plus_3 = q0_3 + q1_3;
     const REAL plus_4 = q0_4 + q1_4;
     const REAL plus_5 = q0_5 + q1_5;
-    const REAL octic_1 = minus_1*plus_1 + (q2_1*q2_1);
     const REAL x71 = K(2.0)*q2_1;
-    const REAL octic_2 = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
-    const REAL octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
     const REAL x72 = K(2.0)*q2_2;
-    const REAL octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
-    const REAL octic_5 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
     const REAL x73 = K(2.0)*q2_3;
-    const REAL octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
-    const REAL octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
-    const REAL octic_8 = minus_4*plus_5 + minus_5*plus_4 + K(2.0)*q2_4*q2_5;
-    const REAL octic_9 = minus_5*plus_5 + (q2_5*q2_5);
-    const REAL turn_1 = cosine7;
-    const REAL turn_2 = sine7;
-    const REAL size = ((SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))));
-    output[0][i] = octic_1;
-    output[1][i] = octic_2;
-    output[2][i] = octic_3;
-    output[3][i] = octic_4;
-    output[4][i] = octic_5;
-    output[5][i] = octic_6;
-    output[6][i] = octic_7;
-    output[7][i] = octic_8;
-    output[8][i] = octic_9;
-    output[9][i] = turn_1;
-    output[10][i] = turn_2;
-    output[11][i] = size;
+    output[0][i] = minus_1*plus_1 + (q2_1*q2_1);
+    output[1][i] = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
+    output[2][i] = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
+    output[3][i] = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
+    output[4][i] = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
+    output[5][i] = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
+    output[6][i] = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
+    output[7][i] = minus_4*plus_5 + minus_5*plus_4 + K(2.0)*q2_4*q2_5;
+    output[8][i] = minus_5*plus_5 + (q2_5*q2_5);
+    output[9][i] = cosine7;
+    output[10][i] = sine7;
+    output[11][i] = ((SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))));
   }
-}
-
-SHARED void TYPED(pair_octic_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(pair_octic)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(pair_octic_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(biquadratic_pair_pair_octic)(x + 0, x + 9, y + 0, y + 9, y + 11);
+}
 
 void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 1) % 9 * core[4];
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[5];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[18][BLOCK], output[12][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-      TYPED(pair_octic_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 9);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 11);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 2 * width, (total - start) * 2 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
-      TYPED(pair_octic_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 9, 2);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      write_block(&writer_2, output[11], sizeof output[11]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL one[9];
-    for (int k = 0; k < 9; ++k)
-      one[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL two[9];
-    for (int k = 0; k < 9; ++k)
-      two[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL octic[9];
-    REAL turn[2];
-    REAL size[1];
-    TYPED(biquadratic_pair_pair_octic)(one, two, octic, turn, size);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], octic[k]);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], turn[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], size[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {9, 0, 1, {9}}, {2, 0, 1, {2}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 3, 18, 12, 0, BLOCKWISE(pair_octic), TYPED(pair_octic_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* pair_aberth: 492 add, 488 mul, 44 div, 43 select, 43 compare */
 #ifndef ROW_BY_ROW
-static inline void TYPED(pair_aberth)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(pair_aberth)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL octic_1 = input[0][i];
@@ -1003,138 +769,43 @@ static inline void TYPED(pair_aberth)(REAL (*restrict input)[BLOCK], REAL (*rest
     const REAL step_im7 = inverse7*(below_re7*im7 - below_im7*re7);
     const REAL share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + K(1.0))*(x29 + K(1.0)));
     const REAL largest7 = TYPED(blend)(TYPED(mask)(largest6 < share7), share7, largest6);
-    const REAL moved_1_1 = roots_1_1 - step_re0;
-    const REAL moved_1_2 = roots_1_2 - step_im0;
-    const REAL moved_2_1 = roots_2_1 - step_re1;
-    const REAL moved_2_2 = roots_2_2 - step_im1;
-    const REAL moved_3_1 = roots_3_1 - step_re2;
-    const REAL moved_3_2 = roots_3_2 - step_im2;
-    const REAL moved_4_1 = roots_4_1 - step_re3;
-    const REAL moved_4_2 = roots_4_2 - step_im3;
-    const REAL moved_5_1 = roots_5_1 - step_re4;
-    const REAL moved_5_2 = roots_5_2 - step_im4;
-    const REAL moved_6_1 = roots_6_1 - step_re5;
-    const REAL moved_6_2 = roots_6_2 - step_im5;
-    const REAL moved_7_1 = roots_7_1 - step_re6;
-    const REAL moved_7_2 = roots_7_2 - step_im6;
-    const REAL moved_8_1 = roots_8_1 - step_re7;
-    const REAL moved_8_2 = roots_8_2 - step_im7;
-    const REAL change = largest7;
-    output[0][i] = moved_1_1;
-    output[1][i] = moved_1_2;
-    output[2][i] = moved_2_1;
-    output[3][i] = moved_2_2;
-    output[4][i] = moved_3_1;
-    output[5][i] = moved_3_2;
-    output[6][i] = moved_4_1;
-    output[7][i] = moved_4_2;
-    output[8][i] = moved_5_1;
-    output[9][i] = moved_5_2;
-    output[10][i] = moved_6_1;
-    output[11][i] = moved_6_2;
-    output[12][i] = moved_7_1;
-    output[13][i] = moved_7_2;
-    output[14][i] = moved_8_1;
-    output[15][i] = moved_8_2;
-    output[16][i] = change;
+    output[0][i] = roots_1_1 - step_re0;
+    output[1][i] = roots_1_2 - step_im0;
+    output[2][i] = roots_2_1 - step_re1;
+    output[3][i] = roots_2_2 - step_im1;
+    output[4][i] = roots_3_1 - step_re2;
+    output[5][i] = roots_3_2 - step_im2;
+    output[6][i] = roots_4_1 - step_re3;
+    output[7][i] = roots_4_2 - step_im3;
+    output[8][i] = roots_5_1 - step_re4;
+    output[9][i] = roots_5_2 - step_im4;
+    output[10][i] = roots_6_1 - step_re5;
+    output[11][i] = roots_6_2 - step_im5;
+    output[12][i] = roots_7_1 - step_re6;
+    output[13][i] = roots_7_2 - step_im6;
+    output[14][i] = roots_8_1 - step_re7;
+    output[15][i] = roots_8_2 - step_im7;
+    output[16][i] = largest7;
   }
-}
-
-SHARED void TYPED(pair_aberth_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(pair_aberth)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(pair_aberth_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(biquadratic_pair_pair_aberth)(x + 0, x + 9, y + 0, y + 16);
+}
 
 void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_1[k] = (k / 2) % 8 * core[1] + (k / 1) % 2 * core[2];
-  ptrdiff_t offsets_2[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_2[k] = (k / 2) % 8 * core[3] + (k / 1) % 2 * core[4];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[25][BLOCK], output[17][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 16, 16 * width, width)) | (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
-      TYPED(pair_aberth_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 16, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 16);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 16 * width, (total - start) * 16 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 16);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load)(input + 9, args[1] + start * 16 * width, 16);
-      TYPED(pair_aberth_block)(input, output);
-      {
-        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[16], sizeof output[16]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL octic[9];
-    for (int k = 0; k < 9; ++k)
-      octic[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL roots[16];
-    for (int k = 0; k < 16; ++k)
-      roots[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL moved[16];
-    REAL change[1];
-    TYPED(biquadratic_pair_pair_aberth)(octic, roots, moved, change);
-    for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], moved[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], change[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 1, {9}}, {16, 0, 2, {8, 2}}, {16, 0, 2, {8, 2}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 25, 17, 0, BLOCKWISE(pair_aberth), TYPED(pair_aberth_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* pair_real_roots: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(pair_real_roots)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(pair_real_roots)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL octic_1 = input[0][i];
@@ -1361,163 +1032,43 @@ static inline void TYPED(pair_real_roots)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL_MASK alone7 = (is_real7) & (TYPED(mask)(((radius0 + radius7)*(radius0 + radius7)) < square70)) & (TYPED(mask)(((radius1 + radius7)*(radius1 + radius7)) < square71)) & (TYPED(mask)(((radius2 + radius7)*(radius2 + radius7)) < square72)) & (TYPED(mask)(((radius3 + radius7)*(radius3 + radius7)) < square73)) & (TYPED(mask)(((radius4 + radius7)*(radius4 + radius7)) < square74)) & (TYPED(mask)(((radius5 + radius7)*(radius5 + radius7)) < square75)) & (TYPED(mask)(((radius6 + radius7)*(radius6 + radius7)) < square76));
     const REAL_MASK off7 = TYPED(mask)(FABS(y7) > radius7);
     const REAL_MASK certain7 = (certain6) & ((alone7) | (off7));
-    const REAL tangents_1 = TYPED(blend)((certain7) & (is_real0), roots_1_1, (REAL)NAN);
-    const REAL tangents_2 = TYPED(blend)((certain7) & (is_real1), roots_2_1, (REAL)NAN);
-    const REAL tangents_3 = TYPED(blend)((certain7) & (is_real2), roots_3_1, (REAL)NAN);
-    const REAL tangents_4 = TYPED(blend)((certain7) & (is_real3), roots_4_1, (REAL)NAN);
-    const REAL tangents_5 = TYPED(blend)((certain7) & (is_real4), roots_5_1, (REAL)NAN);
-    const REAL tangents_6 = TYPED(blend)((certain7) & (is_real5), roots_6_1, (REAL)NAN);
-    const REAL tangents_7 = TYPED(blend)((certain7) & (is_real6), roots_7_1, (REAL)NAN);
-    const REAL tangents_8 = TYPED(blend)((certain7) & (is_real7), roots_8_1, (REAL)NAN);
-    const REAL radii_1 = TYPED(blend)(is_real0, radius0, K(0.0));
-    const REAL radii_2 = TYPED(blend)(is_real1, radius1, K(0.0));
-    const REAL radii_3 = TYPED(blend)(is_real2, radius2, K(0.0));
-    const REAL radii_4 = TYPED(blend)(is_real3, radius3, K(0.0));
-    const REAL radii_5 = TYPED(blend)(is_real4, radius4, K(0.0));
-    const REAL radii_6 = TYPED(blend)(is_real5, radius5, K(0.0));
-    const REAL radii_7 = TYPED(blend)(is_real6, radius6, K(0.0));
-    const REAL radii_8 = TYPED(blend)(is_real7, radius7, K(0.0));
-    const REAL status = TYPED(blend)(certain7, K(0.0), K(1.0));
-    output[0][i] = tangents_1;
-    output[1][i] = tangents_2;
-    output[2][i] = tangents_3;
-    output[3][i] = tangents_4;
-    output[4][i] = tangents_5;
-    output[5][i] = tangents_6;
-    output[6][i] = tangents_7;
-    output[7][i] = tangents_8;
-    output[8][i] = radii_1;
-    output[9][i] = radii_2;
-    output[10][i] = radii_3;
-    output[11][i] = radii_4;
-    output[12][i] = radii_5;
-    output[13][i] = radii_6;
-    output[14][i] = radii_7;
-    output[15][i] = radii_8;
-    output[16][i] = status;
+    output[0][i] = TYPED(blend)((certain7) & (is_real0), roots_1_1, (REAL)NAN);
+    output[1][i] = TYPED(blend)((certain7) & (is_real1), roots_2_1, (REAL)NAN);
+    output[2][i] = TYPED(blend)((certain7) & (is_real2), roots_3_1, (REAL)NAN);
+    output[3][i] = TYPED(blend)((certain7) & (is_real3), roots_4_1, (REAL)NAN);
+    output[4][i] = TYPED(blend)((certain7) & (is_real4), roots_5_1, (REAL)NAN);
+    output[5][i] = TYPED(blend)((certain7) & (is_real5), roots_6_1, (REAL)NAN);
+    output[6][i] = TYPED(blend)((certain7) & (is_real6), roots_7_1, (REAL)NAN);
+    output[7][i] = TYPED(blend)((certain7) & (is_real7), roots_8_1, (REAL)NAN);
+    output[8][i] = TYPED(blend)(is_real0, radius0, K(0.0));
+    output[9][i] = TYPED(blend)(is_real1, radius1, K(0.0));
+    output[10][i] = TYPED(blend)(is_real2, radius2, K(0.0));
+    output[11][i] = TYPED(blend)(is_real3, radius3, K(0.0));
+    output[12][i] = TYPED(blend)(is_real4, radius4, K(0.0));
+    output[13][i] = TYPED(blend)(is_real5, radius5, K(0.0));
+    output[14][i] = TYPED(blend)(is_real6, radius6, K(0.0));
+    output[15][i] = TYPED(blend)(is_real7, radius7, K(0.0));
+    output[16][i] = TYPED(blend)(certain7, K(0.0), K(1.0));
   }
-}
-
-SHARED void TYPED(pair_real_roots_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(pair_real_roots)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(pair_real_roots_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(biquadratic_pair_pair_real_roots)(x + 0, x[9], x + 10, y + 0, y + 8, codes + 16);
+}
 
 void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_2[k] = (k / 2) % 8 * core[1] + (k / 1) % 2 * core[2];
-  ptrdiff_t offsets_3[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_3[k] = (k / 1) % 8 * core[3];
-  ptrdiff_t offsets_4[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_4[k] = (k / 1) % 8 * core[4];
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[26][BLOCK], output[17][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 16, 16 * width, width)) | (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 8, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 8, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[2], steps[2]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
-      TYPED(pair_real_roots_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 8, count, output + 0);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 8, count, output + 8);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 16);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 8 * width, (total - start) * 8 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[4] + start * 8 * width, (total - start) * 8 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 16);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load)(input + 10, args[2] + start * 16 * width, 16);
-      TYPED(pair_real_roots_block)(input, output);
-      {
-        REAL staged[8 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 8);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[8 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 8, 8);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[5] + start, output[16]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL octic[9];
-    for (int k = 0; k < 9; ++k)
-      octic[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL size[1];
-    for (int k = 0; k < 1; ++k)
-      size[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL roots[16];
-    for (int k = 0; k < 16; ++k)
-      roots[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL tangents[8];
-    REAL radii[8];
-    int8_t status[1];
-    TYPED(biquadratic_pair_pair_real_roots)(octic, size[0], roots, tangents, radii, status);
-    for (int k = 0; k < 8; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], tangents[k]);
-    for (int k = 0; k < 8; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], radii[k]);
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 1, {9}}, {1, 0, 0, {0}}, {16, 0, 2, {8, 2}}, {8, 0, 1, {8}}, {8, 0, 1, {8}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 3, 3, 26, 17, 0, BLOCKWISE(pair_real_roots), TYPED(pair_real_roots_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* pair_angles: 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
 #ifndef ROW_BY_ROW
-static inline void TYPED(pair_angles)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(pair_angles)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL one_1_1 = input[0][i];
@@ -1556,120 +1107,28 @@ static inline void TYPED(pair_angles)(REAL (*restrict input)[BLOCK], REAL (*rest
     const REAL normal_2 = row0_3*row1_1 - row0_1*row1_3;
     const REAL normal_3 = row0_1*row1_2 - row0_2*row1_1;
     const REAL sign = TYPED(blend)(TYPED(mask)(normal_1 < K(0.0)), -K(1.0), K(1.0));
-    const REAL angles_1 = TYPED(vector_atan2)(sine, cosine);
-    const REAL angles_2 = TYPED(vector_atan2)(normal_3*sign, normal_2*sign);
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
+    output[0][i] = TYPED(vector_atan2)(sine, cosine);
+    output[1][i] = TYPED(vector_atan2)(normal_3*sign, normal_2*sign);
   }
-}
-
-SHARED void TYPED(pair_angles_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(pair_angles)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(pair_angles_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(biquadratic_pair_pair_angles)(x + 0, x + 9, x + 18, x[20], y + 0);
+}
 
 void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_2[k] = (k / 1) % 2 * core[4];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_4[k] = (k / 1) % 2 * core[5];
-#ifndef ROW_BY_ROW
-  REAL input[21][BLOCK], output[2][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 2, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-      TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-      TYPED(gather)(input + 20, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(pair_angles_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 2, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 2 * width, (total - start) * 2 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 9);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 18, args[2], 2);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 20, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
-      if (steps[2] != 0)
-        TYPED(load)(input + 18, args[2] + start * 2 * width, 2);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 20, args[3] + start * 1 * width);
-      TYPED(pair_angles_block)(input, output);
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL one[9];
-    for (int k = 0; k < 9; ++k)
-      one[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL two[9];
-    for (int k = 0; k < 9; ++k)
-      two[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL turn[2];
-    for (int k = 0; k < 2; ++k)
-      turn[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL tangent[1];
-    for (int k = 0; k < 1; ++k)
-      tangent[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL angles[2];
-    TYPED(biquadratic_pair_pair_angles)(one, two, turn, tangent[0], angles);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], angles[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {2, 0, 1, {2}}, {1, 0, 0, {0}}, {2, 0, 1, {2}}};
+  static const struct kernel kernel = {ports, 4, 1, 21, 2, 0, BLOCKWISE(pair_angles), TYPED(pair_angles_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL one_1_1 = input[0][i];
@@ -1804,16 +1263,11 @@ static inline void TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*rest
     const REAL condition0 = size0*FABS(i1_end) + size1*FABS(i0_end);
     const REAL condition1 = size0*FABS(j1_end) + size1*FABS(j0_end);
     const REAL worst = TYPED(blend)(TYPED(mask)(condition0 > condition1), condition0, condition1);
-    const REAL polished_1 = first1;
-    const REAL polished_2 = second1;
-    const REAL residual = TYPED(blend)(TYPED(mask)(miss0 > miss1), miss0, miss1);
-    const REAL condition = TYPED(blend)(TYPED(mask)(determinant_end != K(0.0)), worst*TYPED(blend)(TYPED(mask)(determinant_end != K(0.0)), K(1.0)/FABS(determinant_end), K(1.0)), REAL_MAX);
-    const REAL determinant = determinant_end;
-    output[0][i] = polished_1;
-    output[1][i] = polished_2;
-    output[2][i] = residual;
-    output[3][i] = condition;
-    output[4][i] = determinant;
+    output[0][i] = first1;
+    output[1][i] = second1;
+    output[2][i] = TYPED(blend)(TYPED(mask)(miss0 > miss1), miss0, miss1);
+    output[3][i] = TYPED(blend)(TYPED(mask)(determinant_end != K(0.0)), worst*TYPED(blend)(TYPED(mask)(determinant_end != K(0.0)), K(1.0)/FABS(determinant_end), K(1.0)), REAL_MAX);
+    output[4][i] = determinant_end;
     output[5][i] = FABS(angles_1);
     output[6][i] = FABS(angles_2);
     output[7][i] = FABS(first0);
@@ -1821,161 +1275,18 @@ static inline void TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*rest
     output[9][i] = FABS(second0);
     output[10][i] = FABS(second1);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(pair_polish_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL one[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    const REAL two[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
-    const REAL angles[2] = {input[18][i], input[19][i]};
-    REAL polished[2];
-    REAL residual[1];
-    REAL condition[1];
-    REAL determinant[1];
-    TYPED(biquadratic_pair_pair_polish)(one, two, angles, polished, residual, condition, determinant);
-    for (int k = 0; k < 2; ++k)
-      output[0 + k][i] = polished[k];
-    for (int k = 0; k < 1; ++k)
-      output[2 + k][i] = residual[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = condition[k];
-    for (int k = 0; k < 1; ++k)
-      output[4 + k][i] = determinant[k];
-  }
-}
-
-SHARED void TYPED(pair_polish_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(pair_polish)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(pair_polish_beyond)(input, output);
+  return is_beyond(output + 5, 6);
 }
 #endif
+
+static void TYPED(pair_polish_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(biquadratic_pair_pair_polish)(x + 0, x + 9, x + 18, y + 0, y + 2, y + 3, y + 4);
+}
 
 void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_2[k] = (k / 1) % 2 * core[4];
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[5];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[20][BLOCK], output[11][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-      TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-      TYPED(pair_polish_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 2 * width, (total - start) * 2 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[4] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[5] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[6] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 9);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 18, args[2], 2);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
-      if (steps[2] != 0)
-        TYPED(load)(input + 18, args[2] + start * 2 * width, 2);
-      TYPED(pair_polish_block)(input, output);
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[2], sizeof output[2]);
-      write_block(&writer_2, output[3], sizeof output[3]);
-      write_block(&writer_3, output[4], sizeof output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL one[9];
-    for (int k = 0; k < 9; ++k)
-      one[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL two[9];
-    for (int k = 0; k < 9; ++k)
-      two[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angles[2];
-    for (int k = 0; k < 2; ++k)
-      angles[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL polished[2];
-    REAL residual[1];
-    REAL condition[1];
-    REAL determinant[1];
-    TYPED(biquadratic_pair_pair_polish)(one, two, angles, polished, residual, condition, determinant);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], polished[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], residual[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], condition[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], determinant[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {2, 0, 1, {2}}, {2, 0, 1, {2}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 3, 4, 20, 5, 6, BLOCKWISE(pair_polish), TYPED(pair_polish_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/delta.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* linear_delta_direct: 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(linear_delta_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(linear_delta_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL carriage_1 = input[0][i];
@@ -100,160 +85,33 @@ static inline void TYPED(linear_delta_direct)(REAL (*restrict input)[BLOCK], REA
     const REAL position_found_2 = down*normal_2_2 + foot_8_2;
     const REAL position_found_3 = down*normal_2_3 + foot_8_3;
     const REAL_MASK there = (valid) & (~(collinear)) & ((above) | (flat));
-    const REAL position_1 = TYPED(blend)(there, position_found_1, (REAL)NAN);
-    const REAL position_2 = TYPED(blend)(there, position_found_2, (REAL)NAN);
-    const REAL position_3 = TYPED(blend)(there, position_found_3, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(collinear, K(2.0), TYPED(blend)(flat, K(1.0), TYPED(blend)(above, K(0.0), K(3.0)))));
-    output[0][i] = position_1;
-    output[1][i] = position_2;
-    output[2][i] = position_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(there, position_found_1, (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, position_found_2, (REAL)NAN);
+    output[2][i] = TYPED(blend)(there, position_found_3, (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(collinear, K(2.0), TYPED(blend)(flat, K(1.0), TYPED(blend)(above, K(0.0), K(3.0)))));
     output[4][i] = FABS(heading_1);
     output[5][i] = FABS(heading_2);
     output[6][i] = FABS(heading_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(linear_delta_direct_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL carriage[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL radius[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL rod[3] = {input[6][i], input[7][i], input[8][i]};
-    const REAL heading[3] = {input[9][i], input[10][i], input[11][i]};
-    REAL position[3];
-    int8_t status[1];
-    TYPED(delta_linear_delta_direct)(carriage, radius, rod, heading, position, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = position[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(linear_delta_direct_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(linear_delta_direct)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(linear_delta_direct_beyond)(input, output);
+  return is_beyond(output + 4, 3);
 }
 #endif
+
+static void TYPED(linear_delta_direct_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(delta_linear_delta_direct)(x + 0, x + 3, x + 6, x + 9, y + 0, codes + 3);
+}
 
 void LOOP(delta_linear_delta_direct)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[7][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[3], steps[3]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(linear_delta_direct_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 9, args[3] + start * 3 * width);
-      TYPED(linear_delta_direct_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[5] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL carriage[3];
-    for (int k = 0; k < 3; ++k)
-      carriage[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL radius[3];
-    for (int k = 0; k < 3; ++k)
-      radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL rod[3];
-    for (int k = 0; k < 3; ++k)
-      rod[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL heading[3];
-    for (int k = 0; k < 3; ++k)
-      heading[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL position[3];
-    int8_t status[1];
-    TYPED(delta_linear_delta_direct)(carriage, radius, rod, heading, position, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], position[k]);
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 2, 12, 4, 3, BLOCKWISE(linear_delta_direct), TYPED(linear_delta_direct_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* rotary_delta_direct: 59 add, 80 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rotary_delta_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rotary_delta_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angle_1 = input[0][i];
@@ -327,14 +185,10 @@ static inline void TYPED(rotary_delta_direct)(REAL (*restrict input)[BLOCK], REA
     const REAL position_found_2 = down*normal_2_2 + foot_8_2;
     const REAL position_found_3 = down*normal_2_3 + foot_8_3;
     const REAL_MASK there = (valid) & (~(collinear)) & ((above) | (flat));
-    const REAL position_1 = TYPED(blend)(there, position_found_1, (REAL)NAN);
-    const REAL position_2 = TYPED(blend)(there, position_found_2, (REAL)NAN);
-    const REAL position_3 = TYPED(blend)(there, position_found_3, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(collinear, K(2.0), TYPED(blend)(flat, K(1.0), TYPED(blend)(above, K(0.0), K(3.0)))));
-    output[0][i] = position_1;
-    output[1][i] = position_2;
-    output[2][i] = position_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(there, position_found_1, (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, position_found_2, (REAL)NAN);
+    output[2][i] = TYPED(blend)(there, position_found_3, (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(collinear, K(2.0), TYPED(blend)(flat, K(1.0), TYPED(blend)(above, K(0.0), K(3.0)))));
     output[4][i] = FABS(angle_1);
     output[5][i] = FABS(angle_2);
     output[6][i] = FABS(angle_3);
@@ -342,161 +196,25 @@ static inline void TYPED(rotary_delta_direct)(REAL (*restrict input)[BLOCK], REA
     output[8][i] = FABS(heading_2);
     output[9][i] = FABS(heading_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(rotary_delta_direct_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angle[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL radius[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL arm[3] = {input[6][i], input[7][i], input[8][i]};
-    const REAL rod[3] = {input[9][i], input[10][i], input[11][i]};
-    const REAL heading[3] = {input[12][i], input[13][i], input[14][i]};
-    REAL position[3];
-    int8_t status[1];
-    TYPED(delta_rotary_delta_direct)(angle, radius, arm, rod, heading, position, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = position[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(rotary_delta_direct_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rotary_delta_direct)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(rotary_delta_direct_beyond)(input, output);
+  return is_beyond(output + 4, 6);
 }
 #endif
+
+static void TYPED(rotary_delta_direct_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(delta_rotary_delta_direct)(x + 0, x + 3, x + 6, x + 9, x + 12, y + 0, codes + 3);
+}
 
 void LOOP(delta_rotary_delta_direct)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_5[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_5[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[15][BLOCK], output[10][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
-  packed &= steps[6] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[4], steps[4]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(gather)(input + 12, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-      TYPED(rotary_delta_direct_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
-      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 3);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 12, args[4], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 9, args[3] + start * 3 * width);
-      if (steps[4] != 0)
-        TYPED(load_3)(input + 12, args[4] + start * 3 * width);
-      TYPED(rotary_delta_direct_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[6] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angle[3];
-    for (int k = 0; k < 3; ++k)
-      angle[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL radius[3];
-    for (int k = 0; k < 3; ++k)
-      radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL arm[3];
-    for (int k = 0; k < 3; ++k)
-      arm[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL rod[3];
-    for (int k = 0; k < 3; ++k)
-      rod[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL heading[3];
-    for (int k = 0; k < 3; ++k)
-      heading[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL position[3];
-    int8_t status[1];
-    TYPED(delta_rotary_delta_direct)(angle, radius, arm, rod, heading, position, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], position[k]);
-    for (int k = 0; k < 1; ++k)
-      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 5, 2, 15, 4, 6, BLOCKWISE(rotary_delta_direct), TYPED(rotary_delta_direct_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* linear_delta_inverse: 29 add, 22 mul, 6 sqrt, 9 select, 10 compare, 15 abs, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(linear_delta_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(linear_delta_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL position_1 = input[0][i];
@@ -536,160 +254,33 @@ static inline void TYPED(linear_delta_inverse)(REAL (*restrict input)[BLOCK], RE
     const REAL_MASK above_3 = TYPED(mask)(height_3 > bound_3);
     const REAL_MASK level_3 = TYPED(mask)(FABS(height_3) <= bound_3);
     const REAL_MASK there = (valid) & ((above_1) | (level_1)) & ((above_2) | (level_2)) & ((above_3) | (level_3));
-    const REAL carriage_1 = TYPED(blend)(there, position_3 + TYPED(blend)(above_1, SQRT(height_1), K(0.0)), (REAL)NAN);
-    const REAL carriage_2 = TYPED(blend)(there, position_3 + TYPED(blend)(above_2, SQRT(height_2), K(0.0)), (REAL)NAN);
-    const REAL carriage_3 = TYPED(blend)(there, position_3 + TYPED(blend)(above_3, SQRT(height_3), K(0.0)), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(~(there), K(3.0), TYPED(blend)((level_1) | (level_2) | (level_3), K(1.0), K(0.0))));
-    output[0][i] = carriage_1;
-    output[1][i] = carriage_2;
-    output[2][i] = carriage_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(there, position_3 + TYPED(blend)(above_1, SQRT(height_1), K(0.0)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, position_3 + TYPED(blend)(above_2, SQRT(height_2), K(0.0)), (REAL)NAN);
+    output[2][i] = TYPED(blend)(there, position_3 + TYPED(blend)(above_3, SQRT(height_3), K(0.0)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(~(there), K(3.0), TYPED(blend)((level_1) | (level_2) | (level_3), K(1.0), K(0.0))));
     output[4][i] = FABS(heading_1);
     output[5][i] = FABS(heading_2);
     output[6][i] = FABS(heading_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(linear_delta_inverse_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL position[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL radius[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL rod[3] = {input[6][i], input[7][i], input[8][i]};
-    const REAL heading[3] = {input[9][i], input[10][i], input[11][i]};
-    REAL carriage[3];
-    int8_t status[1];
-    TYPED(delta_linear_delta_inverse)(position, radius, rod, heading, carriage, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = carriage[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(linear_delta_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(linear_delta_inverse)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(linear_delta_inverse_beyond)(input, output);
+  return is_beyond(output + 4, 3);
 }
 #endif
+
+static void TYPED(linear_delta_inverse_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(delta_linear_delta_inverse)(x + 0, x + 3, x + 6, x + 9, y + 0, codes + 3);
+}
 
 void LOOP(delta_linear_delta_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[7][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[3], steps[3]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(linear_delta_inverse_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 9, args[3] + start * 3 * width);
-      TYPED(linear_delta_inverse_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[5] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL position[3];
-    for (int k = 0; k < 3; ++k)
-      position[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL radius[3];
-    for (int k = 0; k < 3; ++k)
-      radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL rod[3];
-    for (int k = 0; k < 3; ++k)
-      rod[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL heading[3];
-    for (int k = 0; k < 3; ++k)
-      heading[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL carriage[3];
-    int8_t status[1];
-    TYPED(delta_linear_delta_inverse)(position, radius, rod, heading, carriage, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], carriage[k]);
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 2, 12, 4, 3, BLOCKWISE(linear_delta_inverse), TYPED(linear_delta_inverse_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* rotary_delta_equations: 24 add, 26 mul, 3 div, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rotary_delta_equations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rotary_delta_equations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL position_1 = input[0][i];
@@ -719,204 +310,33 @@ static inline void TYPED(rotary_delta_equations)(REAL (*restrict input)[BLOCK], 
     const REAL sine_3 = TYPED(vector_sin)(heading_3);
     const REAL along_3 = cosine_3*position_1 + position_2*sine_3 - radius_3;
     const REAL across_3 = cosine_3*position_2 - position_1*sine_3;
-    const REAL a_1 = -K(2.0)*along_1;
-    const REAL a_2 = -K(2.0)*along_2;
-    const REAL a_3 = -K(2.0)*along_3;
     const REAL x0 = K(2.0)*position_3;
-    const REAL b_1 = x0;
-    const REAL b_2 = x0;
-    const REAL b_3 = x0;
     const REAL x1 = (position_3*position_3);
-    const REAL c_1 = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
-    const REAL c_2 = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
-    const REAL c_3 = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
-    output[0][i] = a_1;
-    output[1][i] = a_2;
-    output[2][i] = a_3;
-    output[3][i] = b_1;
-    output[4][i] = b_2;
-    output[5][i] = b_3;
-    output[6][i] = c_1;
-    output[7][i] = c_2;
-    output[8][i] = c_3;
+    output[0][i] = -K(2.0)*along_1;
+    output[1][i] = -K(2.0)*along_2;
+    output[2][i] = -K(2.0)*along_3;
+    output[3][i] = x0;
+    output[4][i] = x0;
+    output[5][i] = x0;
+    output[6][i] = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
+    output[7][i] = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
+    output[8][i] = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
     output[9][i] = FABS(heading_1);
     output[10][i] = FABS(heading_2);
     output[11][i] = FABS(heading_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(rotary_delta_equations_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL position[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL radius[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL arm[3] = {input[6][i], input[7][i], input[8][i]};
-    const REAL rod[3] = {input[9][i], input[10][i], input[11][i]};
-    const REAL heading[3] = {input[12][i], input[13][i], input[14][i]};
-    REAL a[3];
-    REAL b[3];
-    REAL c[3];
-    TYPED(delta_rotary_delta_equations)(position, radius, arm, rod, heading, a, b, c);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = a[k];
-    for (int k = 0; k < 3; ++k)
-      output[3 + k][i] = b[k];
-    for (int k = 0; k < 3; ++k)
-      output[6 + k][i] = c[k];
-  }
-}
-
-SHARED void TYPED(rotary_delta_equations_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rotary_delta_equations)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(rotary_delta_equations_beyond)(input, output);
+  return is_beyond(output + 9, 3);
 }
 #endif
+
+static void TYPED(rotary_delta_equations_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(delta_rotary_delta_equations)(x + 0, x + 3, x + 6, x + 9, x + 12, y + 0, y + 3, y + 6);
+}
 
 void LOOP(delta_rotary_delta_equations)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_5[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_5[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_6[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_6[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_7[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_7[k] = (k / 1) % 3 * core[7];
-#ifndef ROW_BY_ROW
-  REAL input[15][BLOCK], output[12][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 3, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 3, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[4], steps[4]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(gather)(input + 12, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-      TYPED(rotary_delta_equations_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output + 3);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 3, count, output + 6);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[6] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[7] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 3);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 12, args[4], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 9, args[3] + start * 3 * width);
-      if (steps[4] != 0)
-        TYPED(load_3)(input + 12, args[4] + start * 3 * width);
-      TYPED(rotary_delta_equations_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave_3)(rows, output + 6);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL position[3];
-    for (int k = 0; k < 3; ++k)
-      position[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL radius[3];
-    for (int k = 0; k < 3; ++k)
-      radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL arm[3];
-    for (int k = 0; k < 3; ++k)
-      arm[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL rod[3];
-    for (int k = 0; k < 3; ++k)
-      rod[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL heading[3];
-    for (int k = 0; k < 3; ++k)
-      heading[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL a[3];
-    REAL b[3];
-    REAL c[3];
-    TYPED(delta_rotary_delta_equations)(position, radius, arm, rod, heading, a, b, c);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], a[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], b[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], c[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 5, 3, 15, 9, 3, BLOCKWISE(rotary_delta_equations), TYPED(rotary_delta_equations_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

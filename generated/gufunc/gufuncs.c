@@ -125,6 +125,7 @@ DECLARE_ALL(tricept_tricept_pose)
 DECLARE_ALL(tricept_tricept_direct)
 DECLARE_ALL(tricept_tricept_matrices)
 DECLARE_ALL(tricept_tricept_sensitivity)
+DECLARE_ALL(tricept_tricept_at_point)
 DECLARE_ALL(tricept_tricept_propagate)
 DECLARE_ALL(tricept_tricept_singularity)
 DECLARE_ALL(tricept_uncertainty_tricept_parameter_sensitivity)
@@ -516,6 +517,10 @@ static const char types_tricept_tricept_sensitivity[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
+static const char types_tricept_tricept_at_point[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
 static const char types_tricept_tricept_propagate[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
@@ -728,6 +733,8 @@ static const struct definition definitions[] = {
    ALL_LOOPS(tricept_tricept_matrices), types_tricept_tricept_matrices},
   {"tricept_sensitivity", "(3),(),(),(),(),()->(3,5)", "Derivatives of the point by the rods and the two radii.", 6, 1, 7,
    ALL_LOOPS(tricept_tricept_sensitivity), types_tricept_tricept_sensitivity},
+  {"tricept_at_point", "(3),(),(),(),(),()->(3,5),(3)", "Derivatives of the point by the rods and the two radii, and the rods, where the point is.", 6, 2, 8,
+   ALL_LOOPS(tricept_tricept_at_point), types_tricept_tricept_at_point},
   {"tricept_propagate", "(3),(),(),(),(),(),(),(),(5,5)->(3,3),()", "Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.", 9, 2, 11,
    ALL_LOOPS(tricept_tricept_propagate), types_tricept_tricept_propagate},
   {"tricept_singularity", "(3),(),(),(),(),()->(),(),()", "Determinants that vanish in singular poses.", 6, 3, 9,

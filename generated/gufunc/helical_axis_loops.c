@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/helical_axis.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* screw_residual: 63 add, 115 mul, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(screw_residual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(screw_residual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL before_1 = input[0][i];
@@ -101,7 +86,6 @@ static inline void TYPED(screw_residual)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL x0 = K(2.0)*sine;
     const REAL d_x0_d_angle = K(2.0)*d_sine_d_angle;
     const REAL x16 = axis_2*inner_3 - axis_3*inner_2;
-    const REAL residual_1 = moved_1 - axis_1*slide - x0*x16;
     const REAL x17 = axis_2*x0;
     const REAL d_residual_1_d_before_1 = axis_3*d_inner_2_d_before_1*x0 - d_inner_3_d_before_1*x17 - K(1.0);
     const REAL x18 = axis_3*x0;
@@ -120,7 +104,6 @@ static inline void TYPED(screw_residual)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x17;
     const REAL d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x17;
     const REAL x23 = axis_1*inner_3 - axis_3*inner_1;
-    const REAL residual_2 = moved_2 + x0*x23 - axis_2*slide;
     const REAL x24 = axis_1*x0;
     const REAL d_residual_2_d_before_1 = d_inner_3_d_before_1*x24 + x19;
     const REAL d_residual_2_d_before_2 = axis_1*d_inner_3_d_before_2*x0 - d_inner_1_d_before_2*x18 - K(1.0);
@@ -136,7 +119,6 @@ static inline void TYPED(screw_residual)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL d_residual_2_d_point_2 = d_inner_3_d_point_2*x24 - d_inner_1_d_point_2*x18;
     const REAL d_residual_2_d_point_3 = d_inner_3_d_point_3*x24 - d_inner_1_d_point_3*x18;
     const REAL x27 = axis_1*inner_2 - axis_2*inner_1;
-    const REAL residual_3 = moved_3 - axis_3*slide - x0*x27;
     const REAL d_residual_3_d_before_1 = x20 - d_inner_2_d_before_1*x24;
     const REAL d_residual_3_d_before_2 = axis_2*d_inner_1_d_before_2*x0 - x25;
     const REAL d_residual_3_d_before_3 = axis_2*d_inner_1_d_before_3*x0 - d_inner_2_d_before_3*x24 - K(1.0);
@@ -148,252 +130,63 @@ static inline void TYPED(screw_residual)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x24;
     const REAL d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x24;
     const REAL d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x24;
-    const REAL residual_jacobian_1_1 = d_residual_1_d_before_1;
-    const REAL residual_jacobian_1_2 = d_residual_1_d_before_2;
-    const REAL residual_jacobian_1_3 = d_residual_1_d_before_3;
-    const REAL residual_jacobian_1_4 = d_residual_1_d_angle;
-    const REAL residual_jacobian_1_5 = d_residual_1_d_slide;
-    const REAL residual_jacobian_1_6 = d_residual_1_d_axis_1;
-    const REAL residual_jacobian_1_7 = d_residual_1_d_axis_2;
-    const REAL residual_jacobian_1_8 = d_residual_1_d_axis_3;
-    const REAL residual_jacobian_1_9 = d_residual_1_d_point_1;
-    const REAL residual_jacobian_1_10 = d_residual_1_d_point_2;
-    const REAL residual_jacobian_1_11 = d_residual_1_d_point_3;
-    const REAL residual_jacobian_2_1 = d_residual_2_d_before_1;
-    const REAL residual_jacobian_2_2 = d_residual_2_d_before_2;
-    const REAL residual_jacobian_2_3 = d_residual_2_d_before_3;
-    const REAL residual_jacobian_2_4 = d_residual_2_d_angle;
-    const REAL residual_jacobian_2_5 = d_residual_2_d_slide;
-    const REAL residual_jacobian_2_6 = d_residual_2_d_axis_1;
-    const REAL residual_jacobian_2_7 = d_residual_2_d_axis_2;
-    const REAL residual_jacobian_2_8 = d_residual_2_d_axis_3;
-    const REAL residual_jacobian_2_9 = d_residual_2_d_point_1;
-    const REAL residual_jacobian_2_10 = d_residual_2_d_point_2;
-    const REAL residual_jacobian_2_11 = d_residual_2_d_point_3;
-    const REAL residual_jacobian_3_1 = d_residual_3_d_before_1;
-    const REAL residual_jacobian_3_2 = d_residual_3_d_before_2;
-    const REAL residual_jacobian_3_3 = d_residual_3_d_before_3;
-    const REAL residual_jacobian_3_4 = d_residual_3_d_angle;
-    const REAL residual_jacobian_3_5 = d_residual_3_d_slide;
-    const REAL residual_jacobian_3_6 = d_residual_3_d_axis_1;
-    const REAL residual_jacobian_3_7 = d_residual_3_d_axis_2;
-    const REAL residual_jacobian_3_8 = d_residual_3_d_axis_3;
-    const REAL residual_jacobian_3_9 = d_residual_3_d_point_1;
-    const REAL residual_jacobian_3_10 = d_residual_3_d_point_2;
-    const REAL residual_jacobian_3_11 = d_residual_3_d_point_3;
-    output[0][i] = residual_1;
-    output[1][i] = residual_2;
-    output[2][i] = residual_3;
-    output[3][i] = residual_jacobian_1_1;
-    output[4][i] = residual_jacobian_1_2;
-    output[5][i] = residual_jacobian_1_3;
-    output[6][i] = residual_jacobian_1_4;
-    output[7][i] = residual_jacobian_1_5;
-    output[8][i] = residual_jacobian_1_6;
-    output[9][i] = residual_jacobian_1_7;
-    output[10][i] = residual_jacobian_1_8;
-    output[11][i] = residual_jacobian_1_9;
-    output[12][i] = residual_jacobian_1_10;
-    output[13][i] = residual_jacobian_1_11;
-    output[14][i] = residual_jacobian_2_1;
-    output[15][i] = residual_jacobian_2_2;
-    output[16][i] = residual_jacobian_2_3;
-    output[17][i] = residual_jacobian_2_4;
-    output[18][i] = residual_jacobian_2_5;
-    output[19][i] = residual_jacobian_2_6;
-    output[20][i] = residual_jacobian_2_7;
-    output[21][i] = residual_jacobian_2_8;
-    output[22][i] = residual_jacobian_2_9;
-    output[23][i] = residual_jacobian_2_10;
-    output[24][i] = residual_jacobian_2_11;
-    output[25][i] = residual_jacobian_3_1;
-    output[26][i] = residual_jacobian_3_2;
-    output[27][i] = residual_jacobian_3_3;
-    output[28][i] = residual_jacobian_3_4;
-    output[29][i] = residual_jacobian_3_5;
-    output[30][i] = residual_jacobian_3_6;
-    output[31][i] = residual_jacobian_3_7;
-    output[32][i] = residual_jacobian_3_8;
-    output[33][i] = residual_jacobian_3_9;
-    output[34][i] = residual_jacobian_3_10;
-    output[35][i] = residual_jacobian_3_11;
+    output[0][i] = moved_1 - axis_1*slide - x0*x16;
+    output[1][i] = moved_2 + x0*x23 - axis_2*slide;
+    output[2][i] = moved_3 - axis_3*slide - x0*x27;
+    output[3][i] = d_residual_1_d_before_1;
+    output[4][i] = d_residual_1_d_before_2;
+    output[5][i] = d_residual_1_d_before_3;
+    output[6][i] = d_residual_1_d_angle;
+    output[7][i] = d_residual_1_d_slide;
+    output[8][i] = d_residual_1_d_axis_1;
+    output[9][i] = d_residual_1_d_axis_2;
+    output[10][i] = d_residual_1_d_axis_3;
+    output[11][i] = d_residual_1_d_point_1;
+    output[12][i] = d_residual_1_d_point_2;
+    output[13][i] = d_residual_1_d_point_3;
+    output[14][i] = d_residual_2_d_before_1;
+    output[15][i] = d_residual_2_d_before_2;
+    output[16][i] = d_residual_2_d_before_3;
+    output[17][i] = d_residual_2_d_angle;
+    output[18][i] = d_residual_2_d_slide;
+    output[19][i] = d_residual_2_d_axis_1;
+    output[20][i] = d_residual_2_d_axis_2;
+    output[21][i] = d_residual_2_d_axis_3;
+    output[22][i] = d_residual_2_d_point_1;
+    output[23][i] = d_residual_2_d_point_2;
+    output[24][i] = d_residual_2_d_point_3;
+    output[25][i] = d_residual_3_d_before_1;
+    output[26][i] = d_residual_3_d_before_2;
+    output[27][i] = d_residual_3_d_before_3;
+    output[28][i] = d_residual_3_d_angle;
+    output[29][i] = d_residual_3_d_slide;
+    output[30][i] = d_residual_3_d_axis_1;
+    output[31][i] = d_residual_3_d_axis_2;
+    output[32][i] = d_residual_3_d_axis_3;
+    output[33][i] = d_residual_3_d_point_1;
+    output[34][i] = d_residual_3_d_point_2;
+    output[35][i] = d_residual_3_d_point_3;
     output[36][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(screw_residual_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL before[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL reading[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL angle = input[6][i];
-    const REAL slide = input[7][i];
-    const REAL axis[3] = {input[8][i], input[9][i], input[10][i]};
-    const REAL point[3] = {input[11][i], input[12][i], input[13][i]};
-    REAL residual[3];
-    REAL residual_jacobian[33];
-    TYPED(helical_axis_screw_residual)(before, reading, angle, slide, axis, point, residual, residual_jacobian);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = residual[k];
-    for (int k = 0; k < 33; ++k)
-      output[3 + k][i] = residual_jacobian[k];
-  }
-}
-
-SHARED void TYPED(screw_residual_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(screw_residual)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(screw_residual_beyond)(input, output);
+  return is_beyond(output + 36, 1);
 }
 #endif
+
+static void TYPED(screw_residual_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(helical_axis_screw_residual)(x + 0, x + 3, x[6], x[7], x + 8, x + 11, y + 0, y + 3);
+}
 
 void LOOP(helical_axis_screw_residual)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_5[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_5[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_6[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_6[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_7[33];
-  for (int k = 0; k < 33; ++k)
-    offsets_7[k] = (k / 11) % 3 * core[5] + (k / 1) % 11 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[14][BLOCK], output[37][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= ((steps[5] == 0) & is_packed(offsets_5, 3, 3 * width, width)) | (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 3, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 33, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[5], steps[5]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 8, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-      TYPED(gather)(input + 11, args[5] + start * steps[5], steps[5], offsets_5, 3, count);
-      TYPED(screw_residual_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output + 0);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 33, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7] + start * 33 * width, (total - start) * 33 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 7, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 8, args[4], 3);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 11, args[5], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_3)(input + 8, args[4] + start * 3 * width);
-      if (steps[5] != 0)
-        TYPED(load_3)(input + 11, args[5] + start * 3 * width);
-      TYPED(screw_residual_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[33 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 3, 33);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL before[3];
-    for (int k = 0; k < 3; ++k)
-      before[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL reading[3];
-    for (int k = 0; k < 3; ++k)
-      reading[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL slide[1];
-    for (int k = 0; k < 1; ++k)
-      slide[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL axis[3];
-    for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL residual[3];
-    REAL residual_jacobian[33];
-    TYPED(helical_axis_screw_residual)(before, reading, angle[0], slide[0], axis, point, residual, residual_jacobian);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], residual[k]);
-    for (int k = 0; k < 33; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], residual_jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {33, 0, 2, {3, 11}}};
+  static const struct kernel kernel = {ports, 6, 2, 14, 36, 1, BLOCKWISE(screw_residual), TYPED(screw_residual_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* velocity_axis: 78 add, 122 mul, 3 div, 1 sqrt */
 #ifndef ROW_BY_ROW
-static inline void TYPED(velocity_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(velocity_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL omega_1 = input[0][i];
@@ -493,311 +286,115 @@ static inline void TYPED(velocity_axis)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_slide_rate_d_omega_1 = d_along_1_d_omega_1*velocity_1 + d_along_2_d_omega_1*velocity_2 + d_along_3_d_omega_1*velocity_3;
     const REAL d_slide_rate_d_omega_2 = d_along_1_d_omega_2*velocity_1 + d_along_2_d_omega_2*velocity_2 + d_along_3_d_omega_2*velocity_3;
     const REAL d_slide_rate_d_omega_3 = d_along_1_d_omega_3*velocity_1 + d_along_2_d_omega_3*velocity_2 + d_along_3_d_omega_3*velocity_3;
-    const REAL helical_1 = along_1;
-    const REAL helical_2 = along_2;
-    const REAL helical_3 = along_3;
-    const REAL helical_4 = place_1;
-    const REAL helical_5 = place_2;
-    const REAL helical_6 = place_3;
-    const REAL helical_7 = slide_rate*x0;
     const REAL d_helical_7_d_omega_1 = d_slide_rate_d_omega_1*x0 + d_x0_d_omega_1*slide_rate;
     const REAL d_helical_7_d_omega_2 = d_slide_rate_d_omega_2*x0 + d_x0_d_omega_2*slide_rate;
     const REAL d_helical_7_d_omega_3 = d_slide_rate_d_omega_3*x0 + d_x0_d_omega_3*slide_rate;
     const REAL d_helical_7_d_velocity_1 = x15;
     const REAL d_helical_7_d_velocity_2 = x12;
     const REAL d_helical_7_d_velocity_3 = x11;
-    const REAL helical_8 = rate;
-    const REAL helical_9 = slide_rate;
-    const REAL helical_jacobian_1_1 = d_along_1_d_omega_1;
-    const REAL helical_jacobian_1_2 = d_along_1_d_omega_2;
-    const REAL helical_jacobian_1_3 = d_along_1_d_omega_3;
-    const REAL helical_jacobian_1_4 = K(0.0);
-    const REAL helical_jacobian_1_5 = K(0.0);
-    const REAL helical_jacobian_1_6 = K(0.0);
-    const REAL helical_jacobian_1_7 = K(0.0);
-    const REAL helical_jacobian_1_8 = K(0.0);
-    const REAL helical_jacobian_1_9 = K(0.0);
-    const REAL helical_jacobian_2_1 = d_along_2_d_omega_1;
-    const REAL helical_jacobian_2_2 = d_along_2_d_omega_2;
-    const REAL helical_jacobian_2_3 = d_along_2_d_omega_3;
-    const REAL helical_jacobian_2_4 = K(0.0);
-    const REAL helical_jacobian_2_5 = K(0.0);
-    const REAL helical_jacobian_2_6 = K(0.0);
-    const REAL helical_jacobian_2_7 = K(0.0);
-    const REAL helical_jacobian_2_8 = K(0.0);
-    const REAL helical_jacobian_2_9 = K(0.0);
-    const REAL helical_jacobian_3_1 = d_along_3_d_omega_1;
-    const REAL helical_jacobian_3_2 = d_along_3_d_omega_2;
-    const REAL helical_jacobian_3_3 = d_along_3_d_omega_3;
-    const REAL helical_jacobian_3_4 = K(0.0);
-    const REAL helical_jacobian_3_5 = K(0.0);
-    const REAL helical_jacobian_3_6 = K(0.0);
-    const REAL helical_jacobian_3_7 = K(0.0);
-    const REAL helical_jacobian_3_8 = K(0.0);
-    const REAL helical_jacobian_3_9 = K(0.0);
-    const REAL helical_jacobian_4_1 = d_place_1_d_omega_1;
-    const REAL helical_jacobian_4_2 = d_place_1_d_omega_2;
-    const REAL helical_jacobian_4_3 = d_place_1_d_omega_3;
-    const REAL helical_jacobian_4_4 = K(0.0);
-    const REAL helical_jacobian_4_5 = d_place_1_d_velocity_2;
-    const REAL helical_jacobian_4_6 = d_place_1_d_velocity_3;
-    const REAL helical_jacobian_4_7 = d_across_1_d_position_1;
-    const REAL helical_jacobian_4_8 = d_across_1_d_position_2;
-    const REAL helical_jacobian_4_9 = d_across_1_d_position_3;
-    const REAL helical_jacobian_5_1 = d_place_2_d_omega_1;
-    const REAL helical_jacobian_5_2 = d_place_2_d_omega_2;
-    const REAL helical_jacobian_5_3 = d_place_2_d_omega_3;
-    const REAL helical_jacobian_5_4 = d_place_2_d_velocity_1;
-    const REAL helical_jacobian_5_5 = K(0.0);
-    const REAL helical_jacobian_5_6 = d_place_2_d_velocity_3;
-    const REAL helical_jacobian_5_7 = d_across_2_d_position_1;
-    const REAL helical_jacobian_5_8 = d_across_2_d_position_2;
-    const REAL helical_jacobian_5_9 = d_across_2_d_position_3;
-    const REAL helical_jacobian_6_1 = d_place_3_d_omega_1;
-    const REAL helical_jacobian_6_2 = d_place_3_d_omega_2;
-    const REAL helical_jacobian_6_3 = d_place_3_d_omega_3;
-    const REAL helical_jacobian_6_4 = d_place_3_d_velocity_1;
-    const REAL helical_jacobian_6_5 = d_place_3_d_velocity_2;
-    const REAL helical_jacobian_6_6 = K(0.0);
-    const REAL helical_jacobian_6_7 = d_across_3_d_position_1;
-    const REAL helical_jacobian_6_8 = d_across_3_d_position_2;
-    const REAL helical_jacobian_6_9 = d_across_3_d_position_3;
-    const REAL helical_jacobian_7_1 = d_helical_7_d_omega_1;
-    const REAL helical_jacobian_7_2 = d_helical_7_d_omega_2;
-    const REAL helical_jacobian_7_3 = d_helical_7_d_omega_3;
-    const REAL helical_jacobian_7_4 = d_helical_7_d_velocity_1;
-    const REAL helical_jacobian_7_5 = d_helical_7_d_velocity_2;
-    const REAL helical_jacobian_7_6 = d_helical_7_d_velocity_3;
-    const REAL helical_jacobian_7_7 = K(0.0);
-    const REAL helical_jacobian_7_8 = K(0.0);
-    const REAL helical_jacobian_7_9 = K(0.0);
-    const REAL helical_jacobian_8_1 = d_rate_d_omega_1;
-    const REAL helical_jacobian_8_2 = d_rate_d_omega_2;
-    const REAL helical_jacobian_8_3 = d_rate_d_omega_3;
-    const REAL helical_jacobian_8_4 = K(0.0);
-    const REAL helical_jacobian_8_5 = K(0.0);
-    const REAL helical_jacobian_8_6 = K(0.0);
-    const REAL helical_jacobian_8_7 = K(0.0);
-    const REAL helical_jacobian_8_8 = K(0.0);
-    const REAL helical_jacobian_8_9 = K(0.0);
-    const REAL helical_jacobian_9_1 = d_slide_rate_d_omega_1;
-    const REAL helical_jacobian_9_2 = d_slide_rate_d_omega_2;
-    const REAL helical_jacobian_9_3 = d_slide_rate_d_omega_3;
-    const REAL helical_jacobian_9_4 = along_1;
-    const REAL helical_jacobian_9_5 = along_2;
-    const REAL helical_jacobian_9_6 = along_3;
-    const REAL helical_jacobian_9_7 = K(0.0);
-    const REAL helical_jacobian_9_8 = K(0.0);
-    const REAL helical_jacobian_9_9 = K(0.0);
-    output[0][i] = helical_1;
-    output[1][i] = helical_2;
-    output[2][i] = helical_3;
-    output[3][i] = helical_4;
-    output[4][i] = helical_5;
-    output[5][i] = helical_6;
-    output[6][i] = helical_7;
-    output[7][i] = helical_8;
-    output[8][i] = helical_9;
-    output[9][i] = helical_jacobian_1_1;
-    output[10][i] = helical_jacobian_1_2;
-    output[11][i] = helical_jacobian_1_3;
-    output[12][i] = helical_jacobian_1_4;
-    output[13][i] = helical_jacobian_1_5;
-    output[14][i] = helical_jacobian_1_6;
-    output[15][i] = helical_jacobian_1_7;
-    output[16][i] = helical_jacobian_1_8;
-    output[17][i] = helical_jacobian_1_9;
-    output[18][i] = helical_jacobian_2_1;
-    output[19][i] = helical_jacobian_2_2;
-    output[20][i] = helical_jacobian_2_3;
-    output[21][i] = helical_jacobian_2_4;
-    output[22][i] = helical_jacobian_2_5;
-    output[23][i] = helical_jacobian_2_6;
-    output[24][i] = helical_jacobian_2_7;
-    output[25][i] = helical_jacobian_2_8;
-    output[26][i] = helical_jacobian_2_9;
-    output[27][i] = helical_jacobian_3_1;
-    output[28][i] = helical_jacobian_3_2;
-    output[29][i] = helical_jacobian_3_3;
-    output[30][i] = helical_jacobian_3_4;
-    output[31][i] = helical_jacobian_3_5;
-    output[32][i] = helical_jacobian_3_6;
-    output[33][i] = helical_jacobian_3_7;
-    output[34][i] = helical_jacobian_3_8;
-    output[35][i] = helical_jacobian_3_9;
-    output[36][i] = helical_jacobian_4_1;
-    output[37][i] = helical_jacobian_4_2;
-    output[38][i] = helical_jacobian_4_3;
-    output[39][i] = helical_jacobian_4_4;
-    output[40][i] = helical_jacobian_4_5;
-    output[41][i] = helical_jacobian_4_6;
-    output[42][i] = helical_jacobian_4_7;
-    output[43][i] = helical_jacobian_4_8;
-    output[44][i] = helical_jacobian_4_9;
-    output[45][i] = helical_jacobian_5_1;
-    output[46][i] = helical_jacobian_5_2;
-    output[47][i] = helical_jacobian_5_3;
-    output[48][i] = helical_jacobian_5_4;
-    output[49][i] = helical_jacobian_5_5;
-    output[50][i] = helical_jacobian_5_6;
-    output[51][i] = helical_jacobian_5_7;
-    output[52][i] = helical_jacobian_5_8;
-    output[53][i] = helical_jacobian_5_9;
-    output[54][i] = helical_jacobian_6_1;
-    output[55][i] = helical_jacobian_6_2;
-    output[56][i] = helical_jacobian_6_3;
-    output[57][i] = helical_jacobian_6_4;
-    output[58][i] = helical_jacobian_6_5;
-    output[59][i] = helical_jacobian_6_6;
-    output[60][i] = helical_jacobian_6_7;
-    output[61][i] = helical_jacobian_6_8;
-    output[62][i] = helical_jacobian_6_9;
-    output[63][i] = helical_jacobian_7_1;
-    output[64][i] = helical_jacobian_7_2;
-    output[65][i] = helical_jacobian_7_3;
-    output[66][i] = helical_jacobian_7_4;
-    output[67][i] = helical_jacobian_7_5;
-    output[68][i] = helical_jacobian_7_6;
-    output[69][i] = helical_jacobian_7_7;
-    output[70][i] = helical_jacobian_7_8;
-    output[71][i] = helical_jacobian_7_9;
-    output[72][i] = helical_jacobian_8_1;
-    output[73][i] = helical_jacobian_8_2;
-    output[74][i] = helical_jacobian_8_3;
-    output[75][i] = helical_jacobian_8_4;
-    output[76][i] = helical_jacobian_8_5;
-    output[77][i] = helical_jacobian_8_6;
-    output[78][i] = helical_jacobian_8_7;
-    output[79][i] = helical_jacobian_8_8;
-    output[80][i] = helical_jacobian_8_9;
-    output[81][i] = helical_jacobian_9_1;
-    output[82][i] = helical_jacobian_9_2;
-    output[83][i] = helical_jacobian_9_3;
-    output[84][i] = helical_jacobian_9_4;
-    output[85][i] = helical_jacobian_9_5;
-    output[86][i] = helical_jacobian_9_6;
-    output[87][i] = helical_jacobian_9_7;
-    output[88][i] = helical_jacobian_9_8;
-    output[89][i] = helical_jacobian_9_9;
+    output[0][i] = along_1;
+    output[1][i] = along_2;
+    output[2][i] = along_3;
+    output[3][i] = place_1;
+    output[4][i] = place_2;
+    output[5][i] = place_3;
+    output[6][i] = slide_rate*x0;
+    output[7][i] = rate;
+    output[8][i] = slide_rate;
+    output[9][i] = d_along_1_d_omega_1;
+    output[10][i] = d_along_1_d_omega_2;
+    output[11][i] = d_along_1_d_omega_3;
+    output[12][i] = K(0.0);
+    output[13][i] = K(0.0);
+    output[14][i] = K(0.0);
+    output[15][i] = K(0.0);
+    output[16][i] = K(0.0);
+    output[17][i] = K(0.0);
+    output[18][i] = d_along_2_d_omega_1;
+    output[19][i] = d_along_2_d_omega_2;
+    output[20][i] = d_along_2_d_omega_3;
+    output[21][i] = K(0.0);
+    output[22][i] = K(0.0);
+    output[23][i] = K(0.0);
+    output[24][i] = K(0.0);
+    output[25][i] = K(0.0);
+    output[26][i] = K(0.0);
+    output[27][i] = d_along_3_d_omega_1;
+    output[28][i] = d_along_3_d_omega_2;
+    output[29][i] = d_along_3_d_omega_3;
+    output[30][i] = K(0.0);
+    output[31][i] = K(0.0);
+    output[32][i] = K(0.0);
+    output[33][i] = K(0.0);
+    output[34][i] = K(0.0);
+    output[35][i] = K(0.0);
+    output[36][i] = d_place_1_d_omega_1;
+    output[37][i] = d_place_1_d_omega_2;
+    output[38][i] = d_place_1_d_omega_3;
+    output[39][i] = K(0.0);
+    output[40][i] = d_place_1_d_velocity_2;
+    output[41][i] = d_place_1_d_velocity_3;
+    output[42][i] = d_across_1_d_position_1;
+    output[43][i] = d_across_1_d_position_2;
+    output[44][i] = d_across_1_d_position_3;
+    output[45][i] = d_place_2_d_omega_1;
+    output[46][i] = d_place_2_d_omega_2;
+    output[47][i] = d_place_2_d_omega_3;
+    output[48][i] = d_place_2_d_velocity_1;
+    output[49][i] = K(0.0);
+    output[50][i] = d_place_2_d_velocity_3;
+    output[51][i] = d_across_2_d_position_1;
+    output[52][i] = d_across_2_d_position_2;
+    output[53][i] = d_across_2_d_position_3;
+    output[54][i] = d_place_3_d_omega_1;
+    output[55][i] = d_place_3_d_omega_2;
+    output[56][i] = d_place_3_d_omega_3;
+    output[57][i] = d_place_3_d_velocity_1;
+    output[58][i] = d_place_3_d_velocity_2;
+    output[59][i] = K(0.0);
+    output[60][i] = d_across_3_d_position_1;
+    output[61][i] = d_across_3_d_position_2;
+    output[62][i] = d_across_3_d_position_3;
+    output[63][i] = d_helical_7_d_omega_1;
+    output[64][i] = d_helical_7_d_omega_2;
+    output[65][i] = d_helical_7_d_omega_3;
+    output[66][i] = d_helical_7_d_velocity_1;
+    output[67][i] = d_helical_7_d_velocity_2;
+    output[68][i] = d_helical_7_d_velocity_3;
+    output[69][i] = K(0.0);
+    output[70][i] = K(0.0);
+    output[71][i] = K(0.0);
+    output[72][i] = d_rate_d_omega_1;
+    output[73][i] = d_rate_d_omega_2;
+    output[74][i] = d_rate_d_omega_3;
+    output[75][i] = K(0.0);
+    output[76][i] = K(0.0);
+    output[77][i] = K(0.0);
+    output[78][i] = K(0.0);
+    output[79][i] = K(0.0);
+    output[80][i] = K(0.0);
+    output[81][i] = d_slide_rate_d_omega_1;
+    output[82][i] = d_slide_rate_d_omega_2;
+    output[83][i] = d_slide_rate_d_omega_3;
+    output[84][i] = along_1;
+    output[85][i] = along_2;
+    output[86][i] = along_3;
+    output[87][i] = K(0.0);
+    output[88][i] = K(0.0);
+    output[89][i] = K(0.0);
   }
-}
-
-SHARED void TYPED(velocity_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(velocity_axis)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(velocity_axis_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(helical_axis_velocity_axis)(x + 0, x + 3, x + 6, x + 9, y + 0, y + 9);
+}
 
 void LOOP(helical_axis_velocity_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 1) % 9 * core[4];
-  ptrdiff_t offsets_5[81];
-  for (int k = 0; k < 81; ++k)
-    offsets_5[k] = (k / 9) % 9 * core[5] + (k / 1) % 9 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[90][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 81, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[3], steps[3]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(velocity_axis_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 81, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 81 * width, (total - start) * 81 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 9, args[3] + start * 3 * width);
-      TYPED(velocity_axis_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[81 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 9, 81);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL omega[3];
-    for (int k = 0; k < 3; ++k)
-      omega[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL velocity[3];
-    for (int k = 0; k < 3; ++k)
-      velocity[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL position[3];
-    for (int k = 0; k < 3; ++k)
-      position[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL origin[3];
-    for (int k = 0; k < 3; ++k)
-      origin[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL helical[9];
-    REAL helical_jacobian[81];
-    TYPED(helical_axis_velocity_axis)(omega, velocity, position, origin, helical, helical_jacobian);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], helical[k]);
-    for (int k = 0; k < 81; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], helical_jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {9, 0, 1, {9}}, {81, 0, 2, {9, 9}}};
+  static const struct kernel kernel = {ports, 4, 2, 12, 90, 0, BLOCKWISE(velocity_axis), TYPED(velocity_axis_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/instantaneous_euler_arm.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL joints_1 = input[0][i];
@@ -62,7 +47,6 @@ static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x14 = x6*x9;
     const REAL x15 = x10*x5*x7 - x14*x5;
     const REAL x16 = x13*x15*x2 - x0*x3 - x12*x4;
-    const REAL matrix_1_1 = x16;
     const REAL x19 = TYPED(vector_sin)(joints_6);
     const REAL x17 = TYPED(vector_cos)(joints_6);
     const REAL x18 = x13*x17;
@@ -71,50 +55,36 @@ static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x22 = x12*x2;
     const REAL x23 = x1*x17;
     const REAL x24 = x13*x19*x4 - x23;
-    const REAL matrix_1_2 = x15*x24 + x19*x22 - x0*x21;
     const REAL x25 = x23*x4 - x13*x19;
     const REAL x26 = x18*x4 + x20;
-    const REAL matrix_1_3 = x15*x26 + x17*x22 - x0*x25;
     const REAL x27 = x0*x11 + x0*x8;
     const REAL x28 = x0*x10*x7 - x0*x14;
     const REAL x29 = x13*x2*x28 + x3*x5 - x27*x4;
-    const REAL matrix_2_1 = x29;
     const REAL x30 = x2*x27;
-    const REAL matrix_2_2 = x19*x30 + x21*x5 + x24*x28;
-    const REAL matrix_2_3 = x17*x30 + x25*x5 + x26*x28;
     const REAL x31 = x10*x7 - x14;
     const REAL x32 = -x11 - x8;
     const REAL x33 = x13*x2*x32 - x31*x4;
-    const REAL matrix_3_1 = x33;
     const REAL x34 = x2*x31;
-    const REAL matrix_3_2 = x19*x34 + x24*x32;
-    const REAL matrix_3_3 = x17*x34 + x26*x32;
     const REAL x35 = lengths_2 - lengths_3*x9;
     const REAL x36 = lengths_3*x10*x7 + x35*x6;
     const REAL x37 = x36*x5;
-    const REAL point_1 = lengths_4*x16 + x37;
     const REAL x38 = x0*x36;
-    const REAL point_2 = lengths_4*x29 + x38;
     const REAL x39 = lengths_1 + x10*x35 - lengths_3*x8;
-    const REAL point_3 = lengths_4*x33 + x39;
-    const REAL wrist_1 = x37;
-    const REAL wrist_2 = x38;
-    const REAL wrist_3 = x39;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = point_1;
-    output[10][i] = point_2;
-    output[11][i] = point_3;
-    output[12][i] = wrist_1;
-    output[13][i] = wrist_2;
-    output[14][i] = wrist_3;
+    output[0][i] = x16;
+    output[1][i] = x15*x24 + x19*x22 - x0*x21;
+    output[2][i] = x15*x26 + x17*x22 - x0*x25;
+    output[3][i] = x29;
+    output[4][i] = x19*x30 + x21*x5 + x24*x28;
+    output[5][i] = x17*x30 + x25*x5 + x26*x28;
+    output[6][i] = x33;
+    output[7][i] = x19*x34 + x24*x32;
+    output[8][i] = x17*x34 + x26*x32;
+    output[9][i] = lengths_4*x16 + x37;
+    output[10][i] = lengths_4*x29 + x38;
+    output[11][i] = lengths_4*x33 + x39;
+    output[12][i] = x37;
+    output[13][i] = x38;
+    output[14][i] = x39;
     output[15][i] = FABS(joints_1);
     output[16][i] = FABS(joints_2);
     output[17][i] = FABS(joints_3);
@@ -122,141 +92,18 @@ static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*res
     output[19][i] = FABS(joints_5);
     output[20][i] = FABS(joints_6);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(chi_arm_pose_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL joints[6] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i]};
-    const REAL lengths[4] = {input[6][i], input[7][i], input[8][i], input[9][i]};
-    REAL matrix[9];
-    REAL point[3];
-    REAL wrist[3];
-    TYPED(instantaneous_euler_arm_chi_arm_pose)(joints, lengths, matrix, point, wrist);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 3; ++k)
-      output[9 + k][i] = point[k];
-    for (int k = 0; k < 3; ++k)
-      output[12 + k][i] = wrist[k];
-  }
-}
-
-SHARED void TYPED(chi_arm_pose_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_arm_pose)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(chi_arm_pose_beyond)(input, output);
+  return is_beyond(output + 15, 6);
 }
 #endif
+
+static void TYPED(chi_arm_pose_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_arm_chi_arm_pose)(x + 0, x + 6, y + 0, y + 9, y + 12);
+}
 
 void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_0[k] = (k / 1) % 6 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[5];
-#ifndef ROW_BY_ROW
-  REAL input[10][BLOCK], output[21][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 6, 6 * width, width)) | (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
-      TYPED(gather)(input + 6, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-      TYPED(chi_arm_pose_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 12);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 6);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 6, args[1], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 6 * width, 6);
-      if (steps[1] != 0)
-        TYPED(load)(input + 6, args[1] + start * 4 * width, 4);
-      TYPED(chi_arm_pose_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 9);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave_3)(rows, output + 12);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL joints[6];
-    for (int k = 0; k < 6; ++k)
-      joints[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL lengths[4];
-    for (int k = 0; k < 4; ++k)
-      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL matrix[9];
-    REAL point[3];
-    REAL wrist[3];
-    TYPED(instantaneous_euler_arm_chi_arm_pose)(joints, lengths, matrix, point, wrist);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], point[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], wrist[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{6, 0, 1, {6}}, {4, 0, 1, {4}}, {9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 2, 3, 10, 15, 6, BLOCKWISE(chi_arm_pose), TYPED(chi_arm_pose_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

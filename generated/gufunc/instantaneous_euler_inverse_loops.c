@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/instantaneous_euler_inverse.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL chi_1 = input[0][i];
@@ -100,47 +85,15 @@ static inline void TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL before_2 = x10;
     const REAL before_3 = before_2 + x11;
     const REAL_MASK known = (good) & (~(outside));
-    const REAL quaternions_1_1 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_0, (REAL)NAN);
-    const REAL quaternions_1_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_1, (REAL)NAN);
-    const REAL quaternions_1_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_2, (REAL)NAN);
-    const REAL quaternions_1_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_3, (REAL)NAN);
-    const REAL quaternions_2_1 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), component_0, (REAL)NAN);
     const REAL x12 = TYPED(blend)(free_1, -component_1, component_1);
-    const REAL quaternions_2_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), x12, (REAL)NAN);
-    const REAL quaternions_2_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), K(1.0)), component_2), (REAL)NAN);
-    const REAL quaternions_2_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), K(1.0)), component_3), (REAL)NAN);
     const REAL x13 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_0, (REAL)NAN);
-    const REAL quaternions_3_1 = x13;
-    const REAL quaternions_3_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_1, (REAL)NAN);
     const REAL x14 = TYPED(blend)(TYPED(mask)(before_2 < K(1.5)), -K(1.0), K(1.0));
-    const REAL quaternions_3_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x14), component_2), (REAL)NAN);
     const REAL x15 = TYPED(blend)(TYPED(mask)(before_3 < K(1.5)), -K(1.0), K(1.0));
-    const REAL quaternions_3_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x15), component_3), (REAL)NAN);
-    const REAL quaternions_4_1 = x13;
-    const REAL quaternions_4_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), x12, (REAL)NAN);
-    const REAL quaternions_4_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x14), component_2), (REAL)NAN);
-    const REAL quaternions_4_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x15), component_3), (REAL)NAN);
     const REAL x16 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), component_0, (REAL)NAN);
-    const REAL quaternions_5_1 = x16;
     const REAL x17 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), component_1, (REAL)NAN);
-    const REAL quaternions_5_2 = x17;
     const REAL x18 = TYPED(blend)(TYPED(mask)(before_2 < K(1.5)), K(1.0), -K(1.0));
-    const REAL quaternions_5_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x18), component_2), (REAL)NAN);
     const REAL x19 = TYPED(blend)(TYPED(mask)(before_3 < K(1.5)), K(1.0), -K(1.0));
-    const REAL quaternions_5_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x19), component_3), (REAL)NAN);
-    const REAL quaternions_6_1 = x16;
     const REAL x20 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), x12, (REAL)NAN);
-    const REAL quaternions_6_2 = x20;
-    const REAL quaternions_6_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x18), component_2), (REAL)NAN);
-    const REAL quaternions_6_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x19), component_3), (REAL)NAN);
-    const REAL quaternions_7_1 = x16;
-    const REAL quaternions_7_2 = x17;
-    const REAL quaternions_7_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), -K(1.0)), component_2), (REAL)NAN);
-    const REAL quaternions_7_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), -K(1.0)), component_3), (REAL)NAN);
-    const REAL quaternions_8_1 = x16;
-    const REAL quaternions_8_2 = x20;
-    const REAL quaternions_8_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, -component_2, component_2), (REAL)NAN);
-    const REAL quaternions_8_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, -component_3, component_3), (REAL)NAN);
     const REAL upper_0 = TYPED(blend)(TYPED(mask)(share_0 < share_1), share_1, share_0);
     const REAL lower_0 = TYPED(blend)(TYPED(mask)(share_0 < share_1), share_0, share_1);
     const REAL upper_1 = TYPED(blend)(TYPED(mask)(share_2 < share_3), share_3, share_2);
@@ -166,195 +119,59 @@ static inline void TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL kept_1 = TYPED(blend)(TYPED(mask)(share_1 > shift_4), share_1 - shift_4, K(0.0));
     const REAL kept_2 = TYPED(blend)(TYPED(mask)(share_2 > shift_4), share_2 - shift_4, K(0.0));
     const REAL kept_3 = TYPED(blend)(TYPED(mask)(share_3 > shift_4), share_3 - shift_4, K(0.0));
-    const REAL distance = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), K(0.0)), (REAL)NAN);
-    const REAL nearest_1 = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)), chi_1), (REAL)NAN);
-    const REAL nearest_2 = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)), chi_2), (REAL)NAN);
-    const REAL nearest_3 = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)), chi_3), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(5.0), TYPED(blend)(outside, K(4.0), TYPED(blend)(TYPED(mask)(freedom > K(2.5)), K(0.0), TYPED(blend)(TYPED(mask)(freedom > K(1.5)), K(1.0), TYPED(blend)(TYPED(mask)(freedom > K(0.5)), K(2.0), K(3.0))))));
-    output[0][i] = quaternions_1_1;
-    output[1][i] = quaternions_1_2;
-    output[2][i] = quaternions_1_3;
-    output[3][i] = quaternions_1_4;
-    output[4][i] = quaternions_2_1;
-    output[5][i] = quaternions_2_2;
-    output[6][i] = quaternions_2_3;
-    output[7][i] = quaternions_2_4;
-    output[8][i] = quaternions_3_1;
-    output[9][i] = quaternions_3_2;
-    output[10][i] = quaternions_3_3;
-    output[11][i] = quaternions_3_4;
-    output[12][i] = quaternions_4_1;
-    output[13][i] = quaternions_4_2;
-    output[14][i] = quaternions_4_3;
-    output[15][i] = quaternions_4_4;
-    output[16][i] = quaternions_5_1;
-    output[17][i] = quaternions_5_2;
-    output[18][i] = quaternions_5_3;
-    output[19][i] = quaternions_5_4;
-    output[20][i] = quaternions_6_1;
-    output[21][i] = quaternions_6_2;
-    output[22][i] = quaternions_6_3;
-    output[23][i] = quaternions_6_4;
-    output[24][i] = quaternions_7_1;
-    output[25][i] = quaternions_7_2;
-    output[26][i] = quaternions_7_3;
-    output[27][i] = quaternions_7_4;
-    output[28][i] = quaternions_8_1;
-    output[29][i] = quaternions_8_2;
-    output[30][i] = quaternions_8_3;
-    output[31][i] = quaternions_8_4;
-    output[32][i] = distance;
-    output[33][i] = nearest_1;
-    output[34][i] = nearest_2;
-    output[35][i] = nearest_3;
-    output[36][i] = status;
+    output[0][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_0, (REAL)NAN);
+    output[1][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_1, (REAL)NAN);
+    output[2][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_2, (REAL)NAN);
+    output[3][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_3, (REAL)NAN);
+    output[4][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), component_0, (REAL)NAN);
+    output[5][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), x12, (REAL)NAN);
+    output[6][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), K(1.0)), component_2), (REAL)NAN);
+    output[7][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), K(1.0)), component_3), (REAL)NAN);
+    output[8][i] = x13;
+    output[9][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_1, (REAL)NAN);
+    output[10][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x14), component_2), (REAL)NAN);
+    output[11][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x15), component_3), (REAL)NAN);
+    output[12][i] = x13;
+    output[13][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), x12, (REAL)NAN);
+    output[14][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x14), component_2), (REAL)NAN);
+    output[15][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x15), component_3), (REAL)NAN);
+    output[16][i] = x16;
+    output[17][i] = x17;
+    output[18][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x18), component_2), (REAL)NAN);
+    output[19][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x19), component_3), (REAL)NAN);
+    output[20][i] = x16;
+    output[21][i] = x20;
+    output[22][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x18), component_2), (REAL)NAN);
+    output[23][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x19), component_3), (REAL)NAN);
+    output[24][i] = x16;
+    output[25][i] = x17;
+    output[26][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), -K(1.0)), component_2), (REAL)NAN);
+    output[27][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), -K(1.0)), component_3), (REAL)NAN);
+    output[28][i] = x16;
+    output[29][i] = x20;
+    output[30][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, -component_2, component_2), (REAL)NAN);
+    output[31][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, -component_3, component_3), (REAL)NAN);
+    output[32][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), K(0.0)), (REAL)NAN);
+    output[33][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)), chi_1), (REAL)NAN);
+    output[34][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)), chi_2), (REAL)NAN);
+    output[35][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)), chi_3), (REAL)NAN);
+    output[36][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(outside, K(4.0), TYPED(blend)(TYPED(mask)(freedom > K(2.5)), K(0.0), TYPED(blend)(TYPED(mask)(freedom > K(1.5)), K(1.0), TYPED(blend)(TYPED(mask)(freedom > K(0.5)), K(2.0), K(3.0))))));
     output[37][i] = FABS(x1);
     output[38][i] = FABS(x2);
     output[39][i] = FABS(x3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(chi_rotations_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL chi[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL tolerance = input[3][i];
-    REAL quaternions[32];
-    REAL distance[1];
-    REAL nearest[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_inverse_chi_rotations)(chi, tolerance, quaternions, distance, nearest, status);
-    for (int k = 0; k < 32; ++k)
-      output[0 + k][i] = quaternions[k];
-    for (int k = 0; k < 1; ++k)
-      output[32 + k][i] = distance[k];
-    for (int k = 0; k < 3; ++k)
-      output[33 + k][i] = nearest[k];
-    for (int k = 0; k < 1; ++k)
-      output[36 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(chi_rotations_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_rotations)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(chi_rotations_beyond)(input, output);
+  return is_beyond(output + 37, 3);
 }
 #endif
+
+static void TYPED(chi_rotations_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_inverse_chi_rotations)(x + 0, x[3], y + 0, y + 32, y + 33, codes + 36);
+}
 
 void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[32];
-  for (int k = 0; k < 32; ++k)
-    offsets_2[k] = (k / 4) % 8 * core[1] + (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[40][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 32, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(chi_rotations_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 32, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 32);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 33);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 36);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 32 * width, (total - start) * 32 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      TYPED(chi_rotations_block)(input, output);
-      {
-        REAL staged[32 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 32);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[32], sizeof output[32]);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave_3)(rows, output + 33);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[5] + start, output[36]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL chi[3];
-    for (int k = 0; k < 3; ++k)
-      chi[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL tolerance[1];
-    for (int k = 0; k < 1; ++k)
-      tolerance[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL quaternions[32];
-    REAL distance[1];
-    REAL nearest[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_inverse_chi_rotations)(chi, tolerance[0], quaternions, distance, nearest, status);
-    for (int k = 0; k < 32; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], quaternions[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], distance[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], nearest[k]);
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {32, 0, 2, {8, 4}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 4, 4, 37, 3, BLOCKWISE(chi_rotations), TYPED(chi_rotations_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/instantaneous_euler.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -81,97 +66,30 @@ static inline void TYPED(chi_from_quaternion)(REAL (*restrict input)[BLOCK], REA
     const REAL cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
     const REAL cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
     const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(chi_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_chi_from_quaternion)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(chi_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      TYPED(chi_from_quaternion_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL chi[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_chi_from_quaternion)(quaternion, chi, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 4, 4, 0, BLOCKWISE(chi_from_quaternion), TYPED(chi_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -258,97 +176,30 @@ static inline void TYPED(chi_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL cosine_z_scaled_1 = cosine_z_scale*unit_1;
     const REAL cosine_z_scaled_2 = cosine_z_scale*unit_4;
     const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(chi_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_from_matrix)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_from_matrix_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_chi_from_matrix)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[9][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(chi_from_matrix_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      TYPED(chi_from_matrix_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL chi[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_chi_from_matrix)(matrix, chi, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 9, 4, 0, BLOCKWISE(chi_from_matrix), TYPED(chi_from_matrix_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -400,121 +251,33 @@ static inline void TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL cosine_z_scaled_1 = cosine_z_scale*x6;
     const REAL cosine_z_scaled_2 = cosine_z_scale*x7;
     const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
     output[4][i] = FABS(half_1);
     output[5][i] = FABS(half_2);
     output[6][i] = FABS(half_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(chi_from_zyx_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
-    REAL chi[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_chi_from_zyx)(angles, chi, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = chi[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(chi_from_zyx_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_from_zyx)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(chi_from_zyx_beyond)(input, output);
+  return is_beyond(output + 4, 3);
 }
 #endif
+
+static void TYPED(chi_from_zyx_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_chi_from_zyx)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[7][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(chi_from_zyx_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(chi_from_zyx_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[3];
-    for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL chi[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_chi_from_zyx)(angles, chi, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 3, 4, 3, BLOCKWISE(chi_from_zyx), TYPED(chi_from_zyx_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_from_zyz: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -554,114 +317,26 @@ static inline void TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL cosine_y_scaled_2 = cosine_y_scale*y;
     const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
     const REAL cosine_z = FABS(cos_2);
-    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
     output[4][i] = FABS(half_2);
     output[5][i] = FABS(half_difference);
     output[6][i] = FABS(half_sum);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(chi_from_zyz_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
-    REAL chi[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_chi_from_zyz)(angles, chi, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = chi[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(chi_from_zyz_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_from_zyz)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(chi_from_zyz_beyond)(input, output);
+  return is_beyond(output + 4, 3);
 }
 #endif
+
+static void TYPED(chi_from_zyz_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_chi_from_zyz)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[7][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(chi_from_zyz_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(chi_from_zyz_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[3];
-    for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL chi[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_chi_from_zyz)(angles, chi, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 3, 4, 3, BLOCKWISE(chi_from_zyz), TYPED(chi_from_zyz_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

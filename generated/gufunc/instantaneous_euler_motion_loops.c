@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/instantaneous_euler_motion.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_rates)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_rates)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -73,123 +58,31 @@ static inline void TYPED(chi_rates)(REAL (*restrict input)[BLOCK], REAL (*restri
     const REAL x5 = (omega_1*omega_1);
     const REAL speed_y = SQRT(x4 + x5);
     const REAL speed_z = SQRT(x3 + x5);
-    const REAL rate_1 = TYPED(blend)(known, TYPED(blend)(kink_x, TYPED(blend)(TYPED(mask)(matrix_1_1 > K(0.0)), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*TYPED(blend)(kink_x, K(1.0), K(1.0)/sine_x)), (REAL)NAN);
-    const REAL rate_2 = TYPED(blend)(known, TYPED(blend)(kink_y, TYPED(blend)(TYPED(mask)(matrix_2_2 > K(0.0)), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*TYPED(blend)(kink_y, K(1.0), K(1.0)/sine_y)), (REAL)NAN);
-    const REAL rate_3 = TYPED(blend)(known, TYPED(blend)(kink_z, TYPED(blend)(TYPED(mask)(matrix_3_3 > K(0.0)), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*TYPED(blend)(kink_z, K(1.0), K(1.0)/sine_z)), (REAL)NAN);
-    const REAL determinant = TYPED(blend)(good, volume, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
-    output[0][i] = rate_1;
-    output[1][i] = rate_2;
-    output[2][i] = rate_3;
-    output[3][i] = determinant;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(known, TYPED(blend)(kink_x, TYPED(blend)(TYPED(mask)(matrix_1_1 > K(0.0)), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*TYPED(blend)(kink_x, K(1.0), K(1.0)/sine_x)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(known, TYPED(blend)(kink_y, TYPED(blend)(TYPED(mask)(matrix_2_2 > K(0.0)), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*TYPED(blend)(kink_y, K(1.0), K(1.0)/sine_y)), (REAL)NAN);
+    output[2][i] = TYPED(blend)(known, TYPED(blend)(kink_z, TYPED(blend)(TYPED(mask)(matrix_3_3 > K(0.0)), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*TYPED(blend)(kink_z, K(1.0), K(1.0)/sine_z)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, volume, (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
   }
-}
-
-SHARED void TYPED(chi_rates_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_rates)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_rates_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_motion_chi_rates)(x + 0, x + 9, y + 0, y + 3, codes + 4);
+}
 
 void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(chi_rates_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
-      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 9, args[1] + start * 3 * width);
-      TYPED(chi_rates_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[3], sizeof output[3]);
-      TYPED(store_codes)((int8_t *)args[4] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL omega[3];
-    for (int k = 0; k < 3; ++k)
-      omega[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL rate[3];
-    REAL determinant[1];
-    int8_t status[1];
-    TYPED(instantaneous_euler_motion_chi_rates)(matrix, omega, rate, determinant, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], rate[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], determinant[k]);
-    for (int k = 0; k < 1; ++k)
-      args[4][start * steps[4] + offsets_4[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 3, 12, 5, 0, BLOCKWISE(chi_rates), TYPED(chi_rates_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_angular_velocity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_angular_velocity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -234,109 +127,30 @@ static inline void TYPED(chi_angular_velocity)(REAL (*restrict input)[BLOCK], RE
     const REAL_MASK lost = (flat) | (kink_x) | (kink_y) | (kink_z);
     const REAL divisor = TYPED(blend)(lost, K(1.0), volume);
     const REAL x7 = K(1.0)/divisor;
-    const REAL omega_1 = TYPED(blend)((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (REAL)NAN);
-    const REAL omega_2 = TYPED(blend)((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (REAL)NAN);
-    const REAL omega_3 = TYPED(blend)((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
-    output[0][i] = omega_1;
-    output[1][i] = omega_2;
-    output[2][i] = omega_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (REAL)NAN);
+    output[1][i] = TYPED(blend)((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (REAL)NAN);
+    output[2][i] = TYPED(blend)((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
   }
-}
-
-SHARED void TYPED(chi_angular_velocity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_angular_velocity)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_angular_velocity_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_motion_chi_angular_velocity)(x + 0, x + 9, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(chi_angular_velocity_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 9, args[1] + start * 3 * width);
-      TYPED(chi_angular_velocity_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rate[3];
-    for (int k = 0; k < 3; ++k)
-      rate[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL omega[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_motion_chi_angular_velocity)(matrix, rate, omega, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], omega[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 12, 4, 0, BLOCKWISE(chi_angular_velocity), TYPED(chi_angular_velocity_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_motion_from_zyx: 7 add, 19 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -347,165 +161,49 @@ static inline void TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REA
     const REAL angle_rates_3 = input[5][i];
     const REAL x0 = TYPED(vector_cos)(angles_1);
     const REAL x1 = TYPED(vector_cos)(angles_2);
-    const REAL matrix_1_1 = x0*x1;
     const REAL x2 = TYPED(vector_sin)(angles_1);
     const REAL x3 = TYPED(vector_cos)(angles_3);
     const REAL x4 = x2*x3;
     const REAL x5 = TYPED(vector_sin)(angles_2);
     const REAL x6 = TYPED(vector_sin)(angles_3);
-    const REAL matrix_1_2 = x0*x5*x6 - x4;
     const REAL x7 = x2*x6;
     const REAL x8 = x0*x3;
-    const REAL matrix_1_3 = x5*x8 + x7;
     const REAL x9 = x1*x2;
-    const REAL matrix_2_1 = x9;
-    const REAL matrix_2_2 = x5*x7 + x8;
-    const REAL matrix_2_3 = x4*x5 - x0*x6;
-    const REAL matrix_3_1 = -x5;
-    const REAL matrix_3_2 = x1*x6;
-    const REAL matrix_3_3 = x1*x3;
-    const REAL omega_1 = angle_rates_3*x0*x1 - angle_rates_2*x2;
-    const REAL omega_2 = angle_rates_2*x0 + angle_rates_3*x9;
-    const REAL omega_3 = angle_rates_1 - angle_rates_3*x5;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = omega_1;
-    output[10][i] = omega_2;
-    output[11][i] = omega_3;
+    output[0][i] = x0*x1;
+    output[1][i] = x0*x5*x6 - x4;
+    output[2][i] = x5*x8 + x7;
+    output[3][i] = x9;
+    output[4][i] = x5*x7 + x8;
+    output[5][i] = x4*x5 - x0*x6;
+    output[6][i] = -x5;
+    output[7][i] = x1*x6;
+    output[8][i] = x1*x3;
+    output[9][i] = angle_rates_3*x0*x1 - angle_rates_2*x2;
+    output[10][i] = angle_rates_2*x0 + angle_rates_3*x9;
+    output[11][i] = angle_rates_1 - angle_rates_3*x5;
     output[12][i] = FABS(angles_1);
     output[13][i] = FABS(angles_2);
     output[14][i] = FABS(angles_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(chi_motion_from_zyx_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
-    REAL matrix[9];
-    REAL omega[3];
-    TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(angles, angle_rates, matrix, omega);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 3; ++k)
-      output[9 + k][i] = omega[k];
-  }
-}
-
-SHARED void TYPED(chi_motion_from_zyx_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_motion_from_zyx)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(chi_motion_from_zyx_beyond)(input, output);
+  return is_beyond(output + 12, 3);
 }
 #endif
+
+static void TYPED(chi_motion_from_zyx_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(x + 0, x + 3, y + 0, y + 9);
+}
 
 void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[4];
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[15][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(chi_motion_from_zyx_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      TYPED(chi_motion_from_zyx_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 9);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[3];
-    for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angle_rates[3];
-    for (int k = 0; k < 3; ++k)
-      angle_rates[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL matrix[9];
-    REAL omega[3];
-    TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(angles, angle_rates, matrix, omega);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], omega[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 2, 2, 6, 12, 3, BLOCKWISE(chi_motion_from_zyx), TYPED(chi_motion_from_zyx_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -520,161 +218,45 @@ static inline void TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REA
     const REAL x3 = TYPED(vector_cos)(angles_1);
     const REAL x4 = TYPED(vector_cos)(angles_2);
     const REAL x5 = TYPED(vector_cos)(angles_3);
-    const REAL matrix_1_1 = x3*x4*x5 - x2;
     const REAL x6 = x0*x5;
     const REAL x7 = x1*x3;
-    const REAL matrix_1_2 = -x4*x7 - x6;
     const REAL x8 = TYPED(vector_sin)(angles_2);
-    const REAL matrix_1_3 = x3*x8;
-    const REAL matrix_2_1 = x4*x6 + x7;
-    const REAL matrix_2_2 = x3*x5 - x2*x4;
     const REAL x9 = x0*x8;
-    const REAL matrix_2_3 = x9;
-    const REAL matrix_3_1 = -x5*x8;
-    const REAL matrix_3_2 = x1*x8;
-    const REAL matrix_3_3 = x4;
-    const REAL omega_1 = angle_rates_3*x3*x8 - angle_rates_2*x0;
-    const REAL omega_2 = angle_rates_2*x3 + angle_rates_3*x9;
-    const REAL omega_3 = angle_rates_1 + angle_rates_3*x4;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = omega_1;
-    output[10][i] = omega_2;
-    output[11][i] = omega_3;
+    output[0][i] = x3*x4*x5 - x2;
+    output[1][i] = -x4*x7 - x6;
+    output[2][i] = x3*x8;
+    output[3][i] = x4*x6 + x7;
+    output[4][i] = x3*x5 - x2*x4;
+    output[5][i] = x9;
+    output[6][i] = -x5*x8;
+    output[7][i] = x1*x8;
+    output[8][i] = x4;
+    output[9][i] = angle_rates_3*x3*x8 - angle_rates_2*x0;
+    output[10][i] = angle_rates_2*x3 + angle_rates_3*x9;
+    output[11][i] = angle_rates_1 + angle_rates_3*x4;
     output[12][i] = FABS(angles_1);
     output[13][i] = FABS(angles_2);
     output[14][i] = FABS(angles_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(chi_motion_from_zyz_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
-    REAL matrix[9];
-    REAL omega[3];
-    TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(angles, angle_rates, matrix, omega);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 3; ++k)
-      output[9 + k][i] = omega[k];
-  }
-}
-
-SHARED void TYPED(chi_motion_from_zyz_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_motion_from_zyz)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(chi_motion_from_zyz_beyond)(input, output);
+  return is_beyond(output + 12, 3);
 }
 #endif
+
+static void TYPED(chi_motion_from_zyz_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(x + 0, x + 3, y + 0, y + 9);
+}
 
 void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[4];
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[15][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(chi_motion_from_zyz_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      TYPED(chi_motion_from_zyz_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 9);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[3];
-    for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angle_rates[3];
-    for (int k = 0; k < 3; ++k)
-      angle_rates[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL matrix[9];
-    REAL omega[3];
-    TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(angles, angle_rates, matrix, omega);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], omega[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 2, 2, 6, 12, 3, BLOCKWISE(chi_motion_from_zyz), TYPED(chi_motion_from_zyz_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_zyx_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_zyx_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -719,97 +301,30 @@ static inline void TYPED(chi_zyx_from_quaternion)(REAL (*restrict input)[BLOCK],
     const REAL third = half_sum - half_difference;
     const REAL x3 = K(2.0)*K(3.141592653589793);
     const REAL x6 = -K(3.141592653589793);
-    const REAL angles_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x3, TYPED(blend)(TYPED(mask)(first <= x6), first + x3, first)), (REAL)NAN);
-    const REAL angles_2 = TYPED(blend)(good, TYPED(vector_atan2)(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine), (REAL)NAN);
-    const REAL angles_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x3, TYPED(blend)(TYPED(mask)(third <= x6), third + x3, third)), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-    output[2][i] = angles_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x3, TYPED(blend)(TYPED(mask)(first <= x6), first + x3, first)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(vector_atan2)(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x3, TYPED(blend)(TYPED(mask)(third <= x6), third + x3, third)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
   }
-}
-
-SHARED void TYPED(chi_zyx_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_zyx_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_zyx_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(chi_zyx_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      TYPED(chi_zyx_from_quaternion_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angles[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(quaternion, angles, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], angles[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 4, 4, 0, BLOCKWISE(chi_zyx_from_quaternion), TYPED(chi_zyx_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_zyz_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_zyz_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -849,90 +364,23 @@ static inline void TYPED(chi_zyz_from_quaternion)(REAL (*restrict input)[BLOCK],
     const REAL third = half_sum - half_difference;
     const REAL x2 = K(2.0)*K(3.141592653589793);
     const REAL x5 = -K(3.141592653589793);
-    const REAL angles_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x2, TYPED(blend)(TYPED(mask)(first <= x5), first + x2, first)), (REAL)NAN);
-    const REAL angles_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, cosine), (REAL)NAN);
-    const REAL angles_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x2, TYPED(blend)(TYPED(mask)(third <= x5), third + x2, third)), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-    output[2][i] = angles_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x2, TYPED(blend)(TYPED(mask)(first <= x5), first + x2, first)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, cosine), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x2, TYPED(blend)(TYPED(mask)(third <= x5), third + x2, third)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
   }
-}
-
-SHARED void TYPED(chi_zyz_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_zyz_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_zyz_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(chi_zyz_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      TYPED(chi_zyz_from_quaternion_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angles[3];
-    int8_t status[1];
-    TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(quaternion, angles, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], angles[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 4, 4, 0, BLOCKWISE(chi_zyz_from_quaternion), TYPED(chi_zyz_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/instantaneous_euler_ridges.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(chi_ridge_lines)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(chi_ridge_lines)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -69,160 +54,46 @@ static inline void TYPED(chi_ridge_lines)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL_MASK flat_z = TYPED(mask)(sine_z <= x9);
     const REAL length_z = TYPED(blend)(flat_z, (REAL)NAN, sine_z);
     const REAL x3 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, K(0.0));
-    const REAL lines_1_1 = x3;
     const REAL x4 = K(1.0)/length_x;
-    const REAL lines_1_2 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, -matrix_3_1*x4);
-    const REAL lines_1_3 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, matrix_2_1*x4);
-    const REAL lines_1_4 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, height_x*x4);
-    const REAL lines_1_5 = x3;
-    const REAL lines_1_6 = x3;
     const REAL x5 = K(1.0)/length_y;
-    const REAL lines_2_1 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, matrix_3_2*x5);
     const REAL x6 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, K(0.0));
-    const REAL lines_2_2 = x6;
-    const REAL lines_2_3 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, -matrix_1_2*x5);
-    const REAL lines_2_4 = x6;
-    const REAL lines_2_5 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, height_y*x5);
-    const REAL lines_2_6 = x6;
     const REAL x7 = K(1.0)/length_z;
-    const REAL lines_3_1 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, -matrix_2_3*x7);
-    const REAL lines_3_2 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, matrix_1_3*x7);
     const REAL x8 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, K(0.0));
-    const REAL lines_3_3 = x8;
-    const REAL lines_3_4 = x8;
-    const REAL lines_3_5 = x8;
-    const REAL lines_3_6 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, height_z*x7);
     const REAL x10 = size*x9;
-    const REAL status_x = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_x) & (TYPED(mask)(FABS(height_x) <= x10)), K(1.0), TYPED(blend)(flat_x, K(2.0), K(0.0)))));
-    const REAL status_y = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_y) & (TYPED(mask)(FABS(height_y) <= x10)), K(1.0), TYPED(blend)(flat_y, K(2.0), K(0.0)))));
-    const REAL status_z = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_z) & (TYPED(mask)(FABS(height_z) <= x10)), K(1.0), TYPED(blend)(flat_z, K(2.0), K(0.0)))));
-    output[0][i] = lines_1_1;
-    output[1][i] = lines_1_2;
-    output[2][i] = lines_1_3;
-    output[3][i] = lines_1_4;
-    output[4][i] = lines_1_5;
-    output[5][i] = lines_1_6;
-    output[6][i] = lines_2_1;
-    output[7][i] = lines_2_2;
-    output[8][i] = lines_2_3;
-    output[9][i] = lines_2_4;
-    output[10][i] = lines_2_5;
-    output[11][i] = lines_2_6;
-    output[12][i] = lines_3_1;
-    output[13][i] = lines_3_2;
-    output[14][i] = lines_3_3;
-    output[15][i] = lines_3_4;
-    output[16][i] = lines_3_5;
-    output[17][i] = lines_3_6;
-    output[18][i] = status_x;
-    output[19][i] = status_y;
-    output[20][i] = status_z;
+    output[0][i] = x3;
+    output[1][i] = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, -matrix_3_1*x4);
+    output[2][i] = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, matrix_2_1*x4);
+    output[3][i] = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, height_x*x4);
+    output[4][i] = x3;
+    output[5][i] = x3;
+    output[6][i] = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, matrix_3_2*x5);
+    output[7][i] = x6;
+    output[8][i] = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, -matrix_1_2*x5);
+    output[9][i] = x6;
+    output[10][i] = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, height_y*x5);
+    output[11][i] = x6;
+    output[12][i] = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, -matrix_2_3*x7);
+    output[13][i] = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, matrix_1_3*x7);
+    output[14][i] = x8;
+    output[15][i] = x8;
+    output[16][i] = x8;
+    output[17][i] = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, height_z*x7);
+    output[18][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_x) & (TYPED(mask)(FABS(height_x) <= x10)), K(1.0), TYPED(blend)(flat_x, K(2.0), K(0.0)))));
+    output[19][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_y) & (TYPED(mask)(FABS(height_y) <= x10)), K(1.0), TYPED(blend)(flat_y, K(2.0), K(0.0)))));
+    output[20][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_z) & (TYPED(mask)(FABS(height_z) <= x10)), K(1.0), TYPED(blend)(flat_z, K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(chi_ridge_lines_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(chi_ridge_lines)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(chi_ridge_lines_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(instantaneous_euler_ridges_chi_ridge_lines)(x + 0, x + 9, y + 0, codes + 18, codes + 19, codes + 20);
+}
 
 void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_2[k] = (k / 6) % 3 * core[3] + (k / 1) % 6 * core[4];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[21][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 18, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  packed &= steps[4] == 1;
-  packed &= steps[5] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(chi_ridge_lines_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 18, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 18);
-      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 19);
-      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 20);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 9, args[1] + start * 3 * width);
-      TYPED(chi_ridge_lines_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[18]);
-      TYPED(store_codes)((int8_t *)args[4] + start, output[19]);
-      TYPED(store_codes)((int8_t *)args[5] + start, output[20]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL lines[18];
-    int8_t status_x[1];
-    int8_t status_y[1];
-    int8_t status_z[1];
-    TYPED(instantaneous_euler_ridges_chi_ridge_lines)(matrix, point, lines, status_x, status_y, status_z);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], lines[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status_x[k];
-    for (int k = 0; k < 1; ++k)
-      args[4][start * steps[4] + offsets_4[k]] = (char)status_y[k];
-    for (int k = 0; k < 1; ++k)
-      args[5][start * steps[5] + offsets_5[k]] = (char)status_z[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {18, 0, 2, {3, 6}}, {1, 1, 0, {0}}, {1, 1, 0, {0}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 4, 12, 21, 0, BLOCKWISE(chi_ridge_lines), TYPED(chi_ridge_lines_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

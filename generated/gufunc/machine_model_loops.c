@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/machine_model.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL w_1 = input[0][i];
@@ -53,167 +38,58 @@ static inline void TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], RE
     const REAL S = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x4);
     const REAL K = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
     const REAL T = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x4*(angle - sine)/safe);
-    const REAL matrix_1_1 = K(1.0) - K*x3;
     const REAL x6 = S*w_3;
     const REAL x7 = K*w_2;
     const REAL x8 = w_1*x7;
-    const REAL matrix_1_2 = x8 - x6;
     const REAL x9 = S*w_2;
     const REAL x10 = K*w_3;
     const REAL x11 = w_1*x10;
-    const REAL matrix_1_3 = x11 + x9;
-    const REAL matrix_2_1 = x6 + x8;
     const REAL x12 = -x0 - x2;
-    const REAL matrix_2_2 = K*x12 + K(1.0);
     const REAL x13 = S*w_1;
     const REAL x14 = w_2*x10;
-    const REAL matrix_2_3 = x14 - x13;
-    const REAL matrix_3_1 = x11 - x9;
-    const REAL matrix_3_2 = x13 + x14;
     const REAL x15 = -x0 - x1;
-    const REAL matrix_3_3 = K*x15 + K(1.0);
-    const REAL left_jacobian_1_1 = K(1.0) - T*x3;
-    const REAL left_jacobian_1_2 = T*w_1*w_2 - x10;
     const REAL x16 = T*w_1;
-    const REAL left_jacobian_1_3 = w_3*x16 + x7;
-    const REAL left_jacobian_2_1 = w_2*x16 + x10;
-    const REAL left_jacobian_2_2 = T*x12 + K(1.0);
     const REAL x17 = K*w_1;
-    const REAL left_jacobian_2_3 = T*w_2*w_3 - x17;
-    const REAL left_jacobian_3_1 = T*w_1*w_3 - x7;
-    const REAL left_jacobian_3_2 = T*w_2*w_3 + x17;
-    const REAL left_jacobian_3_3 = T*x15 + K(1.0);
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = left_jacobian_1_1;
-    output[10][i] = left_jacobian_1_2;
-    output[11][i] = left_jacobian_1_3;
-    output[12][i] = left_jacobian_2_1;
-    output[13][i] = left_jacobian_2_2;
-    output[14][i] = left_jacobian_2_3;
-    output[15][i] = left_jacobian_3_1;
-    output[16][i] = left_jacobian_3_2;
-    output[17][i] = left_jacobian_3_3;
+    output[0][i] = K(1.0) - K*x3;
+    output[1][i] = x8 - x6;
+    output[2][i] = x11 + x9;
+    output[3][i] = x6 + x8;
+    output[4][i] = K*x12 + K(1.0);
+    output[5][i] = x14 - x13;
+    output[6][i] = x11 - x9;
+    output[7][i] = x13 + x14;
+    output[8][i] = K*x15 + K(1.0);
+    output[9][i] = K(1.0) - T*x3;
+    output[10][i] = T*w_1*w_2 - x10;
+    output[11][i] = w_3*x16 + x7;
+    output[12][i] = w_2*x16 + x10;
+    output[13][i] = T*x12 + K(1.0);
+    output[14][i] = T*w_2*w_3 - x17;
+    output[15][i] = T*w_1*w_3 - x7;
+    output[16][i] = T*w_2*w_3 + x17;
+    output[17][i] = T*x15 + K(1.0);
     output[18][i] = FABS(angle);
     output[19][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(rotation_from_vector_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL w[3] = {input[0][i], input[1][i], input[2][i]};
-    REAL matrix[9];
-    REAL left_jacobian[9];
-    TYPED(machine_model_rotation_from_vector)(w, matrix, left_jacobian);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 9; ++k)
-      output[9 + k][i] = left_jacobian[k];
-  }
-}
-
-SHARED void TYPED(rotation_from_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rotation_from_vector)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(rotation_from_vector_beyond)(input, output);
+  return is_beyond(output + 18, 2);
 }
 #endif
+
+static void TYPED(rotation_from_vector_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(machine_model_rotation_from_vector)(x + 0, y + 0, y + 9);
+}
 
 void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[20][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(rotation_from_vector_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(rotation_from_vector_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 9, 9);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL w[3];
-    for (int k = 0; k < 3; ++k)
-      w[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL matrix[9];
-    REAL left_jacobian[9];
-    TYPED(machine_model_rotation_from_vector)(w, matrix, left_jacobian);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], matrix[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], left_jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}};
+  static const struct kernel kernel = {ports, 1, 2, 3, 18, 2, BLOCKWISE(rotation_from_vector), TYPED(rotation_from_vector_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL axis_1 = input[0][i];
@@ -247,9 +123,6 @@ static inline void TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*rest
     const REAL turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
     const REAL turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
     const REAL turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
-    const REAL tilted_1 = turned_axis_1;
-    const REAL tilted_2 = turned_axis_2;
-    const REAL tilted_3 = turned_axis_3;
     const REAL beside_a_1 = u_3*w_2 - u_2*w_3;
     const REAL beside_a_2 = u_1*w_3 - u_3*w_1;
     const REAL beside_a_3 = u_2*w_1 - u_1*w_2;
@@ -258,170 +131,34 @@ static inline void TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*rest
     const REAL beside_b_3 = v_2*w_1 - v_1*w_2;
     const REAL x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
     const REAL x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
-    const REAL tilted_jacobian_1_1 = turned_axis_3*x2 - turned_axis_2*x1;
     const REAL x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
     const REAL x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
-    const REAL tilted_jacobian_1_2 = turned_axis_3*x4 - turned_axis_2*x3;
     const REAL x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
-    const REAL tilted_jacobian_2_1 = turned_axis_1*x1 - turned_axis_3*x5;
     const REAL x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
-    const REAL tilted_jacobian_2_2 = turned_axis_1*x3 - turned_axis_3*x6;
-    const REAL tilted_jacobian_3_1 = turned_axis_2*x5 - turned_axis_1*x2;
-    const REAL tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4;
-    output[0][i] = tilted_1;
-    output[1][i] = tilted_2;
-    output[2][i] = tilted_3;
-    output[3][i] = tilted_jacobian_1_1;
-    output[4][i] = tilted_jacobian_1_2;
-    output[5][i] = tilted_jacobian_2_1;
-    output[6][i] = tilted_jacobian_2_2;
-    output[7][i] = tilted_jacobian_3_1;
-    output[8][i] = tilted_jacobian_3_2;
+    output[0][i] = turned_axis_1;
+    output[1][i] = turned_axis_2;
+    output[2][i] = turned_axis_3;
+    output[3][i] = turned_axis_3*x2 - turned_axis_2*x1;
+    output[4][i] = turned_axis_3*x4 - turned_axis_2*x3;
+    output[5][i] = turned_axis_1*x1 - turned_axis_3*x5;
+    output[6][i] = turned_axis_1*x3 - turned_axis_3*x6;
+    output[7][i] = turned_axis_2*x5 - turned_axis_1*x2;
+    output[8][i] = turned_axis_2*x6 - turned_axis_1*x4;
     output[9][i] = FABS(angle);
     output[10][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tilted_axis_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL u[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL v[3] = {input[6][i], input[7][i], input[8][i]};
-    const REAL tilt[2] = {input[9][i], input[10][i]};
-    REAL tilted[3];
-    REAL tilted_jacobian[6];
-    TYPED(machine_model_tilted_axis)(axis, u, v, tilt, tilted, tilted_jacobian);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = tilted[k];
-    for (int k = 0; k < 6; ++k)
-      output[3 + k][i] = tilted_jacobian[k];
-  }
-}
-
-SHARED void TYPED(tilted_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tilted_axis)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tilted_axis_beyond)(input, output);
+  return is_beyond(output + 9, 2);
 }
 #endif
+
+static void TYPED(tilted_axis_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(machine_model_tilted_axis)(x + 0, x + 3, x + 6, x + 9, y + 0, y + 3);
+}
 
 void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[3];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_5[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_5[k] = (k / 2) % 3 * core[5] + (k / 1) % 2 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[11][BLOCK], output[11][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 2, 2 * width, width)) | (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[2], steps[2]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
-      TYPED(tilted_axis_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 6 * width, (total - start) * 6 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 2);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load)(input + 9, args[3] + start * 2 * width, 2);
-      TYPED(tilted_axis_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[6 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_6)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL axis[3];
-    for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL u[3];
-    for (int k = 0; k < 3; ++k)
-      u[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL v[3];
-    for (int k = 0; k < 3; ++k)
-      v[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL tilt[2];
-    for (int k = 0; k < 2; ++k)
-      tilt[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL tilted[3];
-    REAL tilted_jacobian[6];
-    TYPED(machine_model_tilted_axis)(axis, u, v, tilt, tilted, tilted_jacobian);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], tilted[k]);
-    for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], tilted_jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {2, 0, 1, {2}}, {3, 0, 1, {3}}, {6, 0, 2, {3, 2}}};
+  static const struct kernel kernel = {ports, 4, 2, 11, 9, 2, BLOCKWISE(tilted_axis), TYPED(tilted_axis_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

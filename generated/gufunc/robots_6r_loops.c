@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/robots_6r.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 #ifndef ROW_BY_ROW
-static inline void TYPED(robot_wrist_reverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(robot_wrist_reverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1_1 = input[0][i];
@@ -983,251 +968,82 @@ static inline void TYPED(robot_wrist_reverse)(REAL (*restrict input)[BLOCK], REA
     const REAL_MASK there_4_5 = (there_2_5) & (~(moves_4_5));
     const REAL_MASK there_4_6 = (there_2_6) & (~(moves_4_6));
     const REAL_MASK there_4_7 = (there_2_7) & (~(moves_4_7));
-    const REAL angles_1_1 = TYPED(blend)(there_4_0, row_4_0_2, (REAL)NAN);
-    const REAL angles_1_2 = TYPED(blend)(there_4_0, row_4_0_3, (REAL)NAN);
-    const REAL angles_1_3 = TYPED(blend)(there_4_0, row_4_0_4, (REAL)NAN);
-    const REAL angles_1_4 = TYPED(blend)(there_4_0, row_4_0_5, (REAL)NAN);
-    const REAL angles_1_5 = TYPED(blend)(there_4_0, row_4_0_6, (REAL)NAN);
-    const REAL angles_1_6 = TYPED(blend)(there_4_0, row_4_0_7, (REAL)NAN);
-    const REAL angles_2_1 = TYPED(blend)(there_4_1, row_4_1_2, (REAL)NAN);
-    const REAL angles_2_2 = TYPED(blend)(there_4_1, row_4_1_3, (REAL)NAN);
-    const REAL angles_2_3 = TYPED(blend)(there_4_1, row_4_1_4, (REAL)NAN);
-    const REAL angles_2_4 = TYPED(blend)(there_4_1, row_4_1_5, (REAL)NAN);
-    const REAL angles_2_5 = TYPED(blend)(there_4_1, row_4_1_6, (REAL)NAN);
-    const REAL angles_2_6 = TYPED(blend)(there_4_1, row_4_1_7, (REAL)NAN);
-    const REAL angles_3_1 = TYPED(blend)(there_4_2, row_4_2_2, (REAL)NAN);
-    const REAL angles_3_2 = TYPED(blend)(there_4_2, row_4_2_3, (REAL)NAN);
-    const REAL angles_3_3 = TYPED(blend)(there_4_2, row_4_2_4, (REAL)NAN);
-    const REAL angles_3_4 = TYPED(blend)(there_4_2, row_4_2_5, (REAL)NAN);
-    const REAL angles_3_5 = TYPED(blend)(there_4_2, row_4_2_6, (REAL)NAN);
-    const REAL angles_3_6 = TYPED(blend)(there_4_2, row_4_2_7, (REAL)NAN);
-    const REAL angles_4_1 = TYPED(blend)(there_4_3, row_4_3_2, (REAL)NAN);
-    const REAL angles_4_2 = TYPED(blend)(there_4_3, row_4_3_3, (REAL)NAN);
-    const REAL angles_4_3 = TYPED(blend)(there_4_3, row_4_3_4, (REAL)NAN);
-    const REAL angles_4_4 = TYPED(blend)(there_4_3, row_4_3_5, (REAL)NAN);
-    const REAL angles_4_5 = TYPED(blend)(there_4_3, row_4_3_6, (REAL)NAN);
-    const REAL angles_4_6 = TYPED(blend)(there_4_3, row_4_3_7, (REAL)NAN);
-    const REAL angles_5_1 = TYPED(blend)(there_4_4, row_2_4_2, (REAL)NAN);
-    const REAL angles_5_2 = TYPED(blend)(there_4_4, row_2_4_3, (REAL)NAN);
-    const REAL angles_5_3 = TYPED(blend)(there_4_4, row_2_4_4, (REAL)NAN);
-    const REAL angles_5_4 = TYPED(blend)(there_4_4, row_2_4_5, (REAL)NAN);
-    const REAL angles_5_5 = TYPED(blend)(there_4_4, row_2_4_6, (REAL)NAN);
-    const REAL angles_5_6 = TYPED(blend)(there_4_4, row_2_4_7, (REAL)NAN);
-    const REAL angles_6_1 = TYPED(blend)(there_4_5, row_2_5_2, (REAL)NAN);
-    const REAL angles_6_2 = TYPED(blend)(there_4_5, row_2_5_3, (REAL)NAN);
-    const REAL angles_6_3 = TYPED(blend)(there_4_5, row_2_5_4, (REAL)NAN);
-    const REAL angles_6_4 = TYPED(blend)(there_4_5, row_2_5_5, (REAL)NAN);
-    const REAL angles_6_5 = TYPED(blend)(there_4_5, row_2_5_6, (REAL)NAN);
-    const REAL angles_6_6 = TYPED(blend)(there_4_5, row_2_5_7, (REAL)NAN);
-    const REAL angles_7_1 = TYPED(blend)(there_4_6, row_1_6_2, (REAL)NAN);
-    const REAL angles_7_2 = TYPED(blend)(there_4_6, row_1_6_3, (REAL)NAN);
-    const REAL angles_7_3 = TYPED(blend)(there_4_6, row_1_6_4, (REAL)NAN);
-    const REAL angles_7_4 = TYPED(blend)(there_4_6, row_1_6_5, (REAL)NAN);
-    const REAL angles_7_5 = TYPED(blend)(there_4_6, row_1_6_6, (REAL)NAN);
-    const REAL angles_7_6 = TYPED(blend)(there_4_6, row_1_6_7, (REAL)NAN);
-    const REAL angles_8_1 = TYPED(blend)(there_4_7, x258, (REAL)NAN);
-    const REAL angles_8_2 = TYPED(blend)(there_4_7, x259, (REAL)NAN);
-    const REAL angles_8_3 = TYPED(blend)(there_4_7, x260, (REAL)NAN);
-    const REAL angles_8_4 = TYPED(blend)(there_4_7, x261, (REAL)NAN);
-    const REAL angles_8_5 = TYPED(blend)(there_4_7, x262, (REAL)NAN);
-    const REAL angles_8_6 = TYPED(blend)(there_4_7, x263, (REAL)NAN);
-    const REAL status_1 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_0), K(3.0), row_4_0_1));
-    const REAL status_2 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_1), K(3.0), row_4_1_1));
-    const REAL status_3 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_2), K(3.0), row_4_2_1));
-    const REAL status_4 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_3), K(3.0), row_4_3_1));
-    const REAL status_5 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_4), K(3.0), row_2_4_1));
-    const REAL status_6 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_5), K(3.0), row_2_5_1));
-    const REAL status_7 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_6), K(3.0), row_1_6_1));
-    const REAL status_8 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_7), K(3.0), code_8));
-    output[0][i] = angles_1_1;
-    output[1][i] = angles_1_2;
-    output[2][i] = angles_1_3;
-    output[3][i] = angles_1_4;
-    output[4][i] = angles_1_5;
-    output[5][i] = angles_1_6;
-    output[6][i] = angles_2_1;
-    output[7][i] = angles_2_2;
-    output[8][i] = angles_2_3;
-    output[9][i] = angles_2_4;
-    output[10][i] = angles_2_5;
-    output[11][i] = angles_2_6;
-    output[12][i] = angles_3_1;
-    output[13][i] = angles_3_2;
-    output[14][i] = angles_3_3;
-    output[15][i] = angles_3_4;
-    output[16][i] = angles_3_5;
-    output[17][i] = angles_3_6;
-    output[18][i] = angles_4_1;
-    output[19][i] = angles_4_2;
-    output[20][i] = angles_4_3;
-    output[21][i] = angles_4_4;
-    output[22][i] = angles_4_5;
-    output[23][i] = angles_4_6;
-    output[24][i] = angles_5_1;
-    output[25][i] = angles_5_2;
-    output[26][i] = angles_5_3;
-    output[27][i] = angles_5_4;
-    output[28][i] = angles_5_5;
-    output[29][i] = angles_5_6;
-    output[30][i] = angles_6_1;
-    output[31][i] = angles_6_2;
-    output[32][i] = angles_6_3;
-    output[33][i] = angles_6_4;
-    output[34][i] = angles_6_5;
-    output[35][i] = angles_6_6;
-    output[36][i] = angles_7_1;
-    output[37][i] = angles_7_2;
-    output[38][i] = angles_7_3;
-    output[39][i] = angles_7_4;
-    output[40][i] = angles_7_5;
-    output[41][i] = angles_7_6;
-    output[42][i] = angles_8_1;
-    output[43][i] = angles_8_2;
-    output[44][i] = angles_8_3;
-    output[45][i] = angles_8_4;
-    output[46][i] = angles_8_5;
-    output[47][i] = angles_8_6;
-    output[48][i] = status_1;
-    output[49][i] = status_2;
-    output[50][i] = status_3;
-    output[51][i] = status_4;
-    output[52][i] = status_5;
-    output[53][i] = status_6;
-    output[54][i] = status_7;
-    output[55][i] = status_8;
+    output[0][i] = TYPED(blend)(there_4_0, row_4_0_2, (REAL)NAN);
+    output[1][i] = TYPED(blend)(there_4_0, row_4_0_3, (REAL)NAN);
+    output[2][i] = TYPED(blend)(there_4_0, row_4_0_4, (REAL)NAN);
+    output[3][i] = TYPED(blend)(there_4_0, row_4_0_5, (REAL)NAN);
+    output[4][i] = TYPED(blend)(there_4_0, row_4_0_6, (REAL)NAN);
+    output[5][i] = TYPED(blend)(there_4_0, row_4_0_7, (REAL)NAN);
+    output[6][i] = TYPED(blend)(there_4_1, row_4_1_2, (REAL)NAN);
+    output[7][i] = TYPED(blend)(there_4_1, row_4_1_3, (REAL)NAN);
+    output[8][i] = TYPED(blend)(there_4_1, row_4_1_4, (REAL)NAN);
+    output[9][i] = TYPED(blend)(there_4_1, row_4_1_5, (REAL)NAN);
+    output[10][i] = TYPED(blend)(there_4_1, row_4_1_6, (REAL)NAN);
+    output[11][i] = TYPED(blend)(there_4_1, row_4_1_7, (REAL)NAN);
+    output[12][i] = TYPED(blend)(there_4_2, row_4_2_2, (REAL)NAN);
+    output[13][i] = TYPED(blend)(there_4_2, row_4_2_3, (REAL)NAN);
+    output[14][i] = TYPED(blend)(there_4_2, row_4_2_4, (REAL)NAN);
+    output[15][i] = TYPED(blend)(there_4_2, row_4_2_5, (REAL)NAN);
+    output[16][i] = TYPED(blend)(there_4_2, row_4_2_6, (REAL)NAN);
+    output[17][i] = TYPED(blend)(there_4_2, row_4_2_7, (REAL)NAN);
+    output[18][i] = TYPED(blend)(there_4_3, row_4_3_2, (REAL)NAN);
+    output[19][i] = TYPED(blend)(there_4_3, row_4_3_3, (REAL)NAN);
+    output[20][i] = TYPED(blend)(there_4_3, row_4_3_4, (REAL)NAN);
+    output[21][i] = TYPED(blend)(there_4_3, row_4_3_5, (REAL)NAN);
+    output[22][i] = TYPED(blend)(there_4_3, row_4_3_6, (REAL)NAN);
+    output[23][i] = TYPED(blend)(there_4_3, row_4_3_7, (REAL)NAN);
+    output[24][i] = TYPED(blend)(there_4_4, row_2_4_2, (REAL)NAN);
+    output[25][i] = TYPED(blend)(there_4_4, row_2_4_3, (REAL)NAN);
+    output[26][i] = TYPED(blend)(there_4_4, row_2_4_4, (REAL)NAN);
+    output[27][i] = TYPED(blend)(there_4_4, row_2_4_5, (REAL)NAN);
+    output[28][i] = TYPED(blend)(there_4_4, row_2_4_6, (REAL)NAN);
+    output[29][i] = TYPED(blend)(there_4_4, row_2_4_7, (REAL)NAN);
+    output[30][i] = TYPED(blend)(there_4_5, row_2_5_2, (REAL)NAN);
+    output[31][i] = TYPED(blend)(there_4_5, row_2_5_3, (REAL)NAN);
+    output[32][i] = TYPED(blend)(there_4_5, row_2_5_4, (REAL)NAN);
+    output[33][i] = TYPED(blend)(there_4_5, row_2_5_5, (REAL)NAN);
+    output[34][i] = TYPED(blend)(there_4_5, row_2_5_6, (REAL)NAN);
+    output[35][i] = TYPED(blend)(there_4_5, row_2_5_7, (REAL)NAN);
+    output[36][i] = TYPED(blend)(there_4_6, row_1_6_2, (REAL)NAN);
+    output[37][i] = TYPED(blend)(there_4_6, row_1_6_3, (REAL)NAN);
+    output[38][i] = TYPED(blend)(there_4_6, row_1_6_4, (REAL)NAN);
+    output[39][i] = TYPED(blend)(there_4_6, row_1_6_5, (REAL)NAN);
+    output[40][i] = TYPED(blend)(there_4_6, row_1_6_6, (REAL)NAN);
+    output[41][i] = TYPED(blend)(there_4_6, row_1_6_7, (REAL)NAN);
+    output[42][i] = TYPED(blend)(there_4_7, x258, (REAL)NAN);
+    output[43][i] = TYPED(blend)(there_4_7, x259, (REAL)NAN);
+    output[44][i] = TYPED(blend)(there_4_7, x260, (REAL)NAN);
+    output[45][i] = TYPED(blend)(there_4_7, x261, (REAL)NAN);
+    output[46][i] = TYPED(blend)(there_4_7, x262, (REAL)NAN);
+    output[47][i] = TYPED(blend)(there_4_7, x263, (REAL)NAN);
+    output[48][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_0), K(3.0), row_4_0_1));
+    output[49][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_1), K(3.0), row_4_1_1));
+    output[50][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_2), K(3.0), row_4_2_1));
+    output[51][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_3), K(3.0), row_4_3_1));
+    output[52][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_4), K(3.0), row_2_4_1));
+    output[53][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_5), K(3.0), row_2_5_1));
+    output[54][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_6), K(3.0), row_1_6_1));
+    output[55][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_7), K(3.0), code_8));
   }
-}
-
-SHARED void TYPED(robot_wrist_reverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(robot_wrist_reverse)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(robot_wrist_reverse_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(robots_6r_robot_wrist_reverse)(x + 0, x + 16, x + 21, x + 26, x + 31, y + 0, codes + 48);
+}
 
 void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_3[k] = (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[5];
-  ptrdiff_t offsets_5[48];
-  for (int k = 0; k < 48; ++k)
-    offsets_5[k] = (k / 6) % 8 * core[6] + (k / 1) % 6 * core[7];
-  ptrdiff_t offsets_6[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_6[k] = (k / 1) % 8 * core[8];
-#ifndef ROW_BY_ROW
-  REAL input[37][BLOCK], output[56][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 48, steps[5], width) & is_aligned(args[5], width));
-  packed &= is_packed(offsets_6, 8, steps[6], 1);
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(robot_wrist_reverse_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
-      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 48 * width, (total - start) * 48 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 21, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 26, args[3], 5);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 31, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
-      if (steps[4] != 0)
-        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
-      TYPED(robot_wrist_reverse_block)(input, output);
-      {
-        REAL staged[48 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 48);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      for (int i = 0; i < BLOCK; ++i)
-        for (int k = 0; k < 8; ++k)
-          ((int8_t *)args[6])[(start + i) * 8 + k] = (int8_t)(int32_t)output[48 + k][i];
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cosine[5];
-    for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sine[5];
-    for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL angles[48];
-    int8_t status[8];
-    TYPED(robots_6r_robot_wrist_reverse)(pose, a, cosine, sine, offset, angles, status);
-    for (int k = 0; k < 48; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], angles[k]);
-    for (int k = 0; k < 8; ++k)
-      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {48, 0, 2, {8, 6}}, {8, 1, 1, {8}}};
+  static const struct kernel kernel = {ports, 5, 2, 37, 56, 0, BLOCKWISE(robot_wrist_reverse), TYPED(robot_wrist_reverse_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* robot_parallel_reverse: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
 #ifndef ROW_BY_ROW
-static inline void TYPED(robot_parallel_reverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(robot_parallel_reverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1_1 = input[0][i];
@@ -2099,251 +1915,82 @@ static inline void TYPED(robot_parallel_reverse)(REAL (*restrict input)[BLOCK], 
     const REAL_MASK there_4_5 = (there_2_5) & (~(moves_4_5));
     const REAL_MASK there_4_6 = (there_2_6) & (~(moves_4_6));
     const REAL_MASK there_4_7 = (there_2_7) & (~(moves_4_7));
-    const REAL angles_1_1 = TYPED(blend)(there_4_0, row_4_0_2, (REAL)NAN);
-    const REAL angles_1_2 = TYPED(blend)(there_4_0, row_4_0_3, (REAL)NAN);
-    const REAL angles_1_3 = TYPED(blend)(there_4_0, row_4_0_4, (REAL)NAN);
-    const REAL angles_1_4 = TYPED(blend)(there_4_0, row_4_0_5, (REAL)NAN);
-    const REAL angles_1_5 = TYPED(blend)(there_4_0, row_4_0_6, (REAL)NAN);
-    const REAL angles_1_6 = TYPED(blend)(there_4_0, row_4_0_7, (REAL)NAN);
-    const REAL angles_2_1 = TYPED(blend)(there_4_1, row_4_1_2, (REAL)NAN);
-    const REAL angles_2_2 = TYPED(blend)(there_4_1, row_4_1_3, (REAL)NAN);
-    const REAL angles_2_3 = TYPED(blend)(there_4_1, row_4_1_4, (REAL)NAN);
-    const REAL angles_2_4 = TYPED(blend)(there_4_1, row_4_1_5, (REAL)NAN);
-    const REAL angles_2_5 = TYPED(blend)(there_4_1, row_4_1_6, (REAL)NAN);
-    const REAL angles_2_6 = TYPED(blend)(there_4_1, row_4_1_7, (REAL)NAN);
-    const REAL angles_3_1 = TYPED(blend)(there_4_2, row_4_2_2, (REAL)NAN);
-    const REAL angles_3_2 = TYPED(blend)(there_4_2, row_4_2_3, (REAL)NAN);
-    const REAL angles_3_3 = TYPED(blend)(there_4_2, row_4_2_4, (REAL)NAN);
-    const REAL angles_3_4 = TYPED(blend)(there_4_2, row_4_2_5, (REAL)NAN);
-    const REAL angles_3_5 = TYPED(blend)(there_4_2, row_4_2_6, (REAL)NAN);
-    const REAL angles_3_6 = TYPED(blend)(there_4_2, row_4_2_7, (REAL)NAN);
-    const REAL angles_4_1 = TYPED(blend)(there_4_3, row_4_3_2, (REAL)NAN);
-    const REAL angles_4_2 = TYPED(blend)(there_4_3, row_4_3_3, (REAL)NAN);
-    const REAL angles_4_3 = TYPED(blend)(there_4_3, row_4_3_4, (REAL)NAN);
-    const REAL angles_4_4 = TYPED(blend)(there_4_3, row_4_3_5, (REAL)NAN);
-    const REAL angles_4_5 = TYPED(blend)(there_4_3, row_4_3_6, (REAL)NAN);
-    const REAL angles_4_6 = TYPED(blend)(there_4_3, row_4_3_7, (REAL)NAN);
-    const REAL angles_5_1 = TYPED(blend)(there_4_4, row_2_4_2, (REAL)NAN);
-    const REAL angles_5_2 = TYPED(blend)(there_4_4, row_2_4_3, (REAL)NAN);
-    const REAL angles_5_3 = TYPED(blend)(there_4_4, row_2_4_4, (REAL)NAN);
-    const REAL angles_5_4 = TYPED(blend)(there_4_4, row_2_4_5, (REAL)NAN);
-    const REAL angles_5_5 = TYPED(blend)(there_4_4, row_2_4_6, (REAL)NAN);
-    const REAL angles_5_6 = TYPED(blend)(there_4_4, row_2_4_7, (REAL)NAN);
-    const REAL angles_6_1 = TYPED(blend)(there_4_5, row_2_5_2, (REAL)NAN);
-    const REAL angles_6_2 = TYPED(blend)(there_4_5, row_2_5_3, (REAL)NAN);
-    const REAL angles_6_3 = TYPED(blend)(there_4_5, row_2_5_4, (REAL)NAN);
-    const REAL angles_6_4 = TYPED(blend)(there_4_5, row_2_5_5, (REAL)NAN);
-    const REAL angles_6_5 = TYPED(blend)(there_4_5, row_2_5_6, (REAL)NAN);
-    const REAL angles_6_6 = TYPED(blend)(there_4_5, row_2_5_7, (REAL)NAN);
-    const REAL angles_7_1 = TYPED(blend)(there_4_6, row_1_6_2, (REAL)NAN);
-    const REAL angles_7_2 = TYPED(blend)(there_4_6, row_1_6_3, (REAL)NAN);
-    const REAL angles_7_3 = TYPED(blend)(there_4_6, row_1_6_4, (REAL)NAN);
-    const REAL angles_7_4 = TYPED(blend)(there_4_6, row_1_6_5, (REAL)NAN);
-    const REAL angles_7_5 = TYPED(blend)(there_4_6, row_1_6_6, (REAL)NAN);
-    const REAL angles_7_6 = TYPED(blend)(there_4_6, row_1_6_7, (REAL)NAN);
-    const REAL angles_8_1 = TYPED(blend)(there_4_7, x215, (REAL)NAN);
-    const REAL angles_8_2 = TYPED(blend)(there_4_7, x216, (REAL)NAN);
-    const REAL angles_8_3 = TYPED(blend)(there_4_7, x217, (REAL)NAN);
-    const REAL angles_8_4 = TYPED(blend)(there_4_7, x218, (REAL)NAN);
-    const REAL angles_8_5 = TYPED(blend)(there_4_7, x219, (REAL)NAN);
-    const REAL angles_8_6 = TYPED(blend)(there_4_7, x220, (REAL)NAN);
-    const REAL status_1 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_0), K(3.0), row_4_0_1));
-    const REAL status_2 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_1), K(3.0), row_4_1_1));
-    const REAL status_3 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_2), K(3.0), row_4_2_1));
-    const REAL status_4 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_3), K(3.0), row_4_3_1));
-    const REAL status_5 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_4), K(3.0), row_2_4_1));
-    const REAL status_6 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_5), K(3.0), row_2_5_1));
-    const REAL status_7 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_6), K(3.0), row_1_6_1));
-    const REAL status_8 = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_7), K(3.0), code_8));
-    output[0][i] = angles_1_1;
-    output[1][i] = angles_1_2;
-    output[2][i] = angles_1_3;
-    output[3][i] = angles_1_4;
-    output[4][i] = angles_1_5;
-    output[5][i] = angles_1_6;
-    output[6][i] = angles_2_1;
-    output[7][i] = angles_2_2;
-    output[8][i] = angles_2_3;
-    output[9][i] = angles_2_4;
-    output[10][i] = angles_2_5;
-    output[11][i] = angles_2_6;
-    output[12][i] = angles_3_1;
-    output[13][i] = angles_3_2;
-    output[14][i] = angles_3_3;
-    output[15][i] = angles_3_4;
-    output[16][i] = angles_3_5;
-    output[17][i] = angles_3_6;
-    output[18][i] = angles_4_1;
-    output[19][i] = angles_4_2;
-    output[20][i] = angles_4_3;
-    output[21][i] = angles_4_4;
-    output[22][i] = angles_4_5;
-    output[23][i] = angles_4_6;
-    output[24][i] = angles_5_1;
-    output[25][i] = angles_5_2;
-    output[26][i] = angles_5_3;
-    output[27][i] = angles_5_4;
-    output[28][i] = angles_5_5;
-    output[29][i] = angles_5_6;
-    output[30][i] = angles_6_1;
-    output[31][i] = angles_6_2;
-    output[32][i] = angles_6_3;
-    output[33][i] = angles_6_4;
-    output[34][i] = angles_6_5;
-    output[35][i] = angles_6_6;
-    output[36][i] = angles_7_1;
-    output[37][i] = angles_7_2;
-    output[38][i] = angles_7_3;
-    output[39][i] = angles_7_4;
-    output[40][i] = angles_7_5;
-    output[41][i] = angles_7_6;
-    output[42][i] = angles_8_1;
-    output[43][i] = angles_8_2;
-    output[44][i] = angles_8_3;
-    output[45][i] = angles_8_4;
-    output[46][i] = angles_8_5;
-    output[47][i] = angles_8_6;
-    output[48][i] = status_1;
-    output[49][i] = status_2;
-    output[50][i] = status_3;
-    output[51][i] = status_4;
-    output[52][i] = status_5;
-    output[53][i] = status_6;
-    output[54][i] = status_7;
-    output[55][i] = status_8;
+    output[0][i] = TYPED(blend)(there_4_0, row_4_0_2, (REAL)NAN);
+    output[1][i] = TYPED(blend)(there_4_0, row_4_0_3, (REAL)NAN);
+    output[2][i] = TYPED(blend)(there_4_0, row_4_0_4, (REAL)NAN);
+    output[3][i] = TYPED(blend)(there_4_0, row_4_0_5, (REAL)NAN);
+    output[4][i] = TYPED(blend)(there_4_0, row_4_0_6, (REAL)NAN);
+    output[5][i] = TYPED(blend)(there_4_0, row_4_0_7, (REAL)NAN);
+    output[6][i] = TYPED(blend)(there_4_1, row_4_1_2, (REAL)NAN);
+    output[7][i] = TYPED(blend)(there_4_1, row_4_1_3, (REAL)NAN);
+    output[8][i] = TYPED(blend)(there_4_1, row_4_1_4, (REAL)NAN);
+    output[9][i] = TYPED(blend)(there_4_1, row_4_1_5, (REAL)NAN);
+    output[10][i] = TYPED(blend)(there_4_1, row_4_1_6, (REAL)NAN);
+    output[11][i] = TYPED(blend)(there_4_1, row_4_1_7, (REAL)NAN);
+    output[12][i] = TYPED(blend)(there_4_2, row_4_2_2, (REAL)NAN);
+    output[13][i] = TYPED(blend)(there_4_2, row_4_2_3, (REAL)NAN);
+    output[14][i] = TYPED(blend)(there_4_2, row_4_2_4, (REAL)NAN);
+    output[15][i] = TYPED(blend)(there_4_2, row_4_2_5, (REAL)NAN);
+    output[16][i] = TYPED(blend)(there_4_2, row_4_2_6, (REAL)NAN);
+    output[17][i] = TYPED(blend)(there_4_2, row_4_2_7, (REAL)NAN);
+    output[18][i] = TYPED(blend)(there_4_3, row_4_3_2, (REAL)NAN);
+    output[19][i] = TYPED(blend)(there_4_3, row_4_3_3, (REAL)NAN);
+    output[20][i] = TYPED(blend)(there_4_3, row_4_3_4, (REAL)NAN);
+    output[21][i] = TYPED(blend)(there_4_3, row_4_3_5, (REAL)NAN);
+    output[22][i] = TYPED(blend)(there_4_3, row_4_3_6, (REAL)NAN);
+    output[23][i] = TYPED(blend)(there_4_3, row_4_3_7, (REAL)NAN);
+    output[24][i] = TYPED(blend)(there_4_4, row_2_4_2, (REAL)NAN);
+    output[25][i] = TYPED(blend)(there_4_4, row_2_4_3, (REAL)NAN);
+    output[26][i] = TYPED(blend)(there_4_4, row_2_4_4, (REAL)NAN);
+    output[27][i] = TYPED(blend)(there_4_4, row_2_4_5, (REAL)NAN);
+    output[28][i] = TYPED(blend)(there_4_4, row_2_4_6, (REAL)NAN);
+    output[29][i] = TYPED(blend)(there_4_4, row_2_4_7, (REAL)NAN);
+    output[30][i] = TYPED(blend)(there_4_5, row_2_5_2, (REAL)NAN);
+    output[31][i] = TYPED(blend)(there_4_5, row_2_5_3, (REAL)NAN);
+    output[32][i] = TYPED(blend)(there_4_5, row_2_5_4, (REAL)NAN);
+    output[33][i] = TYPED(blend)(there_4_5, row_2_5_5, (REAL)NAN);
+    output[34][i] = TYPED(blend)(there_4_5, row_2_5_6, (REAL)NAN);
+    output[35][i] = TYPED(blend)(there_4_5, row_2_5_7, (REAL)NAN);
+    output[36][i] = TYPED(blend)(there_4_6, row_1_6_2, (REAL)NAN);
+    output[37][i] = TYPED(blend)(there_4_6, row_1_6_3, (REAL)NAN);
+    output[38][i] = TYPED(blend)(there_4_6, row_1_6_4, (REAL)NAN);
+    output[39][i] = TYPED(blend)(there_4_6, row_1_6_5, (REAL)NAN);
+    output[40][i] = TYPED(blend)(there_4_6, row_1_6_6, (REAL)NAN);
+    output[41][i] = TYPED(blend)(there_4_6, row_1_6_7, (REAL)NAN);
+    output[42][i] = TYPED(blend)(there_4_7, x215, (REAL)NAN);
+    output[43][i] = TYPED(blend)(there_4_7, x216, (REAL)NAN);
+    output[44][i] = TYPED(blend)(there_4_7, x217, (REAL)NAN);
+    output[45][i] = TYPED(blend)(there_4_7, x218, (REAL)NAN);
+    output[46][i] = TYPED(blend)(there_4_7, x219, (REAL)NAN);
+    output[47][i] = TYPED(blend)(there_4_7, x220, (REAL)NAN);
+    output[48][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_0), K(3.0), row_4_0_1));
+    output[49][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_1), K(3.0), row_4_1_1));
+    output[50][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_2), K(3.0), row_4_2_1));
+    output[51][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_3), K(3.0), row_4_3_1));
+    output[52][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_4), K(3.0), row_2_4_1));
+    output[53][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_5), K(3.0), row_2_5_1));
+    output[54][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_6), K(3.0), row_1_6_1));
+    output[55][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(~(there_4_7), K(3.0), code_8));
   }
-}
-
-SHARED void TYPED(robot_parallel_reverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(robot_parallel_reverse)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(robot_parallel_reverse_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(robots_6r_robot_parallel_reverse)(x + 0, x + 16, x + 21, x + 26, x + 31, y + 0, codes + 48);
+}
 
 void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_3[k] = (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[5];
-  ptrdiff_t offsets_5[48];
-  for (int k = 0; k < 48; ++k)
-    offsets_5[k] = (k / 6) % 8 * core[6] + (k / 1) % 6 * core[7];
-  ptrdiff_t offsets_6[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_6[k] = (k / 1) % 8 * core[8];
-#ifndef ROW_BY_ROW
-  REAL input[37][BLOCK], output[56][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 48, steps[5], width) & is_aligned(args[5], width));
-  packed &= is_packed(offsets_6, 8, steps[6], 1);
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(robot_parallel_reverse_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
-      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 48 * width, (total - start) * 48 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 21, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 26, args[3], 5);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 31, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
-      if (steps[4] != 0)
-        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
-      TYPED(robot_parallel_reverse_block)(input, output);
-      {
-        REAL staged[48 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 48);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      for (int i = 0; i < BLOCK; ++i)
-        for (int k = 0; k < 8; ++k)
-          ((int8_t *)args[6])[(start + i) * 8 + k] = (int8_t)(int32_t)output[48 + k][i];
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cosine[5];
-    for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sine[5];
-    for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL angles[48];
-    int8_t status[8];
-    TYPED(robots_6r_robot_parallel_reverse)(pose, a, cosine, sine, offset, angles, status);
-    for (int k = 0; k < 48; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], angles[k]);
-    for (int k = 0; k < 8; ++k)
-      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {48, 0, 2, {8, 6}}, {8, 1, 1, {8}}};
+  static const struct kernel kernel = {ports, 5, 2, 37, 56, 0, BLOCKWISE(robot_parallel_reverse), TYPED(robot_parallel_reverse_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* robot_pair_456: 18 add, 46 mul */
 #ifndef ROW_BY_ROW
-static inline void TYPED(robot_pair_456)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(robot_pair_456)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1_3 = input[2][i];
@@ -2370,174 +2017,54 @@ static inline void TYPED(robot_pair_456)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL x1 = cosine_2*x0;
     const REAL x2 = K(2.0)*offset_2;
     const REAL x3 = offset_1 + offset_6*pose_3_3 - pose_3_4;
-    const REAL equations_1_1_1 = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3));
     const REAL x4 = K(2.0)*a_2;
     const REAL x5 = offset_4*sine_3;
-    const REAL equations_1_1_2 = a_3*x4 - sine_2*x2*x5;
     const REAL x6 = K(2.0)*a_3;
-    const REAL equations_1_1_3 = offset_2*sine_2*x6 + x4*x5;
-    const REAL equations_1_2_1 = a_1*x4;
     const REAL x7 = a_1*x6;
-    const REAL equations_1_2_2 = x7;
     const REAL x8 = K(2.0)*a_1;
     const REAL x9 = x5*x8;
-    const REAL equations_1_2_3 = x9;
     const REAL x10 = sine_2*x0;
-    const REAL equations_1_3_1 = x10*x8;
-    const REAL equations_1_3_2 = cosine_2*x9;
-    const REAL equations_1_3_3 = -cosine_2*x7;
-    const REAL equations_2_1_1 = cosine_1*offset_2 + cosine_1*x1 + x3;
     const REAL x11 = cosine_1*sine_2;
-    const REAL equations_2_1_2 = -x11*x5;
-    const REAL equations_2_1_3 = a_3*x11;
-    const REAL equations_2_2_1 = -sine_1*x10;
     const REAL x12 = sine_1*x5;
-    const REAL equations_2_2_2 = -cosine_2*x12;
     const REAL x13 = a_3*sine_1;
-    const REAL equations_2_2_3 = cosine_2*x13;
-    const REAL equations_2_3_1 = a_2*sine_1;
-    const REAL equations_2_3_2 = x13;
-    const REAL equations_2_3_3 = x12;
-    output[0][i] = equations_1_1_1;
-    output[1][i] = equations_1_1_2;
-    output[2][i] = equations_1_1_3;
-    output[3][i] = equations_1_2_1;
-    output[4][i] = equations_1_2_2;
-    output[5][i] = equations_1_2_3;
-    output[6][i] = equations_1_3_1;
-    output[7][i] = equations_1_3_2;
-    output[8][i] = equations_1_3_3;
-    output[9][i] = equations_2_1_1;
-    output[10][i] = equations_2_1_2;
-    output[11][i] = equations_2_1_3;
-    output[12][i] = equations_2_2_1;
-    output[13][i] = equations_2_2_2;
-    output[14][i] = equations_2_2_3;
-    output[15][i] = equations_2_3_1;
-    output[16][i] = equations_2_3_2;
-    output[17][i] = equations_2_3_3;
+    output[0][i] = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3));
+    output[1][i] = a_3*x4 - sine_2*x2*x5;
+    output[2][i] = offset_2*sine_2*x6 + x4*x5;
+    output[3][i] = a_1*x4;
+    output[4][i] = x7;
+    output[5][i] = x9;
+    output[6][i] = x10*x8;
+    output[7][i] = cosine_2*x9;
+    output[8][i] = -cosine_2*x7;
+    output[9][i] = cosine_1*offset_2 + cosine_1*x1 + x3;
+    output[10][i] = -x11*x5;
+    output[11][i] = a_3*x11;
+    output[12][i] = -sine_1*x10;
+    output[13][i] = -cosine_2*x12;
+    output[14][i] = cosine_2*x13;
+    output[15][i] = a_2*sine_1;
+    output[16][i] = x13;
+    output[17][i] = x12;
   }
-}
-
-SHARED void TYPED(robot_pair_456_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(robot_pair_456)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(robot_pair_456_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(robots_6r_robot_pair_456)(x + 0, x + 16, x + 21, x + 26, x + 31, y + 0);
+}
 
 void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_3[k] = (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[5];
-  ptrdiff_t offsets_5[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-#ifndef ROW_BY_ROW
-  REAL input[37][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(robot_pair_456_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 21, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 26, args[3], 5);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 31, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
-      if (steps[4] != 0)
-        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
-      TYPED(robot_pair_456_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cosine[5];
-    for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sine[5];
-    for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL equations[18];
-    TYPED(robots_6r_robot_pair_456)(pose, a, cosine, sine, offset, equations);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 5, 1, 37, 18, 0, BLOCKWISE(robot_pair_456), TYPED(robot_pair_456_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* robot_pair_234: 35 add, 70 mul */
 #ifndef ROW_BY_ROW
-static inline void TYPED(robot_pair_234)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(robot_pair_234)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1_1 = input[0][i];
@@ -2572,178 +2099,58 @@ static inline void TYPED(robot_pair_234)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL x3 = offset_1 - pose_3_4;
     const REAL x4 = x2 + x3;
     const REAL x5 = cosine_4*offset_4 + offset_5;
-    const REAL equations_1_1_1 = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5;
     const REAL x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4;
-    const REAL equations_1_1_2 = -sine_5*x6;
     const REAL x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4;
-    const REAL equations_1_1_3 = sine_5*x7;
     const REAL x8 = offset_2*sine_1;
     const REAL x9 = a_1*pose_1_3 - pose_2_3*x8;
-    const REAL equations_1_2_1 = cosine_5*x9;
     const REAL x10 = a_1*pose_1_2 - pose_2_2*x8;
-    const REAL equations_1_2_2 = sine_5*x10;
     const REAL x11 = a_1*pose_1_1 - pose_2_1*x8;
-    const REAL equations_1_2_3 = sine_5*x11;
     const REAL x12 = a_1*pose_2_3 + pose_1_3*x8;
-    const REAL equations_1_3_1 = cosine_5*x12;
     const REAL x13 = a_1*pose_2_2 + pose_1_2*x8;
-    const REAL equations_1_3_2 = sine_5*x13;
     const REAL x14 = a_1*pose_2_1 + pose_1_1*x8;
-    const REAL equations_1_3_3 = sine_5*x14;
     const REAL x15 = (offset_2*offset_2);
     const REAL x17 = K(2.0)*offset_6;
-    const REAL equations_2_1_1 = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + K(2.0)*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5);
     const REAL x18 = K(2.0)*a_5;
-    const REAL equations_2_1_2 = x18*x7;
-    const REAL equations_2_1_3 = x18*x6;
     const REAL x19 = K(2.0)*a_1;
     const REAL x20 = K(2.0)*x8;
-    const REAL equations_2_2_1 = pose_2_4*x20 + x17*x9 - pose_1_4*x19;
-    const REAL equations_2_2_2 = x11*x18;
-    const REAL equations_2_2_3 = -x10*x18;
-    const REAL equations_2_3_1 = K(2.0)*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19;
-    const REAL equations_2_3_2 = x14*x18;
-    const REAL equations_2_3_3 = -x13*x18;
-    output[0][i] = equations_1_1_1;
-    output[1][i] = equations_1_1_2;
-    output[2][i] = equations_1_1_3;
-    output[3][i] = equations_1_2_1;
-    output[4][i] = equations_1_2_2;
-    output[5][i] = equations_1_2_3;
-    output[6][i] = equations_1_3_1;
-    output[7][i] = equations_1_3_2;
-    output[8][i] = equations_1_3_3;
-    output[9][i] = equations_2_1_1;
-    output[10][i] = equations_2_1_2;
-    output[11][i] = equations_2_1_3;
-    output[12][i] = equations_2_2_1;
-    output[13][i] = equations_2_2_2;
-    output[14][i] = equations_2_2_3;
-    output[15][i] = equations_2_3_1;
-    output[16][i] = equations_2_3_2;
-    output[17][i] = equations_2_3_3;
+    output[0][i] = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5;
+    output[1][i] = -sine_5*x6;
+    output[2][i] = sine_5*x7;
+    output[3][i] = cosine_5*x9;
+    output[4][i] = sine_5*x10;
+    output[5][i] = sine_5*x11;
+    output[6][i] = cosine_5*x12;
+    output[7][i] = sine_5*x13;
+    output[8][i] = sine_5*x14;
+    output[9][i] = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + K(2.0)*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5);
+    output[10][i] = x18*x7;
+    output[11][i] = x18*x6;
+    output[12][i] = pose_2_4*x20 + x17*x9 - pose_1_4*x19;
+    output[13][i] = x11*x18;
+    output[14][i] = -x10*x18;
+    output[15][i] = K(2.0)*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19;
+    output[16][i] = x14*x18;
+    output[17][i] = -x13*x18;
   }
-}
-
-SHARED void TYPED(robot_pair_234_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(robot_pair_234)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(robot_pair_234_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(robots_6r_robot_pair_234)(x + 0, x + 16, x + 21, x + 26, x + 31, y + 0);
+}
 
 void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_3[k] = (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[5];
-  ptrdiff_t offsets_5[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-#ifndef ROW_BY_ROW
-  REAL input[37][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(robot_pair_234_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 21, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 26, args[3], 5);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 31, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
-      if (steps[4] != 0)
-        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
-      TYPED(robot_pair_234_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cosine[5];
-    for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sine[5];
-    for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL equations[18];
-    TYPED(robots_6r_robot_pair_234)(pose, a, cosine, sine, offset, equations);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 5, 1, 37, 18, 0, BLOCKWISE(robot_pair_234), TYPED(robot_pair_234_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* robot_pair_parallel_234: 9 add, 29 mul */
 #ifndef ROW_BY_ROW
-static inline void TYPED(robot_pair_parallel_234)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(robot_pair_parallel_234)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1_1 = input[0][i];
@@ -2771,170 +2178,50 @@ static inline void TYPED(robot_pair_parallel_234)(REAL (*restrict input)[BLOCK],
     const REAL offset_5 = input[35][i];
     const REAL offset_6 = input[36][i];
     const REAL x0 = cosine_1*pose_3_3;
-    const REAL equations_1_1_1 = cosine_5*x0 - cosine_4;
     const REAL x1 = cosine_1*sine_5;
-    const REAL equations_1_1_2 = pose_3_2*x1;
-    const REAL equations_1_1_3 = pose_3_1*x1;
     const REAL x2 = cosine_5*sine_1;
-    const REAL equations_1_2_1 = -pose_2_3*x2;
     const REAL x3 = sine_1*sine_5;
-    const REAL equations_1_2_2 = -pose_2_2*x3;
-    const REAL equations_1_2_3 = -pose_2_1*x3;
-    const REAL equations_1_3_1 = pose_1_3*x2;
-    const REAL equations_1_3_2 = pose_1_2*x3;
-    const REAL equations_1_3_3 = pose_1_1*x3;
-    const REAL equations_2_1_1 = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0;
     const REAL x4 = a_5*cosine_1;
-    const REAL equations_2_1_2 = -pose_3_1*x4;
-    const REAL equations_2_1_3 = pose_3_2*x4;
     const REAL x5 = offset_6*sine_1;
-    const REAL equations_2_2_1 = pose_2_3*x5 - pose_2_4*sine_1;
     const REAL x6 = a_5*sine_1;
-    const REAL equations_2_2_2 = pose_2_1*x6;
-    const REAL equations_2_2_3 = -pose_2_2*x6;
-    const REAL equations_2_3_1 = pose_1_4*sine_1 - pose_1_3*x5;
-    const REAL equations_2_3_2 = -pose_1_1*x6;
-    const REAL equations_2_3_3 = pose_1_2*x6;
-    output[0][i] = equations_1_1_1;
-    output[1][i] = equations_1_1_2;
-    output[2][i] = equations_1_1_3;
-    output[3][i] = equations_1_2_1;
-    output[4][i] = equations_1_2_2;
-    output[5][i] = equations_1_2_3;
-    output[6][i] = equations_1_3_1;
-    output[7][i] = equations_1_3_2;
-    output[8][i] = equations_1_3_3;
-    output[9][i] = equations_2_1_1;
-    output[10][i] = equations_2_1_2;
-    output[11][i] = equations_2_1_3;
-    output[12][i] = equations_2_2_1;
-    output[13][i] = equations_2_2_2;
-    output[14][i] = equations_2_2_3;
-    output[15][i] = equations_2_3_1;
-    output[16][i] = equations_2_3_2;
-    output[17][i] = equations_2_3_3;
+    output[0][i] = cosine_5*x0 - cosine_4;
+    output[1][i] = pose_3_2*x1;
+    output[2][i] = pose_3_1*x1;
+    output[3][i] = -pose_2_3*x2;
+    output[4][i] = -pose_2_2*x3;
+    output[5][i] = -pose_2_1*x3;
+    output[6][i] = pose_1_3*x2;
+    output[7][i] = pose_1_2*x3;
+    output[8][i] = pose_1_1*x3;
+    output[9][i] = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0;
+    output[10][i] = -pose_3_1*x4;
+    output[11][i] = pose_3_2*x4;
+    output[12][i] = pose_2_3*x5 - pose_2_4*sine_1;
+    output[13][i] = pose_2_1*x6;
+    output[14][i] = -pose_2_2*x6;
+    output[15][i] = pose_1_4*sine_1 - pose_1_3*x5;
+    output[16][i] = -pose_1_1*x6;
+    output[17][i] = pose_1_2*x6;
   }
-}
-
-SHARED void TYPED(robot_pair_parallel_234_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(robot_pair_parallel_234)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(robot_pair_parallel_234_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(robots_6r_robot_pair_parallel_234)(x + 0, x + 16, x + 21, x + 26, x + 31, y + 0);
+}
 
 void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_3[k] = (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[5];
-  ptrdiff_t offsets_5[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-#ifndef ROW_BY_ROW
-  REAL input[37][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(robot_pair_parallel_234_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 21, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 26, args[3], 5);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 31, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
-      if (steps[4] != 0)
-        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
-      TYPED(robot_pair_parallel_234_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cosine[5];
-    for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sine[5];
-    for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL equations[18];
-    TYPED(robots_6r_robot_pair_parallel_234)(pose, a, cosine, sine, offset, equations);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 5, 1, 37, 18, 0, BLOCKWISE(robot_pair_parallel_234), TYPED(robot_pair_parallel_234_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* robot_pair_parallel_123: 9 add, 26 mul */
 #ifndef ROW_BY_ROW
-static inline void TYPED(robot_pair_parallel_123)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(robot_pair_parallel_123)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_3_1 = input[8][i];
@@ -2954,163 +2241,43 @@ static inline void TYPED(robot_pair_parallel_123)(REAL (*restrict input)[BLOCK],
     const REAL offset_4 = input[34][i];
     const REAL offset_5 = input[35][i];
     const REAL offset_6 = input[36][i];
-    const REAL equations_1_1_1 = cosine_4*cosine_5*pose_3_3 - cosine_3;
     const REAL x0 = cosine_4*sine_5;
-    const REAL equations_1_1_2 = pose_3_2*x0;
-    const REAL equations_1_1_3 = pose_3_1*x0;
     const REAL x1 = pose_3_3*sine_5;
-    const REAL equations_1_2_1 = -sine_4*x1;
     const REAL x2 = pose_3_2*sine_4;
-    const REAL equations_1_2_2 = cosine_5*x2;
     const REAL x3 = pose_3_1*sine_4;
-    const REAL equations_1_2_3 = cosine_5*x3;
-    const REAL equations_1_3_1 = K(0.0);
-    const REAL equations_1_3_2 = x3;
-    const REAL equations_1_3_3 = -x2;
-    const REAL equations_2_1_1 = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4;
-    const REAL equations_2_1_2 = a_5*pose_3_1 + offset_5*pose_3_2*sine_5;
-    const REAL equations_2_1_3 = offset_5*pose_3_1*sine_5 - a_5*pose_3_2;
-    const REAL equations_2_2_1 = K(0.0);
     const REAL x4 = a_4*pose_3_1;
-    const REAL equations_2_2_2 = x4;
     const REAL x5 = a_4*pose_3_2;
-    const REAL equations_2_2_3 = -x5;
-    const REAL equations_2_3_1 = a_4*x1;
-    const REAL equations_2_3_2 = -cosine_5*x5;
-    const REAL equations_2_3_3 = -cosine_5*x4;
-    output[0][i] = equations_1_1_1;
-    output[1][i] = equations_1_1_2;
-    output[2][i] = equations_1_1_3;
-    output[3][i] = equations_1_2_1;
-    output[4][i] = equations_1_2_2;
-    output[5][i] = equations_1_2_3;
-    output[6][i] = equations_1_3_1;
-    output[7][i] = equations_1_3_2;
-    output[8][i] = equations_1_3_3;
-    output[9][i] = equations_2_1_1;
-    output[10][i] = equations_2_1_2;
-    output[11][i] = equations_2_1_3;
-    output[12][i] = equations_2_2_1;
-    output[13][i] = equations_2_2_2;
-    output[14][i] = equations_2_2_3;
-    output[15][i] = equations_2_3_1;
-    output[16][i] = equations_2_3_2;
-    output[17][i] = equations_2_3_3;
+    output[0][i] = cosine_4*cosine_5*pose_3_3 - cosine_3;
+    output[1][i] = pose_3_2*x0;
+    output[2][i] = pose_3_1*x0;
+    output[3][i] = -sine_4*x1;
+    output[4][i] = cosine_5*x2;
+    output[5][i] = cosine_5*x3;
+    output[6][i] = K(0.0);
+    output[7][i] = x3;
+    output[8][i] = -x2;
+    output[9][i] = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4;
+    output[10][i] = a_5*pose_3_1 + offset_5*pose_3_2*sine_5;
+    output[11][i] = offset_5*pose_3_1*sine_5 - a_5*pose_3_2;
+    output[12][i] = K(0.0);
+    output[13][i] = x4;
+    output[14][i] = -x5;
+    output[15][i] = a_4*x1;
+    output[16][i] = -cosine_5*x5;
+    output[17][i] = -cosine_5*x4;
   }
-}
-
-SHARED void TYPED(robot_pair_parallel_123_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(robot_pair_parallel_123)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(robot_pair_parallel_123_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(robots_6r_robot_pair_parallel_123)(x + 0, x + 16, x + 21, x + 26, x + 31, y + 0);
+}
 
 void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_3[k] = (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[5];
-  ptrdiff_t offsets_5[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-#ifndef ROW_BY_ROW
-  REAL input[37][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(robot_pair_parallel_123_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 21, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 26, args[3], 5);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 31, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
-      if (steps[4] != 0)
-        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
-      TYPED(robot_pair_parallel_123_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cosine[5];
-    for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sine[5];
-    for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL equations[18];
-    TYPED(robots_6r_robot_pair_parallel_123)(pose, a, cosine, sine, offset, equations);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 5, 1, 37, 18, 0, BLOCKWISE(robot_pair_parallel_123), TYPED(robot_pair_parallel_123_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/rotations.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rotate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rotate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rho_1 = input[0][i];
@@ -52,98 +37,29 @@ static inline void TYPED(rotate)(REAL (*restrict input)[BLOCK], REAL (*restrict 
     const REAL inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2;
     const REAL x1 = K(1.0)/divisor;
     const REAL x2 = K(2.0)*turn_3;
-    const REAL rotated_1 = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
-    const REAL rotated_2 = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
-    const REAL rotated_3 = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
-    output[0][i] = rotated_1;
-    output[1][i] = rotated_2;
-    output[2][i] = rotated_3;
+    output[0][i] = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
+    output[1][i] = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
+    output[2][i] = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
   }
-}
-
-SHARED void TYPED(rotate_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rotate)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(rotate_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_rotate)(x + 0, x + 3, y + 0);
+}
 
 void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[3][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(rotate_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      TYPED(rotate_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rho[3];
-    for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL theta[3];
-    for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL rotated[3];
-    TYPED(rotations_rotate)(rho, theta, rotated);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], rotated[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 2, 1, 6, 3, 0, BLOCKWISE(rotate), TYPED(rotate_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL axis_1 = input[0][i];
@@ -176,132 +92,31 @@ static inline void TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input
     const REAL v_scaled_3 = sine_scale*v_3;
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
     const REAL x4 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-    const REAL theta_1 = TYPED(blend)(good, v_1*x4, (REAL)NAN);
-    const REAL theta_2 = TYPED(blend)(good, v_2*x4, (REAL)NAN);
-    const REAL theta_3 = TYPED(blend)(good, v_3*x4, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = theta_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, v_1*x4, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, v_2*x4, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, v_3*x4, (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[4][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(rodrigues_vector_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL angle = input[3][i];
-    REAL theta[3];
-    int8_t status[1];
-    TYPED(rotations_rodrigues_vector_from_axis_angle)(axis, angle, theta, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(rodrigues_vector_from_axis_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rodrigues_vector_from_axis_angle)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(rodrigues_vector_from_axis_angle_beyond)(input, output);
+  return is_beyond(output + 4, 1);
 }
 #endif
+
+static void TYPED(rodrigues_vector_from_axis_angle_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_rodrigues_vector_from_axis_angle)(x + 0, x[3], y + 0, codes + 3);
+}
 
 void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL axis[3];
-    for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL theta[3];
-    int8_t status[1];
-    TYPED(rotations_rodrigues_vector_from_axis_angle)(axis, angle[0], theta, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], theta[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 4, 4, 1, BLOCKWISE(rodrigues_vector_from_axis_angle), TYPED(rodrigues_vector_from_axis_angle_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL axis_1 = input[0][i];
@@ -335,152 +150,45 @@ static inline void TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], 
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
     const REAL x4 = K(2.0)*(v_2*v_2);
     const REAL x5 = K(2.0)*(v_3*v_3) - K(1.0);
-    const REAL matrix_1_1 = TYPED(blend)(good, -x4 - x5, (REAL)NAN);
     const REAL x6 = K(2.0)*v_2;
     const REAL x7 = v_1*x6;
     const REAL x8 = K(2.0)*v_3;
     const REAL x9 = w*x8;
-    const REAL matrix_1_2 = TYPED(blend)(good, x7 - x9, (REAL)NAN);
     const REAL x10 = v_1*x8;
     const REAL x11 = w*x6;
-    const REAL matrix_1_3 = TYPED(blend)(good, x10 + x11, (REAL)NAN);
-    const REAL matrix_2_1 = TYPED(blend)(good, x7 + x9, (REAL)NAN);
     const REAL x12 = K(2.0)*(v_1*v_1);
-    const REAL matrix_2_2 = TYPED(blend)(good, -x12 - x5, (REAL)NAN);
     const REAL x13 = K(2.0)*v_1*w;
-    const REAL matrix_2_3 = TYPED(blend)(good, K(2.0)*v_2*v_3 - x13, (REAL)NAN);
-    const REAL matrix_3_1 = TYPED(blend)(good, x10 - x11, (REAL)NAN);
-    const REAL matrix_3_2 = TYPED(blend)(good, v_2*x8 + x13, (REAL)NAN);
-    const REAL matrix_3_3 = TYPED(blend)(good, K(1.0) - x12 - x4, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = status;
+    output[0][i] = TYPED(blend)(good, -x4 - x5, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, x7 - x9, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, x10 + x11, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, x7 + x9, (REAL)NAN);
+    output[4][i] = TYPED(blend)(good, -x12 - x5, (REAL)NAN);
+    output[5][i] = TYPED(blend)(good, K(2.0)*v_2*v_3 - x13, (REAL)NAN);
+    output[6][i] = TYPED(blend)(good, x10 - x11, (REAL)NAN);
+    output[7][i] = TYPED(blend)(good, v_2*x8 + x13, (REAL)NAN);
+    output[8][i] = TYPED(blend)(good, K(1.0) - x12 - x4, (REAL)NAN);
+    output[9][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[10][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(matrix_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL angle = input[3][i];
-    REAL matrix[9];
-    int8_t status[1];
-    TYPED(rotations_matrix_from_axis_angle)(axis, angle, matrix, status);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 1; ++k)
-      output[9 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(matrix_from_axis_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(matrix_from_axis_angle)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(matrix_from_axis_angle_beyond)(input, output);
+  return is_beyond(output + 10, 1);
 }
 #endif
+
+static void TYPED(matrix_from_axis_angle_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_matrix_from_axis_angle)(x + 0, x[3], y + 0, codes + 9);
+}
 
 void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[11][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(matrix_from_axis_angle_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      TYPED(matrix_from_axis_angle_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL axis[3];
-    for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL matrix[9];
-    int8_t status[1];
-    TYPED(rotations_matrix_from_axis_angle)(axis, angle[0], matrix, status);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {9, 0, 2, {3, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 4, 10, 1, BLOCKWISE(matrix_from_axis_angle), TYPED(matrix_from_axis_angle_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL axis_1 = input[0][i];
@@ -512,134 +220,32 @@ static inline void TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOC
     const REAL v_scaled_2 = sine_scale*v_2;
     const REAL v_scaled_3 = sine_scale*v_3;
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL quaternion_1 = TYPED(blend)(good, w, (REAL)NAN);
-    const REAL quaternion_2 = TYPED(blend)(good, v_1, (REAL)NAN);
-    const REAL quaternion_3 = TYPED(blend)(good, v_2, (REAL)NAN);
-    const REAL quaternion_4 = TYPED(blend)(good, v_3, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(good, w, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, v_1, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, v_2, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, v_3, (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[5][i] = FABS(half_angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(quaternion_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL angle = input[3][i];
-    REAL quaternion[4];
-    int8_t status[1];
-    TYPED(rotations_quaternion_from_axis_angle)(axis, angle, quaternion, status);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = quaternion[k];
-    for (int k = 0; k < 1; ++k)
-      output[4 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(quaternion_from_axis_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(quaternion_from_axis_angle)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(quaternion_from_axis_angle_beyond)(input, output);
+  return is_beyond(output + 5, 1);
 }
 #endif
+
+static void TYPED(quaternion_from_axis_angle_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_quaternion_from_axis_angle)(x + 0, x[3], y + 0, codes + 4);
+}
 
 void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[6][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(quaternion_from_axis_angle_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      TYPED(quaternion_from_axis_angle_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL axis[3];
-    for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL quaternion[4];
-    int8_t status[1];
-    TYPED(rotations_quaternion_from_axis_angle)(axis, angle[0], quaternion, status);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], quaternion[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {4, 0, 1, {4}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 4, 5, 1, BLOCKWISE(quaternion_from_axis_angle), TYPED(quaternion_from_axis_angle_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_angle_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_angle_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL theta_1 = input[0][i];
@@ -665,111 +271,31 @@ static inline void TYPED(axis_angle_from_rodrigues_vector)(REAL (*restrict input
     const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
     const REAL sine = x2/sine_scale;
     const REAL x3 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x2, K(1.0));
-    const REAL axis_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
-    const REAL axis_2 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
-    const REAL axis_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
-    const REAL angle = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
-    output[0][i] = axis_1;
-    output[1][i] = axis_2;
-    output[2][i] = axis_3;
-    output[3][i] = angle;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
   }
-}
-
-SHARED void TYPED(axis_angle_from_rodrigues_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_angle_from_rodrigues_vector)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(axis_angle_from_rodrigues_vector_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_axis_angle_from_rodrigues_vector)(x + 0, y + 0, y + 3, codes + 4);
+}
 
 void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[3], sizeof output[3]);
-      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL theta[3];
-    for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL axis[3];
-    REAL angle[1];
-    int8_t status[1];
-    TYPED(rotations_axis_angle_from_rodrigues_vector)(theta, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 3, 3, 5, 0, BLOCKWISE(axis_angle_from_rodrigues_vector), TYPED(axis_angle_from_rodrigues_vector_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(matrix_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(matrix_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL theta_1 = input[0][i];
@@ -795,117 +321,44 @@ static inline void TYPED(matrix_from_rodrigues_vector)(REAL (*restrict input)[BL
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
     const REAL x2 = K(2.0)*(v_2*v_2);
     const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-    const REAL matrix_1_1 = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
     const REAL x4 = K(2.0)*v_2;
     const REAL x5 = v_1*x4;
     const REAL x6 = K(2.0)*v_3;
     const REAL x7 = w*x6;
-    const REAL matrix_1_2 = TYPED(blend)(good, x5 - x7, (REAL)NAN);
     const REAL x8 = v_1*x6;
     const REAL x9 = w*x4;
-    const REAL matrix_1_3 = TYPED(blend)(good, x8 + x9, (REAL)NAN);
-    const REAL matrix_2_1 = TYPED(blend)(good, x5 + x7, (REAL)NAN);
     const REAL x10 = K(2.0)*(v_1*v_1);
-    const REAL matrix_2_2 = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
     const REAL x11 = K(2.0)*v_1*w;
-    const REAL matrix_2_3 = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
-    const REAL matrix_3_1 = TYPED(blend)(good, x8 - x9, (REAL)NAN);
-    const REAL matrix_3_2 = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
-    const REAL matrix_3_3 = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = status;
+    output[0][i] = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, x5 - x7, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, x8 + x9, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, x5 + x7, (REAL)NAN);
+    output[4][i] = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
+    output[5][i] = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
+    output[6][i] = TYPED(blend)(good, x8 - x9, (REAL)NAN);
+    output[7][i] = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
+    output[8][i] = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
+    output[9][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
   }
-}
-
-SHARED void TYPED(matrix_from_rodrigues_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(matrix_from_rodrigues_vector)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(matrix_from_rodrigues_vector_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_matrix_from_rodrigues_vector)(x + 0, y + 0, codes + 9);
+}
 
 void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[10][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(matrix_from_rodrigues_vector_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(matrix_from_rodrigues_vector_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL theta[3];
-    for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL matrix[9];
-    int8_t status[1];
-    TYPED(rotations_matrix_from_rodrigues_vector)(theta, matrix, status);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], matrix[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 3, 10, 0, BLOCKWISE(matrix_from_rodrigues_vector), TYPED(matrix_from_rodrigues_vector_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(quaternion_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(quaternion_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL theta_1 = input[0][i];
@@ -929,99 +382,31 @@ static inline void TYPED(quaternion_from_rodrigues_vector)(REAL (*restrict input
     const REAL v_scaled_2 = sine_scale*v_2;
     const REAL v_scaled_3 = sine_scale*v_3;
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL quaternion_1 = TYPED(blend)(good, w, (REAL)NAN);
-    const REAL quaternion_2 = TYPED(blend)(good, v_1, (REAL)NAN);
-    const REAL quaternion_3 = TYPED(blend)(good, v_2, (REAL)NAN);
-    const REAL quaternion_4 = TYPED(blend)(good, v_3, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(good, w, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, v_1, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, v_2, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, v_3, (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
   }
-}
-
-SHARED void TYPED(quaternion_from_rodrigues_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(quaternion_from_rodrigues_vector)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(quaternion_from_rodrigues_vector_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_quaternion_from_rodrigues_vector)(x + 0, y + 0, codes + 4);
+}
 
 void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(quaternion_from_rodrigues_vector_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(quaternion_from_rodrigues_vector_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL theta[3];
-    for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL quaternion[4];
-    int8_t status[1];
-    TYPED(rotations_quaternion_from_rodrigues_vector)(theta, quaternion, status);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], quaternion[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {4, 0, 1, {4}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 3, 5, 0, BLOCKWISE(quaternion_from_rodrigues_vector), TYPED(quaternion_from_rodrigues_vector_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_angle_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_angle_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -1090,111 +475,31 @@ static inline void TYPED(axis_angle_from_matrix)(REAL (*restrict input)[BLOCK], 
     const REAL x13 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
     const REAL sine = x13/sine_scale;
     const REAL x14 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x13, K(1.0));
-    const REAL axis_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x14, K(0.0)), (REAL)NAN);
-    const REAL axis_2 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x14, K(0.0)), (REAL)NAN);
-    const REAL axis_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x14, K(1.0)), (REAL)NAN);
-    const REAL angle = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = axis_1;
-    output[1][i] = axis_2;
-    output[2][i] = axis_3;
-    output[3][i] = angle;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x14, K(0.0)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x14, K(0.0)), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x14, K(1.0)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(axis_angle_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_angle_from_matrix)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(axis_angle_from_matrix_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_axis_angle_from_matrix)(x + 0, y + 0, y + 3, codes + 4);
+}
 
 void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[9][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(axis_angle_from_matrix_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      TYPED(axis_angle_from_matrix_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[3], sizeof output[3]);
-      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL axis[3];
-    REAL angle[1];
-    int8_t status[1];
-    TYPED(rotations_axis_angle_from_matrix)(matrix, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 3, 9, 5, 0, BLOCKWISE(axis_angle_from_matrix), TYPED(axis_angle_from_matrix_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rodrigues_vector_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rodrigues_vector_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -1262,97 +567,30 @@ static inline void TYPED(rodrigues_vector_from_matrix)(REAL (*restrict input)[BL
     const REAL v_scaled_3 = sine_scale*v_3;
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
     const REAL x13 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-    const REAL theta_1 = TYPED(blend)(good, v_1*x13, (REAL)NAN);
-    const REAL theta_2 = TYPED(blend)(good, v_2*x13, (REAL)NAN);
-    const REAL theta_3 = TYPED(blend)(good, v_3*x13, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = theta_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, v_1*x13, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, v_2*x13, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, v_3*x13, (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(rodrigues_vector_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rodrigues_vector_from_matrix)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(rodrigues_vector_from_matrix_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_rodrigues_vector_from_matrix)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[9][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(rodrigues_vector_from_matrix_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      TYPED(rodrigues_vector_from_matrix_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL theta[3];
-    int8_t status[1];
-    TYPED(rotations_rodrigues_vector_from_matrix)(matrix, theta, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], theta[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 9, 4, 0, BLOCKWISE(rodrigues_vector_from_matrix), TYPED(rodrigues_vector_from_matrix_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(quaternion_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(quaternion_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -1419,99 +657,31 @@ static inline void TYPED(quaternion_from_matrix)(REAL (*restrict input)[BLOCK], 
     const REAL v_scaled_2 = sine_scale*v_2;
     const REAL v_scaled_3 = sine_scale*v_3;
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL quaternion_1 = TYPED(blend)(good, w, (REAL)NAN);
-    const REAL quaternion_2 = TYPED(blend)(good, v_1, (REAL)NAN);
-    const REAL quaternion_3 = TYPED(blend)(good, v_2, (REAL)NAN);
-    const REAL quaternion_4 = TYPED(blend)(good, v_3, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(good, w, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, v_1, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, v_2, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, v_3, (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(quaternion_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(quaternion_from_matrix)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(quaternion_from_matrix_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_quaternion_from_matrix)(x + 0, y + 0, codes + 4);
+}
 
 void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[9][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(quaternion_from_matrix_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      TYPED(quaternion_from_matrix_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL quaternion[4];
-    int8_t status[1];
-    TYPED(rotations_quaternion_from_matrix)(matrix, quaternion, status);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], quaternion[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {4, 0, 1, {4}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 9, 5, 0, BLOCKWISE(quaternion_from_matrix), TYPED(quaternion_from_matrix_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(axis_angle_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(axis_angle_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -1544,111 +714,31 @@ static inline void TYPED(axis_angle_from_quaternion)(REAL (*restrict input)[BLOC
     const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
     const REAL sine = x2/sine_scale;
     const REAL x3 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x2, K(1.0));
-    const REAL axis_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
-    const REAL axis_2 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
-    const REAL axis_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
-    const REAL angle = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = axis_1;
-    output[1][i] = axis_2;
-    output[2][i] = axis_3;
-    output[3][i] = angle;
-    output[4][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
+    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(axis_angle_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(axis_angle_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(axis_angle_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_axis_angle_from_quaternion)(x + 0, y + 0, y + 3, codes + 4);
+}
 
 void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(axis_angle_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      TYPED(axis_angle_from_quaternion_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[3], sizeof output[3]);
-      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL axis[3];
-    REAL angle[1];
-    int8_t status[1];
-    TYPED(rotations_axis_angle_from_quaternion)(quaternion, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 3, 4, 5, 0, BLOCKWISE(axis_angle_from_quaternion), TYPED(axis_angle_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(rodrigues_vector_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(rodrigues_vector_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -1680,97 +770,30 @@ static inline void TYPED(rodrigues_vector_from_quaternion)(REAL (*restrict input
     const REAL v_scaled_3 = sine_scale*v_3;
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
     const REAL x2 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-    const REAL theta_1 = TYPED(blend)(good, v_1*x2, (REAL)NAN);
-    const REAL theta_2 = TYPED(blend)(good, v_2*x2, (REAL)NAN);
-    const REAL theta_3 = TYPED(blend)(good, v_3*x2, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = theta_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(good, v_1*x2, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, v_2*x2, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, v_3*x2, (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(rodrigues_vector_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(rodrigues_vector_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(rodrigues_vector_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_rodrigues_vector_from_quaternion)(x + 0, y + 0, codes + 3);
+}
 
 void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(rodrigues_vector_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      TYPED(rodrigues_vector_from_quaternion_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL theta[3];
-    int8_t status[1];
-    TYPED(rotations_rodrigues_vector_from_quaternion)(quaternion, theta, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], theta[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 4, 4, 0, BLOCKWISE(rodrigues_vector_from_quaternion), TYPED(rodrigues_vector_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(matrix_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(matrix_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -1803,110 +826,37 @@ static inline void TYPED(matrix_from_quaternion)(REAL (*restrict input)[BLOCK], 
     const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
     const REAL x2 = K(2.0)*(v_2*v_2);
     const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-    const REAL matrix_1_1 = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
     const REAL x4 = K(2.0)*v_2;
     const REAL x5 = v_1*x4;
     const REAL x6 = K(2.0)*v_3;
     const REAL x7 = w*x6;
-    const REAL matrix_1_2 = TYPED(blend)(good, x5 - x7, (REAL)NAN);
     const REAL x8 = v_1*x6;
     const REAL x9 = w*x4;
-    const REAL matrix_1_3 = TYPED(blend)(good, x8 + x9, (REAL)NAN);
-    const REAL matrix_2_1 = TYPED(blend)(good, x5 + x7, (REAL)NAN);
     const REAL x10 = K(2.0)*(v_1*v_1);
-    const REAL matrix_2_2 = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
     const REAL x11 = K(2.0)*v_1*w;
-    const REAL matrix_2_3 = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
-    const REAL matrix_3_1 = TYPED(blend)(good, x8 - x9, (REAL)NAN);
-    const REAL matrix_3_2 = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
-    const REAL matrix_3_3 = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = status;
+    output[0][i] = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, x5 - x7, (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, x8 + x9, (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, x5 + x7, (REAL)NAN);
+    output[4][i] = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
+    output[5][i] = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
+    output[6][i] = TYPED(blend)(good, x8 - x9, (REAL)NAN);
+    output[7][i] = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
+    output[8][i] = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
+    output[9][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   }
-}
-
-SHARED void TYPED(matrix_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(matrix_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(matrix_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(rotations_matrix_from_quaternion)(x + 0, y + 0, codes + 9);
+}
 
 void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[4][BLOCK], output[10][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(matrix_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
-      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      TYPED(matrix_from_quaternion_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL matrix[9];
-    int8_t status[1];
-    TYPED(rotations_matrix_from_quaternion)(quaternion, matrix, status);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], matrix[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {9, 0, 2, {3, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 1, 2, 4, 10, 0, BLOCKWISE(matrix_from_quaternion), TYPED(matrix_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/spatial_links.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* link_step: 18 add, 30 mul, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL frame_1_1 = input[0][i];
@@ -55,201 +40,48 @@ static inline void TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restri
     const REAL c = TYPED(vector_cos)(angle);
     const REAL s = TYPED(vector_sin)(angle);
     const REAL x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
-    const REAL next_frame_1_1 = c*frame_1_1 + s*x0;
-    const REAL next_frame_1_2 = c*x0 - frame_1_1*s;
     const REAL x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
-    const REAL next_frame_1_3 = x1;
-    const REAL next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*x1;
     const REAL x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
-    const REAL next_frame_2_1 = c*frame_2_1 + s*x2;
-    const REAL next_frame_2_2 = c*x2 - frame_2_1*s;
     const REAL x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
-    const REAL next_frame_2_3 = x3;
-    const REAL next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*x3;
     const REAL x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
-    const REAL next_frame_3_1 = c*frame_3_1 + s*x4;
-    const REAL next_frame_3_2 = c*x4 - frame_3_1*s;
     const REAL x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
-    const REAL next_frame_3_3 = x5;
-    const REAL next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*x5;
-    const REAL next_frame_4_1 = K(0.0);
-    const REAL next_frame_4_2 = K(0.0);
-    const REAL next_frame_4_3 = K(0.0);
-    const REAL next_frame_4_4 = K(1.0);
-    output[0][i] = next_frame_1_1;
-    output[1][i] = next_frame_1_2;
-    output[2][i] = next_frame_1_3;
-    output[3][i] = next_frame_1_4;
-    output[4][i] = next_frame_2_1;
-    output[5][i] = next_frame_2_2;
-    output[6][i] = next_frame_2_3;
-    output[7][i] = next_frame_2_4;
-    output[8][i] = next_frame_3_1;
-    output[9][i] = next_frame_3_2;
-    output[10][i] = next_frame_3_3;
-    output[11][i] = next_frame_3_4;
-    output[12][i] = next_frame_4_1;
-    output[13][i] = next_frame_4_2;
-    output[14][i] = next_frame_4_3;
-    output[15][i] = next_frame_4_4;
+    output[0][i] = c*frame_1_1 + s*x0;
+    output[1][i] = c*x0 - frame_1_1*s;
+    output[2][i] = x1;
+    output[3][i] = a*frame_1_1 + frame_1_4 + offset*x1;
+    output[4][i] = c*frame_2_1 + s*x2;
+    output[5][i] = c*x2 - frame_2_1*s;
+    output[6][i] = x3;
+    output[7][i] = a*frame_2_1 + frame_2_4 + offset*x3;
+    output[8][i] = c*frame_3_1 + s*x4;
+    output[9][i] = c*x4 - frame_3_1*s;
+    output[10][i] = x5;
+    output[11][i] = a*frame_3_1 + frame_3_4 + offset*x5;
+    output[12][i] = K(0.0);
+    output[13][i] = K(0.0);
+    output[14][i] = K(0.0);
+    output[15][i] = K(1.0);
     output[16][i] = FABS(angle);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(link_step_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL frame[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
-    const REAL a = input[16][i];
-    const REAL cos_alpha = input[17][i];
-    const REAL sin_alpha = input[18][i];
-    const REAL offset = input[19][i];
-    const REAL angle = input[20][i];
-    REAL next_frame[16];
-    TYPED(spatial_links_link_step)(frame, a, cos_alpha, sin_alpha, offset, angle, next_frame);
-    for (int k = 0; k < 16; ++k)
-      output[0 + k][i] = next_frame[k];
-  }
-}
-
-SHARED void TYPED(link_step_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(link_step)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(link_step_beyond)(input, output);
+  return is_beyond(output + 16, 1);
 }
 #endif
+
+static void TYPED(link_step_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_links_link_step)(x + 0, x[16], x[17], x[18], x[19], x[20], y + 0);
+}
 
 void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_6[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[21][BLOCK], output[17][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 16, steps[6], width) & is_aligned(args[6], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 19, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 20, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(link_step_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 16, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 16 * width, (total - start) * 16 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 17, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 18, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 19, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 20, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 16, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 17, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 18, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 19, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 20, args[5] + start * 1 * width);
-      TYPED(link_step_block)(input, output);
-      {
-        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL frame[16];
-    for (int k = 0; k < 16; ++k)
-      frame[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[1];
-    for (int k = 0; k < 1; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL cos_alpha[1];
-    for (int k = 0; k < 1; ++k)
-      cos_alpha[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL sin_alpha[1];
-    for (int k = 0; k < 1; ++k)
-      sin_alpha[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL offset[1];
-    for (int k = 0; k < 1; ++k)
-      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL angle[1];
-    for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL next_frame[16];
-    TYPED(spatial_links_link_step)(frame, a[0], cos_alpha[0], sin_alpha[0], offset[0], angle[0], next_frame);
-    for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], next_frame[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {16, 0, 2, {4, 4}}};
+  static const struct kernel kernel = {ports, 6, 1, 21, 16, 1, BLOCKWISE(link_step), TYPED(link_step_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* link_inverse: 6 add, 9 mul */
 #ifndef ROW_BY_ROW
-static inline void TYPED(link_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(link_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL transform_1_1 = input[0][i];
@@ -264,112 +96,42 @@ static inline void TYPED(link_inverse)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL transform_3_2 = input[9][i];
     const REAL transform_3_3 = input[10][i];
     const REAL transform_3_4 = input[11][i];
-    const REAL inverse_1_1 = transform_1_1;
-    const REAL inverse_1_2 = transform_2_1;
-    const REAL inverse_1_3 = transform_3_1;
-    const REAL inverse_1_4 = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
-    const REAL inverse_2_1 = transform_1_2;
-    const REAL inverse_2_2 = transform_2_2;
-    const REAL inverse_2_3 = transform_3_2;
-    const REAL inverse_2_4 = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
-    const REAL inverse_3_1 = transform_1_3;
-    const REAL inverse_3_2 = transform_2_3;
-    const REAL inverse_3_3 = transform_3_3;
-    const REAL inverse_3_4 = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
-    const REAL inverse_4_1 = K(0.0);
-    const REAL inverse_4_2 = K(0.0);
-    const REAL inverse_4_3 = K(0.0);
-    const REAL inverse_4_4 = K(1.0);
-    output[0][i] = inverse_1_1;
-    output[1][i] = inverse_1_2;
-    output[2][i] = inverse_1_3;
-    output[3][i] = inverse_1_4;
-    output[4][i] = inverse_2_1;
-    output[5][i] = inverse_2_2;
-    output[6][i] = inverse_2_3;
-    output[7][i] = inverse_2_4;
-    output[8][i] = inverse_3_1;
-    output[9][i] = inverse_3_2;
-    output[10][i] = inverse_3_3;
-    output[11][i] = inverse_3_4;
-    output[12][i] = inverse_4_1;
-    output[13][i] = inverse_4_2;
-    output[14][i] = inverse_4_3;
-    output[15][i] = inverse_4_4;
+    output[0][i] = transform_1_1;
+    output[1][i] = transform_2_1;
+    output[2][i] = transform_3_1;
+    output[3][i] = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
+    output[4][i] = transform_1_2;
+    output[5][i] = transform_2_2;
+    output[6][i] = transform_3_2;
+    output[7][i] = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
+    output[8][i] = transform_1_3;
+    output[9][i] = transform_2_3;
+    output[10][i] = transform_3_3;
+    output[11][i] = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
+    output[12][i] = K(0.0);
+    output[13][i] = K(0.0);
+    output[14][i] = K(0.0);
+    output[15][i] = K(1.0);
   }
-}
-
-SHARED void TYPED(link_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(link_inverse)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(link_inverse_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_links_link_inverse)(x + 0, y + 0);
+}
 
 void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_1[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[16][BLOCK], output[16][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(link_inverse_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 16, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 16 * width, (total - start) * 16 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      TYPED(link_inverse_block)(input, output);
-      {
-        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL transform[16];
-    for (int k = 0; k < 16; ++k)
-      transform[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL inverse[16];
-    TYPED(spatial_links_link_inverse)(transform, inverse);
-    for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], inverse[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {16, 0, 2, {4, 4}}};
+  static const struct kernel kernel = {ports, 1, 1, 16, 16, 0, BLOCKWISE(link_inverse), TYPED(link_inverse_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL a_1 = input[0][i];
@@ -501,38 +263,22 @@ static inline void TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1;
     const REAL p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
     const REAL p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
-    const REAL pose_1_1 = x_f_1;
-    const REAL pose_1_2 = y_f_1;
-    const REAL pose_1_3 = z_f_1;
-    const REAL pose_1_4 = p_f_1;
-    const REAL pose_2_1 = x_f_2;
-    const REAL pose_2_2 = y_f_2;
-    const REAL pose_2_3 = z_f_2;
-    const REAL pose_2_4 = p_f_2;
-    const REAL pose_3_1 = x_f_3;
-    const REAL pose_3_2 = y_f_3;
-    const REAL pose_3_3 = z_f_3;
-    const REAL pose_3_4 = p_f_3;
-    const REAL pose_4_1 = K(0.0);
-    const REAL pose_4_2 = K(0.0);
-    const REAL pose_4_3 = K(0.0);
-    const REAL pose_4_4 = K(1.0);
-    output[0][i] = pose_1_1;
-    output[1][i] = pose_1_2;
-    output[2][i] = pose_1_3;
-    output[3][i] = pose_1_4;
-    output[4][i] = pose_2_1;
-    output[5][i] = pose_2_2;
-    output[6][i] = pose_2_3;
-    output[7][i] = pose_2_4;
-    output[8][i] = pose_3_1;
-    output[9][i] = pose_3_2;
-    output[10][i] = pose_3_3;
-    output[11][i] = pose_3_4;
-    output[12][i] = pose_4_1;
-    output[13][i] = pose_4_2;
-    output[14][i] = pose_4_3;
-    output[15][i] = pose_4_4;
+    output[0][i] = x_f_1;
+    output[1][i] = y_f_1;
+    output[2][i] = z_f_1;
+    output[3][i] = p_f_1;
+    output[4][i] = x_f_2;
+    output[5][i] = y_f_2;
+    output[6][i] = z_f_2;
+    output[7][i] = p_f_2;
+    output[8][i] = x_f_3;
+    output[9][i] = y_f_3;
+    output[10][i] = z_f_3;
+    output[11][i] = p_f_3;
+    output[12][i] = K(0.0);
+    output[13][i] = K(0.0);
+    output[14][i] = K(0.0);
+    output[15][i] = K(1.0);
     output[16][i] = FABS(angle_1);
     output[17][i] = FABS(angle_2);
     output[18][i] = FABS(angle_3);
@@ -540,149 +286,25 @@ static inline void TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*
     output[20][i] = FABS(angle_5);
     output[21][i] = FABS(angle_6);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(link_forward_6r_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const REAL cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const REAL sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const REAL offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const REAL angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
-    REAL pose[16];
-    TYPED(spatial_links_link_forward_6r)(a, cos_alpha, sin_alpha, offset, angle, pose);
-    for (int k = 0; k < 16; ++k)
-      output[0 + k][i] = pose[k];
-  }
-}
-
-SHARED void TYPED(link_forward_6r_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(link_forward_6r)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(link_forward_6r_beyond)(input, output);
+  return is_beyond(output + 16, 6);
 }
 #endif
+
+static void TYPED(link_forward_6r_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_links_link_forward_6r)(x + 0, x + 5, x + 10, x + 15, x + 21, y + 0);
+}
 
 void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_3[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_3[k] = (k / 1) % 6 * core[3];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[4];
-  ptrdiff_t offsets_5[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_5[k] = (k / 4) % 4 * core[5] + (k / 1) % 4 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[27][BLOCK], output[22][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 6, 6 * width, width)) | (is_packed(offsets_3, 6, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 16, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[4], steps[4]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-      TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(link_forward_6r_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 16, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 16 * width, (total - start) * 16 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 5, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 15, args[3], 6);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 21, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 10, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 15, args[3] + start * 6 * width, 6);
-      if (steps[4] != 0)
-        TYPED(load)(input + 21, args[4] + start * 6 * width, 6);
-      TYPED(link_forward_6r_block)(input, output);
-      {
-        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL cos_alpha[5];
-    for (int k = 0; k < 5; ++k)
-      cos_alpha[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL sin_alpha[5];
-    for (int k = 0; k < 5; ++k)
-      sin_alpha[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL angle[6];
-    for (int k = 0; k < 6; ++k)
-      angle[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL pose[16];
-    TYPED(spatial_links_link_forward_6r)(a, cos_alpha, sin_alpha, offset, angle, pose);
-    for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], pose[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {6, 0, 1, {6}}, {16, 0, 2, {4, 4}}};
+  static const struct kernel kernel = {ports, 5, 1, 27, 16, 6, BLOCKWISE(link_forward_6r), TYPED(link_forward_6r_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL a_1 = input[0][i];
@@ -802,239 +424,79 @@ static inline void TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (
     const REAL p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1;
     const REAL p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2;
     const REAL p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3;
-    const REAL jacobian_1_1 = K(0.0);
-    const REAL jacobian_1_2 = z_b_1;
-    const REAL jacobian_1_3 = z_c_1;
-    const REAL jacobian_1_4 = z_d_1;
-    const REAL jacobian_1_5 = z_e_1;
-    const REAL jacobian_1_6 = z_f_1;
-    const REAL jacobian_2_1 = K(0.0);
-    const REAL jacobian_2_2 = z_b_2;
-    const REAL jacobian_2_3 = z_c_2;
-    const REAL jacobian_2_4 = z_d_2;
-    const REAL jacobian_2_5 = z_e_2;
-    const REAL jacobian_2_6 = z_f_2;
-    const REAL jacobian_3_1 = K(1.0);
-    const REAL jacobian_3_2 = z_b_3;
-    const REAL jacobian_3_3 = z_c_3;
-    const REAL jacobian_3_4 = z_d_3;
-    const REAL jacobian_3_5 = z_e_3;
-    const REAL jacobian_3_6 = z_f_3;
-    const REAL jacobian_4_1 = -p_f_2;
     const REAL x29 = p_f_3 - p_b_3;
     const REAL x30 = p_f_2 - p_b_2;
-    const REAL jacobian_4_2 = x29*z_b_2 - x30*z_b_3;
     const REAL x31 = p_f_3 - p_c_3;
     const REAL x32 = p_f_2 - p_c_2;
-    const REAL jacobian_4_3 = x31*z_c_2 - x32*z_c_3;
     const REAL x33 = p_f_3 - p_d_3;
     const REAL x34 = p_f_2 - p_d_2;
-    const REAL jacobian_4_4 = x33*z_d_2 - x34*z_d_3;
     const REAL x35 = p_f_3 - p_e_3;
     const REAL x36 = p_f_2 - p_e_2;
-    const REAL jacobian_4_5 = x35*z_e_2 - x36*z_e_3;
-    const REAL jacobian_4_6 = K(0.0);
-    const REAL jacobian_5_1 = p_f_1;
     const REAL x38 = p_f_1 - p_b_1;
-    const REAL jacobian_5_2 = x38*z_b_3 - x29*z_b_1;
     const REAL x39 = p_f_1 - p_c_1;
-    const REAL jacobian_5_3 = x39*z_c_3 - x31*z_c_1;
     const REAL x40 = p_f_1 - p_d_1;
-    const REAL jacobian_5_4 = x40*z_d_3 - x33*z_d_1;
     const REAL x41 = p_f_1 - p_e_1;
-    const REAL jacobian_5_5 = x41*z_e_3 - x35*z_e_1;
-    const REAL jacobian_5_6 = K(0.0);
-    const REAL jacobian_6_1 = K(0.0);
-    const REAL jacobian_6_2 = x30*z_b_1 - x38*z_b_2;
-    const REAL jacobian_6_3 = x32*z_c_1 - x39*z_c_2;
-    const REAL jacobian_6_4 = x34*z_d_1 - x40*z_d_2;
-    const REAL jacobian_6_5 = x36*z_e_1 - x41*z_e_2;
-    const REAL jacobian_6_6 = K(0.0);
-    output[0][i] = jacobian_1_1;
-    output[1][i] = jacobian_1_2;
-    output[2][i] = jacobian_1_3;
-    output[3][i] = jacobian_1_4;
-    output[4][i] = jacobian_1_5;
-    output[5][i] = jacobian_1_6;
-    output[6][i] = jacobian_2_1;
-    output[7][i] = jacobian_2_2;
-    output[8][i] = jacobian_2_3;
-    output[9][i] = jacobian_2_4;
-    output[10][i] = jacobian_2_5;
-    output[11][i] = jacobian_2_6;
-    output[12][i] = jacobian_3_1;
-    output[13][i] = jacobian_3_2;
-    output[14][i] = jacobian_3_3;
-    output[15][i] = jacobian_3_4;
-    output[16][i] = jacobian_3_5;
-    output[17][i] = jacobian_3_6;
-    output[18][i] = jacobian_4_1;
-    output[19][i] = jacobian_4_2;
-    output[20][i] = jacobian_4_3;
-    output[21][i] = jacobian_4_4;
-    output[22][i] = jacobian_4_5;
-    output[23][i] = jacobian_4_6;
-    output[24][i] = jacobian_5_1;
-    output[25][i] = jacobian_5_2;
-    output[26][i] = jacobian_5_3;
-    output[27][i] = jacobian_5_4;
-    output[28][i] = jacobian_5_5;
-    output[29][i] = jacobian_5_6;
-    output[30][i] = jacobian_6_1;
-    output[31][i] = jacobian_6_2;
-    output[32][i] = jacobian_6_3;
-    output[33][i] = jacobian_6_4;
-    output[34][i] = jacobian_6_5;
-    output[35][i] = jacobian_6_6;
+    output[0][i] = K(0.0);
+    output[1][i] = z_b_1;
+    output[2][i] = z_c_1;
+    output[3][i] = z_d_1;
+    output[4][i] = z_e_1;
+    output[5][i] = z_f_1;
+    output[6][i] = K(0.0);
+    output[7][i] = z_b_2;
+    output[8][i] = z_c_2;
+    output[9][i] = z_d_2;
+    output[10][i] = z_e_2;
+    output[11][i] = z_f_2;
+    output[12][i] = K(1.0);
+    output[13][i] = z_b_3;
+    output[14][i] = z_c_3;
+    output[15][i] = z_d_3;
+    output[16][i] = z_e_3;
+    output[17][i] = z_f_3;
+    output[18][i] = -p_f_2;
+    output[19][i] = x29*z_b_2 - x30*z_b_3;
+    output[20][i] = x31*z_c_2 - x32*z_c_3;
+    output[21][i] = x33*z_d_2 - x34*z_d_3;
+    output[22][i] = x35*z_e_2 - x36*z_e_3;
+    output[23][i] = K(0.0);
+    output[24][i] = p_f_1;
+    output[25][i] = x38*z_b_3 - x29*z_b_1;
+    output[26][i] = x39*z_c_3 - x31*z_c_1;
+    output[27][i] = x40*z_d_3 - x33*z_d_1;
+    output[28][i] = x41*z_e_3 - x35*z_e_1;
+    output[29][i] = K(0.0);
+    output[30][i] = K(0.0);
+    output[31][i] = x30*z_b_1 - x38*z_b_2;
+    output[32][i] = x32*z_c_1 - x39*z_c_2;
+    output[33][i] = x34*z_d_1 - x40*z_d_2;
+    output[34][i] = x36*z_e_1 - x41*z_e_2;
+    output[35][i] = K(0.0);
     output[36][i] = FABS(angle_1);
     output[37][i] = FABS(angle_2);
     output[38][i] = FABS(angle_3);
     output[39][i] = FABS(angle_4);
     output[40][i] = FABS(angle_5);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(link_jacobian_6r_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[40][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const REAL cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const REAL sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const REAL offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const REAL angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
-    REAL jacobian[36];
-    TYPED(spatial_links_link_jacobian_6r)(a, cos_alpha, sin_alpha, offset, angle, jacobian);
-    for (int k = 0; k < 36; ++k)
-      output[0 + k][i] = jacobian[k];
-  }
-}
-
-SHARED void TYPED(link_jacobian_6r_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(link_jacobian_6r)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[40][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(link_jacobian_6r_beyond)(input, output);
+  return is_beyond(output + 36, 5);
 }
 #endif
+
+static void TYPED(link_jacobian_6r_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_links_link_jacobian_6r)(x + 0, x + 5, x + 10, x + 15, x + 21, y + 0);
+}
 
 void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_3[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_3[k] = (k / 1) % 6 * core[3];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[4];
-  ptrdiff_t offsets_5[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_5[k] = (k / 6) % 6 * core[5] + (k / 1) % 6 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[27][BLOCK], output[41][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 6, 6 * width, width)) | (is_packed(offsets_3, 6, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 36, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[4], steps[4]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-      TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-      TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-      TYPED(link_jacobian_6r_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 36, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 36 * width, (total - start) * 36 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 5, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 5);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 15, args[3], 6);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 21, args[4], 6);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load)(input + 10, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        TYPED(load)(input + 15, args[3] + start * 6 * width, 6);
-      if (steps[4] != 0)
-        TYPED(load)(input + 21, args[4] + start * 6 * width, 6);
-      TYPED(link_jacobian_6r_block)(input, output);
-      {
-        REAL staged[36 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 36);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL cos_alpha[5];
-    for (int k = 0; k < 5; ++k)
-      cos_alpha[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL sin_alpha[5];
-    for (int k = 0; k < 5; ++k)
-      sin_alpha[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL offset[6];
-    for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL angle[6];
-    for (int k = 0; k < 6; ++k)
-      angle[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL jacobian[36];
-    TYPED(spatial_links_link_jacobian_6r)(a, cos_alpha, sin_alpha, offset, angle, jacobian);
-    for (int k = 0; k < 36; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {5, 0, 1, {5}}, {5, 0, 1, {5}}, {6, 0, 1, {6}}, {6, 0, 1, {6}}, {36, 0, 2, {6, 6}}};
+  static const struct kernel kernel = {ports, 5, 1, 27, 36, 5, BLOCKWISE(link_jacobian_6r), TYPED(link_jacobian_6r_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1_1 = input[0][i];
@@ -1080,228 +542,27 @@ static inline void TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL 
     const REAL deviation = K(2.0)*FABS(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + K(2.0)*FABS(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + K(2.0)*FABS(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + FABS((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - K(1.0)) + FABS((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - K(1.0)) + FABS((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - K(1.0));
     const REAL volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
     const REAL_MASK good = (TYPED(mask)(deviation <= K(1.0)/K(1000.0))) & (TYPED(mask)(FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX)) & (TYPED(mask)(volume > K(0.0)));
-    const REAL S7 = TYPED(blend)(good, TYPED(blend)(skewed, x3*(-end_1*x5 - end_2*x4), K(0.0)), (REAL)NAN);
-    const REAL theta7 = TYPED(blend)(good, TYPED(blend)((~(apart)) & (~(skewed)), K(0.0), TYPED(vector_atan2)(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (REAL)NAN);
-    const REAL a71 = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), TYPED(blend)(apart, level_length, K(0.0))), (REAL)NAN);
-    const REAL alpha71 = TYPED(blend)(good, TYPED(blend)(skewed, TYPED(vector_atan2)(sine, S7v_3), TYPED(blend)(TYPED(mask)(S7v_3 > K(0.0)), K(0.0), K(3.141592653589793))), (REAL)NAN);
-    const REAL S1 = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (REAL)NAN);
-    const REAL gamma1 = TYPED(blend)(good, TYPED(vector_atan2)(-chosen_2, chosen_1), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(3.0), TYPED(blend)(skewed, K(0.0), TYPED(blend)(apart, K(1.0), K(2.0))));
-    output[0][i] = S7;
-    output[1][i] = theta7;
-    output[2][i] = a71;
-    output[3][i] = alpha71;
-    output[4][i] = S1;
-    output[5][i] = gamma1;
-    output[6][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(blend)(skewed, x3*(-end_1*x5 - end_2*x4), K(0.0)), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(blend)((~(apart)) & (~(skewed)), K(0.0), TYPED(vector_atan2)(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), TYPED(blend)(apart, level_length, K(0.0))), (REAL)NAN);
+    output[3][i] = TYPED(blend)(good, TYPED(blend)(skewed, TYPED(vector_atan2)(sine, S7v_3), TYPED(blend)(TYPED(mask)(S7v_3 > K(0.0)), K(0.0), K(3.141592653589793))), (REAL)NAN);
+    output[4][i] = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (REAL)NAN);
+    output[5][i] = TYPED(blend)(good, TYPED(vector_atan2)(-chosen_2, chosen_1), (REAL)NAN);
+    output[6][i] = TYPED(blend)(~(good), K(3.0), TYPED(blend)(skewed, K(0.0), TYPED(blend)(apart, K(1.0), K(2.0))));
     output[7][i] = FABS(alpha67);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(hypothetical_link_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
-    const REAL a67 = input[16][i];
-    const REAL alpha67 = input[17][i];
-    const REAL tolerance = input[18][i];
-    REAL S7[1];
-    REAL theta7[1];
-    REAL a71[1];
-    REAL alpha71[1];
-    REAL S1[1];
-    REAL gamma1[1];
-    int8_t status[1];
-    TYPED(spatial_links_hypothetical_link)(pose, a67, alpha67, tolerance, S7, theta7, a71, alpha71, S1, gamma1, status);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = S7[k];
-    for (int k = 0; k < 1; ++k)
-      output[1 + k][i] = theta7[k];
-    for (int k = 0; k < 1; ++k)
-      output[2 + k][i] = a71[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = alpha71[k];
-    for (int k = 0; k < 1; ++k)
-      output[4 + k][i] = S1[k];
-    for (int k = 0; k < 1; ++k)
-      output[5 + k][i] = gamma1[k];
-    for (int k = 0; k < 1; ++k)
-      output[6 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(hypothetical_link_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(hypothetical_link)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(hypothetical_link_beyond)(input, output);
+  return is_beyond(output + 7, 1);
 }
 #endif
+
+static void TYPED(hypothetical_link_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_links_hypothetical_link)(x + 0, x[16], x[17], x[18], y + 0, y + 1, y + 2, y + 3, y + 4, y + 5, codes + 6);
+}
 
 void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-  ptrdiff_t offsets_9[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_9[k] = 0;
-  ptrdiff_t offsets_10[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_10[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[19][BLOCK], output[8][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 1, steps[9], width) & is_aligned(args[9], width));
-  packed &= steps[10] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(hypothetical_link_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 1);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 2);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 3);
-      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 4);
-      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 1, count, output + 5);
-      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[6] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[7] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_4;
-    open_writer(&writer_4, args[8] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_5;
-    open_writer(&writer_5, args[9] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 16);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 16, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 17, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 18, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 16, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 17, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 18, args[3] + start * 1 * width);
-      TYPED(hypothetical_link_block)(input, output);
-      write_block(&writer_0, output[0], sizeof output[0]);
-      write_block(&writer_1, output[1], sizeof output[1]);
-      write_block(&writer_2, output[2], sizeof output[2]);
-      write_block(&writer_3, output[3], sizeof output[3]);
-      write_block(&writer_4, output[4], sizeof output[4]);
-      write_block(&writer_5, output[5], sizeof output[5]);
-      TYPED(store_codes)((int8_t *)args[10] + start, output[6]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-    close_writer(&writer_4);
-    close_writer(&writer_5);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[16];
-    for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a67[1];
-    for (int k = 0; k < 1; ++k)
-      a67[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL alpha67[1];
-    for (int k = 0; k < 1; ++k)
-      alpha67[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL tolerance[1];
-    for (int k = 0; k < 1; ++k)
-      tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL S7[1];
-    REAL theta7[1];
-    REAL a71[1];
-    REAL alpha71[1];
-    REAL S1[1];
-    REAL gamma1[1];
-    int8_t status[1];
-    TYPED(spatial_links_hypothetical_link)(pose, a67[0], alpha67[0], tolerance[0], S7, theta7, a71, alpha71, S1, gamma1, status);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], S7[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], theta7[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], a71[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], alpha71[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], S1[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], gamma1[k]);
-    for (int k = 0; k < 1; ++k)
-      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{16, 0, 2, {4, 4}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 7, 19, 7, 1, BLOCKWISE(hypothetical_link), TYPED(hypothetical_link_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/spatial_loops.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL alpha_1 = input[0][i];
@@ -128,32 +113,19 @@ static inline void TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restri
     const REAL x27 = K(8.0)*REAL_EPSILON;
     const REAL_MASK determined = (TYPED(mask)(FABS(sin_theta_2_a*x26) > x27)) & (TYPED(mask)(FABS(sin_theta_2_b*x26) > x27));
     const REAL_MASK there = (closes) & (good);
-    const REAL theta_1_1 = TYPED(blend)(there, theta_1_a, (REAL)NAN);
-    const REAL theta_1_2 = TYPED(blend)(there, theta_2_a, (REAL)NAN);
-    const REAL theta_1_3 = TYPED(blend)(there, theta_3_a, (REAL)NAN);
-    const REAL theta_2_1 = TYPED(blend)(there, theta_1_b, (REAL)NAN);
-    const REAL theta_2_2 = TYPED(blend)(there, theta_2_b, (REAL)NAN);
-    const REAL theta_2_3 = TYPED(blend)(there, theta_3_b, (REAL)NAN);
-    const REAL S_1_1 = TYPED(blend)((determined) & (there), S_1_a, (REAL)NAN);
-    const REAL S_1_2 = TYPED(blend)((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
-    const REAL S_1_3 = TYPED(blend)((determined) & (there), S_3_a, (REAL)NAN);
-    const REAL S_2_1 = TYPED(blend)((determined) & (there), S_1_b, (REAL)NAN);
-    const REAL S_2_2 = TYPED(blend)((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
-    const REAL S_2_3 = TYPED(blend)((determined) & (there), S_3_b, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(~(closes), K(2.0), TYPED(blend)(~(determined), K(3.0), TYPED(blend)(TYPED(mask)(root <= K(4.0)*SQRT(REAL_EPSILON)*size), K(1.0), K(0.0)))));
-    output[0][i] = theta_1_1;
-    output[1][i] = theta_1_2;
-    output[2][i] = theta_1_3;
-    output[3][i] = theta_2_1;
-    output[4][i] = theta_2_2;
-    output[5][i] = theta_2_3;
-    output[6][i] = S_1_1;
-    output[7][i] = S_1_2;
-    output[8][i] = S_1_3;
-    output[9][i] = S_2_1;
-    output[10][i] = S_2_2;
-    output[11][i] = S_2_3;
-    output[12][i] = status;
+    output[0][i] = TYPED(blend)(there, theta_1_a, (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, theta_2_a, (REAL)NAN);
+    output[2][i] = TYPED(blend)(there, theta_3_a, (REAL)NAN);
+    output[3][i] = TYPED(blend)(there, theta_1_b, (REAL)NAN);
+    output[4][i] = TYPED(blend)(there, theta_2_b, (REAL)NAN);
+    output[5][i] = TYPED(blend)(there, theta_3_b, (REAL)NAN);
+    output[6][i] = TYPED(blend)((determined) & (there), S_1_a, (REAL)NAN);
+    output[7][i] = TYPED(blend)((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
+    output[8][i] = TYPED(blend)((determined) & (there), S_3_a, (REAL)NAN);
+    output[9][i] = TYPED(blend)((determined) & (there), S_1_b, (REAL)NAN);
+    output[10][i] = TYPED(blend)((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
+    output[11][i] = TYPED(blend)((determined) & (there), S_3_b, (REAL)NAN);
+    output[12][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(~(closes), K(2.0), TYPED(blend)(~(determined), K(3.0), TYPED(blend)(TYPED(mask)(root <= K(4.0)*SQRT(REAL_EPSILON)*size), K(1.0), K(0.0)))));
     output[13][i] = FABS(alpha_1);
     output[14][i] = FABS(alpha_2);
     output[15][i] = FABS(alpha_3);
@@ -164,167 +136,25 @@ static inline void TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restri
     output[20][i] = FABS(theta_2_b);
     output[21][i] = FABS(theta_4);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(loop_rccc_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
-    const REAL a[4] = {input[4][i], input[5][i], input[6][i], input[7][i]};
-    const REAL S_4 = input[8][i];
-    const REAL theta_4 = input[9][i];
-    REAL theta[6];
-    REAL S[6];
-    int8_t status[1];
-    TYPED(spatial_loops_loop_rccc)(alpha, a, S_4, theta_4, theta, S, status);
-    for (int k = 0; k < 6; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 6; ++k)
-      output[6 + k][i] = S[k];
-    for (int k = 0; k < 1; ++k)
-      output[12 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(loop_rccc_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_rccc)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(loop_rccc_beyond)(input, output);
+  return is_beyond(output + 13, 9);
 }
 #endif
+
+static void TYPED(loop_rccc_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_rccc)(x + 0, x + 4, x[8], x[9], y + 0, y + 6, codes + 12);
+}
 
 void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 3) % 2 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_5[k] = (k / 3) % 2 * core[4] + (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[10][BLOCK], output[22][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
-  packed &= steps[6] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-      TYPED(gather)(input + 8, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(loop_rccc_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 6);
-      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 12);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 6 * width, (total - start) * 6 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 6 * width, (total - start) * 6 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 4, args[1], 4);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 8, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 9, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] != 0)
-        TYPED(load)(input + 4, args[1] + start * 4 * width, 4);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 8, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 9, args[3] + start * 1 * width);
-      TYPED(loop_rccc_block)(input, output);
-      {
-        REAL staged[6 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_6)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[6 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_6)(rows, output + 6);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[6] + start, output[12]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL alpha[4];
-    for (int k = 0; k < 4; ++k)
-      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[4];
-    for (int k = 0; k < 4; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL S_4[1];
-    for (int k = 0; k < 1; ++k)
-      S_4[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL theta_4[1];
-    for (int k = 0; k < 1; ++k)
-      theta_4[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL theta[6];
-    REAL S[6];
-    int8_t status[1];
-    TYPED(spatial_loops_loop_rccc)(alpha, a, S_4[0], theta_4[0], theta, S, status);
-    for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], theta[k]);
-    for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], S[k]);
-    for (int k = 0; k < 1; ++k)
-      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {4, 0, 1, {4}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {6, 0, 2, {2, 3}}, {6, 0, 2, {2, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 3, 10, 13, 9, BLOCKWISE(loop_rccc), TYPED(loop_rccc_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL alpha_1 = input[0][i];
@@ -364,58 +194,40 @@ static inline void TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5;
     const REAL Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1);
     const REAL x4 = cos_alpha_1*cos_alpha_2;
-    const REAL pair_1_1_1 = Z_5*x4 - cos_alpha_3;
     const REAL x5 = sin_alpha_1*sin_alpha_2;
     const REAL x6 = Z_5*x5;
-    const REAL pair_1_1_2 = -x6;
-    const REAL pair_1_1_3 = K(0.0);
     const REAL x7 = cos_alpha_2*sin_alpha_1;
     const REAL x8 = Y_5*x7;
-    const REAL pair_1_2_1 = x8;
     const REAL x9 = Y_5*sin_alpha_2;
     const REAL x10 = cos_alpha_1*x9;
-    const REAL pair_1_2_2 = x10;
     const REAL x11 = X_5*sin_alpha_2;
-    const REAL pair_1_2_3 = x11;
     const REAL x12 = X_5*x7;
-    const REAL pair_1_3_1 = x12;
     const REAL x13 = cos_alpha_1*x11;
-    const REAL pair_1_3_2 = x13;
-    const REAL pair_1_3_3 = -x9;
     const REAL x14 = Z_5*a_1;
     const REAL x15 = cos_alpha_1*sin_alpha_2;
     const REAL x16 = Z_5*a_2;
-    const REAL pair_2_1_1 = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
-    const REAL pair_2_1_2 = -Z0_5*x5 - x14*x15 - x16*x7;
-    const REAL pair_2_1_3 = S_2*x6;
     const REAL x17 = Y_5*x4;
     const REAL x18 = sin_alpha_1*x9;
-    const REAL pair_2_2_1 = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
     const REAL x19 = Y0_5*sin_alpha_2;
-    const REAL pair_2_2_2 = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
-    const REAL pair_2_2_3 = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
     const REAL x20 = sin_alpha_1*x11;
-    const REAL pair_2_3_1 = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
-    const REAL pair_2_3_2 = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
-    const REAL pair_2_3_3 = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = Z_5*x4 - cos_alpha_3;
+    output[1][i] = -x6;
+    output[2][i] = K(0.0);
+    output[3][i] = x8;
+    output[4][i] = x10;
+    output[5][i] = x11;
+    output[6][i] = x12;
+    output[7][i] = x13;
+    output[8][i] = -x9;
+    output[9][i] = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
+    output[10][i] = -Z0_5*x5 - x14*x15 - x16*x7;
+    output[11][i] = S_2*x6;
+    output[12][i] = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
+    output[13][i] = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
+    output[14][i] = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
+    output[15][i] = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
+    output[16][i] = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
+    output[17][i] = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
     output[18][i] = FABS(alpha_1);
     output[19][i] = FABS(alpha_2);
     output[20][i] = FABS(alpha_3);
@@ -423,136 +235,25 @@ static inline void TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*
     output[22][i] = FABS(alpha_5);
     output[23][i] = FABS(theta_5);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(loop_rrrcc_pair_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[22][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[23][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const REAL a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const REAL S[3] = {input[10][i], input[11][i], input[12][i]};
-    const REAL theta_5 = input[13][i];
-    REAL pair[18];
-    TYPED(spatial_loops_loop_rrrcc_pair)(alpha, a, S, theta_5, pair);
-    for (int k = 0; k < 18; ++k)
-      output[0 + k][i] = pair[k];
-  }
-}
-
-SHARED void TYPED(loop_rrrcc_pair_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_rrrcc_pair)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[22][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[23][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(loop_rrrcc_pair_beyond)(input, output);
+  return is_beyond(output + 18, 6);
 }
 #endif
+
+static void TYPED(loop_rrrcc_pair_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_rrrcc_pair)(x + 0, x + 5, x + 10, x[13], y + 0);
+}
 
 void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[3] + (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-#ifndef ROW_BY_ROW
-  REAL input[14][BLOCK], output[24][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(loop_rrrcc_pair_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 5, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 13, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 10, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 13, args[3] + start * 1 * width);
-      TYPED(loop_rrrcc_pair_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL alpha[5];
-    for (int k = 0; k < 5; ++k)
-      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL S[3];
-    for (int k = 0; k < 3; ++k)
-      S[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL theta_5[1];
-    for (int k = 0; k < 1; ++k)
-      theta_5[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_rrrcc_pair)(alpha, a, S, theta_5[0], pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {5, 0, 1, {5}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 14, 18, 6, BLOCKWISE(loop_rrrcc_pair), TYPED(loop_rrrcc_pair_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL alpha_1 = input[0][i];
@@ -620,14 +321,10 @@ static inline void TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL cos_theta_3 = TYPED(vector_cos)(theta_3);
     const REAL sin_theta_3 = TYPED(vector_sin)(theta_3);
     const REAL S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
-    const REAL angles_1 = theta_3;
-    const REAL angles_2 = theta_4;
-    const REAL offsets_1 = vector_3 - S_4*cos_alpha_3;
-    const REAL offsets_2 = S_4;
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-    output[2][i] = offsets_1;
-    output[3][i] = offsets_2;
+    output[0][i] = theta_3;
+    output[1][i] = theta_4;
+    output[2][i] = vector_3 - S_4*cos_alpha_3;
+    output[3][i] = S_4;
     output[4][i] = FABS(alpha_1);
     output[5][i] = FABS(alpha_2);
     output[6][i] = FABS(alpha_3);
@@ -638,181 +335,25 @@ static inline void TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*
     output[11][i] = FABS(theta_3);
     output[12][i] = FABS(theta_5);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(loop_rrrcc_back_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const REAL a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const REAL S[3] = {input[10][i], input[11][i], input[12][i]};
-    const REAL theta_5 = input[13][i];
-    const REAL theta_1 = input[14][i];
-    const REAL theta_2 = input[15][i];
-    REAL angles[2];
-    REAL offsets[2];
-    TYPED(spatial_loops_loop_rrrcc_back)(alpha, a, S, theta_5, theta_1, theta_2, angles, offsets);
-    for (int k = 0; k < 2; ++k)
-      output[0 + k][i] = angles[k];
-    for (int k = 0; k < 2; ++k)
-      output[2 + k][i] = offsets[k];
-  }
-}
-
-SHARED void TYPED(loop_rrrcc_back_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_rrrcc_back)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(loop_rrrcc_back_beyond)(input, output);
+  return is_beyond(output + 4, 9);
 }
 #endif
+
+static void TYPED(loop_rrrcc_back_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_rrrcc_back)(x + 0, x + 5, x + 10, x[13], x[14], x[15], y + 0, y + 2);
+}
 
 void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_6[k] = (k / 1) % 2 * core[3];
-  ptrdiff_t offsets_7[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_7[k] = (k / 1) % 2 * core[4];
-#ifndef ROW_BY_ROW
-  REAL input[16][BLOCK], output[13][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 2, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 2, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 14, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 15, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(loop_rrrcc_back_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 2, count, output + 0);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 2, count, output + 2);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 2 * width, (total - start) * 2 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7] + start * 2 * width, (total - start) * 2 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 5, args[1], 5);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 13, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 14, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 15, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 10, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 13, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 14, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 15, args[5] + start * 1 * width);
-      TYPED(loop_rrrcc_back_block)(input, output);
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 2, 2);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL alpha[5];
-    for (int k = 0; k < 5; ++k)
-      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL a[5];
-    for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL S[3];
-    for (int k = 0; k < 3; ++k)
-      S[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL theta_5[1];
-    for (int k = 0; k < 1; ++k)
-      theta_5[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL theta_1[1];
-    for (int k = 0; k < 1; ++k)
-      theta_1[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL theta_2[1];
-    for (int k = 0; k < 1; ++k)
-      theta_2[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL angles[2];
-    REAL offsets[2];
-    TYPED(spatial_loops_loop_rrrcc_back)(alpha, a, S, theta_5[0], theta_1[0], theta_2[0], angles, offsets);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], angles[k]);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], offsets[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {5, 0, 1, {5}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {2, 0, 1, {2}}, {2, 0, 1, {2}}};
+  static const struct kernel kernel = {ports, 6, 2, 16, 4, 9, BLOCKWISE(loop_rrrcc_back), TYPED(loop_rrrcc_back_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_pair_12_12: 83 add, 144 mul, 1 div */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_pair_12_12)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_pair_12_12)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rotation_1_1_1 = input[0][i];
@@ -876,174 +417,66 @@ static inline void TYPED(loop_pair_12_12)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
     const REAL q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
     const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-    const REAL pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
     const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const REAL pair_1_1_2 = rotation_1_3_3*x3;
     const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const REAL pair_1_1_3 = rotation_1_3_3*x4;
     const REAL x5 = rotation_2_1_3*rotation_3_3_3;
     const REAL x6 = rotation_2_2_3*rotation_3_3_3;
-    const REAL pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
     const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
     const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
     const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
     const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    const REAL pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    const REAL pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
     const REAL x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
     const REAL x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
     const REAL x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
     const REAL x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
-    const REAL pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
-    const REAL pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
-    const REAL pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
     const REAL x15 = rotation_2_1_3*v_34_3;
     const REAL x16 = rotation_2_2_3*v_34_3;
     const REAL x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
     const REAL x18 = part_3*x17;
     const REAL x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
-    const REAL pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
     const REAL x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
     const REAL x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const REAL pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8;
     const REAL x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
     const REAL x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const REAL pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9;
     const REAL x25 = -part_3*x17;
-    const REAL pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
-    const REAL pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20;
-    const REAL pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = rotation_1_3_3*x2 - rotation_4_3_3;
+    output[1][i] = rotation_1_3_3*x3;
+    output[2][i] = rotation_1_3_3*x4;
+    output[3][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    output[4][i] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    output[5][i] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    output[7][i] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    output[8][i] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    output[9][i] = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
+    output[10][i] = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
+    output[11][i] = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
+    output[12][i] = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
+    output[13][i] = x11*x21 + x12*x20 + x18*x7 + x19*x8;
+    output[14][i] = x10*x19 + x11*x23 + x12*x22 + x18*x9;
+    output[15][i] = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
+    output[16][i] = x12*x21 + x19*x7 + x25*x8 - x11*x20;
+    output[17][i] = x10*x25 + x12*x23 + x19*x9 - x11*x22;
   }
-}
-
-SHARED void TYPED(loop_pair_12_12_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_pair_12_12)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(loop_pair_12_12_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_pair_12_12)(x + 0, x + 36, x + 48, x + 51, y + 0);
+}
 
 void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-#ifndef ROW_BY_ROW
-  REAL input[54][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(loop_pair_12_12_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 36);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 36, args[1], 12);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 48, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 51, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
-      TYPED(loop_pair_12_12_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rotation[36];
-    for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL vector[12];
-    for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL p[3];
-    for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q[3];
-    for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_pair_12_12)(rotation, vector, p, q, pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{36, 0, 3, {4, 3, 3}}, {12, 0, 2, {4, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 54, 18, 0, BLOCKWISE(loop_pair_12_12), TYPED(loop_pair_12_12_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_pair_23_23: 73 add, 134 mul, 1 div */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_pair_23_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_pair_23_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rotation_1_1_1 = input[0][i];
@@ -1101,178 +534,70 @@ static inline void TYPED(loop_pair_23_23)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
     const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
     const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-    const REAL pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
     const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const REAL pair_1_1_2 = rotation_1_3_3*x3;
     const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const REAL pair_1_1_3 = rotation_1_3_3*x4;
     const REAL x5 = rotation_2_1_3*rotation_3_3_3;
     const REAL x6 = rotation_1_3_1*x5;
     const REAL x7 = rotation_2_2_3*rotation_3_3_3;
     const REAL x8 = rotation_1_3_2*x7;
-    const REAL pair_1_2_1 = x6 + x8;
     const REAL x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
     const REAL x10 = rotation_1_3_1*x9;
     const REAL x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
     const REAL x12 = rotation_1_3_2*x11;
-    const REAL pair_1_2_2 = x10 + x12;
     const REAL x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
     const REAL x14 = rotation_1_3_1*x13;
     const REAL x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
     const REAL x16 = rotation_1_3_2*x15;
-    const REAL pair_1_2_3 = x14 + x16;
     const REAL x17 = rotation_1_3_1*x7;
-    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
     const REAL x18 = rotation_1_3_1*x11;
-    const REAL pair_1_3_2 = rotation_1_3_2*x9 - x18;
     const REAL x19 = rotation_1_3_1*x15;
-    const REAL pair_1_3_3 = rotation_1_3_2*x13 - x19;
     const REAL x20 = p_1*q_2 - p_2*q_1;
     const REAL x21 = p_2*q_3 - p_3*q_2;
     const REAL x22 = p_3*q_1 - p_1*q_3;
     const REAL x23 = part_3*rotation_1_3_3;
     const REAL x24 = x21*x23;
     const REAL x25 = x22*x23;
-    const REAL pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
-    const REAL pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
-    const REAL pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
     const REAL x26 = part_3*x20;
     const REAL x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
-    const REAL pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
-    const REAL pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
-    const REAL pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
     const REAL x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
-    const REAL pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
-    const REAL pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3;
-    const REAL pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = rotation_1_3_3*x2 - rotation_4_3_3;
+    output[1][i] = rotation_1_3_3*x3;
+    output[2][i] = rotation_1_3_3*x4;
+    output[3][i] = x6 + x8;
+    output[4][i] = x10 + x12;
+    output[5][i] = x14 + x16;
+    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
+    output[7][i] = rotation_1_3_2*x9 - x18;
+    output[8][i] = rotation_1_3_2*x13 - x19;
+    output[9][i] = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
+    output[10][i] = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
+    output[11][i] = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
+    output[12][i] = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
+    output[13][i] = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
+    output[14][i] = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
+    output[15][i] = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
+    output[16][i] = -x10*x26 - x12*x26 - x28*x3;
+    output[17][i] = -x14*x26 - x16*x26 - x28*x4;
   }
-}
-
-SHARED void TYPED(loop_pair_23_23_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_pair_23_23)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(loop_pair_23_23_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_pair_23_23)(x + 0, x + 36, x + 48, x + 51, y + 0);
+}
 
 void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-#ifndef ROW_BY_ROW
-  REAL input[54][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(loop_pair_23_23_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 36);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 36, args[1], 12);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 48, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 51, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
-      TYPED(loop_pair_23_23_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rotation[36];
-    for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL vector[12];
-    for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL p[3];
-    for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q[3];
-    for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_pair_23_23)(rotation, vector, p, q, pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{36, 0, 3, {4, 3, 3}}, {12, 0, 2, {4, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 54, 18, 0, BLOCKWISE(loop_pair_23_23), TYPED(loop_pair_23_23_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_pair_34_34: 81 add, 149 mul, 1 div */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rotation_1_1_1 = input[0][i];
@@ -1330,20 +655,11 @@ static inline void TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
     const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
     const REAL x2 = rotation_1_3_3*rotation_2_3_3;
-    const REAL pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3;
-    const REAL pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const REAL pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
     const REAL x3 = rotation_2_2_3*rotation_3_3_3;
-    const REAL pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
     const REAL x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
     const REAL x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5;
     const REAL x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
     const REAL x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7;
-    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
-    const REAL pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5;
-    const REAL pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7;
     const REAL x8 = p_2*q_3 - p_3*q_2;
     const REAL x9 = p_1*q_3 - p_3*q_1;
     const REAL x11 = p_1*q_2 - p_2*q_1;
@@ -1351,159 +667,60 @@ static inline void TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x13 = rotation_2_2_3*x11;
     const REAL x14 = rotation_2_3_3*x11;
     const REAL x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
-    const REAL pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
     const REAL x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
     const REAL x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
     const REAL x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
     const REAL x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
     const REAL x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
     const REAL x21 = part_3*rotation_1_3_3;
-    const REAL pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
     const REAL x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
     const REAL x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
     const REAL x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
-    const REAL pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
     const REAL x26 = part_3*rotation_1_3_1;
     const REAL x27 = part_3*rotation_1_3_2;
     const REAL x28 = rotation_2_2_3*x15;
-    const REAL pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
     const REAL x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
     const REAL x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
-    const REAL pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
     const REAL x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
     const REAL x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
-    const REAL pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
-    const REAL pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
-    const REAL pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
-    const REAL pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = rotation_3_3_3*x2 - rotation_4_3_3;
+    output[1][i] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    output[2][i] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    output[3][i] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
+    output[4][i] = rotation_1_3_1*x4 + rotation_1_3_2*x5;
+    output[5][i] = rotation_1_3_1*x6 + rotation_1_3_2*x7;
+    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
+    output[7][i] = rotation_1_3_2*x4 - rotation_1_3_1*x5;
+    output[8][i] = rotation_1_3_2*x6 - rotation_1_3_1*x7;
+    output[9][i] = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
+    output[10][i] = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
+    output[11][i] = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
+    output[12][i] = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
+    output[13][i] = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
+    output[14][i] = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
+    output[15][i] = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
+    output[16][i] = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
+    output[17][i] = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
   }
-}
-
-SHARED void TYPED(loop_pair_34_34_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_pair_34_34)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(loop_pair_34_34_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_pair_34_34)(x + 0, x + 36, x + 48, x + 51, y + 0);
+}
 
 void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-#ifndef ROW_BY_ROW
-  REAL input[54][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(loop_pair_34_34_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 36);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 36, args[1], 12);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 48, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 51, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
-      TYPED(loop_pair_34_34_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rotation[36];
-    for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL vector[12];
-    for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL p[3];
-    for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q[3];
-    for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_pair_34_34)(rotation, vector, p, q, pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{36, 0, 3, {4, 3, 3}}, {12, 0, 2, {4, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 54, 18, 0, BLOCKWISE(loop_pair_34_34), TYPED(loop_pair_34_34_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_pair_12_23: 116 add, 210 mul, 1 div */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rotation_1_1_1 = input[0][i];
@@ -1564,23 +781,14 @@ static inline void TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
     const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
     const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-    const REAL pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
     const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const REAL pair_1_1_2 = rotation_1_3_3*x3;
     const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const REAL pair_1_1_3 = rotation_1_3_3*x4;
     const REAL x5 = rotation_2_1_3*rotation_3_3_3;
     const REAL x6 = rotation_2_2_3*rotation_3_3_3;
-    const REAL pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
     const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
     const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
     const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
     const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    const REAL pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    const REAL pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
     const REAL x11 = rotation_2_2_3*v_34_3;
     const REAL x12 = q_2*v_34_3;
     const REAL x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
@@ -1588,13 +796,10 @@ static inline void TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x15 = q_2*x13;
     const REAL x16 = q_3*x13;
     const REAL x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const REAL pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
     const REAL x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
     const REAL x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const REAL pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
     const REAL x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
     const REAL x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const REAL pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
     const REAL x22 = q_2*vector_2_3 - q_3*vector_2_2;
     const REAL x23 = q_3*vector_2_1 - q_1*vector_2_3;
     const REAL x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
@@ -1606,150 +811,54 @@ static inline void TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
     const REAL x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
     const REAL x32 = q_2*x2 - q_3*x6;
-    const REAL pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
     const REAL x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
     const REAL x34 = q_2*x33 - q_3*x18;
     const REAL x35 = q_3*x19 - q_1*x33;
     const REAL x36 = q_3*x7 - q_1*x3;
     const REAL x37 = q_2*x3 - q_3*x8;
-    const REAL pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
     const REAL x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
     const REAL x39 = q_2*x38 - q_3*x20;
     const REAL x40 = q_3*x21 - q_1*x38;
     const REAL x41 = q_3*x9 - q_1*x4;
     const REAL x42 = q_2*x4 - q_3*x10;
-    const REAL pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
-    const REAL pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
-    const REAL pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
-    const REAL pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = rotation_1_3_3*x2 - rotation_4_3_3;
+    output[1][i] = rotation_1_3_3*x3;
+    output[2][i] = rotation_1_3_3*x4;
+    output[3][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    output[4][i] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    output[5][i] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    output[7][i] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    output[8][i] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    output[9][i] = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
+    output[10][i] = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
+    output[11][i] = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
+    output[12][i] = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
+    output[13][i] = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
+    output[14][i] = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
+    output[15][i] = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
+    output[16][i] = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
+    output[17][i] = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
   }
-}
-
-SHARED void TYPED(loop_pair_12_23_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_pair_12_23)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(loop_pair_12_23_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_pair_12_23)(x + 0, x + 36, x + 48, x + 51, y + 0);
+}
 
 void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-#ifndef ROW_BY_ROW
-  REAL input[54][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(loop_pair_12_23_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 36);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 36, args[1], 12);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 48, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 51, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
-      TYPED(loop_pair_12_23_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rotation[36];
-    for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL vector[12];
-    for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL p[3];
-    for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q[3];
-    for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_pair_12_23)(rotation, vector, p, q, pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{36, 0, 3, {4, 3, 3}}, {12, 0, 2, {4, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 54, 18, 0, BLOCKWISE(loop_pair_12_23), TYPED(loop_pair_12_23_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_pair_12_34: 146 add, 251 mul, 1 div */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rotation_1_1_1 = input[0][i];
@@ -1809,27 +918,17 @@ static inline void TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
     const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
     const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const REAL pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    const REAL pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const REAL pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
     const REAL x2 = rotation_2_2_3*rotation_3_3_3;
-    const REAL pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
     const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
     const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
     const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
     const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    const REAL pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    const REAL pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
     const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
     const REAL x8 = p_12_3*rotation_2_3_3;
     const REAL x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
     const REAL x10 = q_3*rotation_2_3_3;
     const REAL x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
     const REAL x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const REAL pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
     const REAL x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
     const REAL x14 = q_2*v_34_3 - q_3*v_34_2;
     const REAL x15 = q_1*v_34_3 - q_3*v_34_1;
@@ -1838,11 +937,9 @@ static inline void TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x19 = p_12_3*rotation_4_3_3;
     const REAL x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
     const REAL x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const REAL pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
     const REAL x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
     const REAL x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
     const REAL x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const REAL pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
     const REAL x26 = rotation_2_1_3*x7;
     const REAL x27 = rotation_2_2_3*x7;
     const REAL x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
@@ -1857,152 +954,56 @@ static inline void TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x38 = rotation_2_1_3*x12;
     const REAL x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
     const REAL x40 = rotation_2_2_3*x12;
-    const REAL pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
     const REAL x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
     const REAL x42 = vector_2_2*x13 - vector_2_3*x17;
     const REAL x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
     const REAL x44 = vector_2_3*x18 - vector_2_1*x13;
     const REAL x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
     const REAL x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
-    const REAL pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
     const REAL x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
     const REAL x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
     const REAL x49 = vector_2_2*x22 - vector_2_3*x23;
     const REAL x50 = vector_2_3*x24 - vector_2_1*x22;
     const REAL x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
     const REAL x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
-    const REAL pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
-    const REAL pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
-    const REAL pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
-    const REAL pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    output[1][i] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    output[2][i] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    output[3][i] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    output[4][i] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    output[5][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    output[7][i] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    output[8][i] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    output[9][i] = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
+    output[10][i] = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
+    output[11][i] = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
+    output[12][i] = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
+    output[13][i] = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
+    output[14][i] = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
+    output[15][i] = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
+    output[16][i] = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
+    output[17][i] = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
   }
-}
-
-SHARED void TYPED(loop_pair_12_34_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_pair_12_34)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(loop_pair_12_34_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_pair_12_34)(x + 0, x + 36, x + 48, x + 51, y + 0);
+}
 
 void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-#ifndef ROW_BY_ROW
-  REAL input[54][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(loop_pair_12_34_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 36);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 36, args[1], 12);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 48, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 51, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
-      TYPED(loop_pair_12_34_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rotation[36];
-    for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL vector[12];
-    for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL p[3];
-    for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q[3];
-    for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_pair_12_34)(rotation, vector, p, q, pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{36, 0, 3, {4, 3, 3}}, {12, 0, 2, {4, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 54, 18, 0, BLOCKWISE(loop_pair_12_34), TYPED(loop_pair_12_34_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* loop_pair_23_34: 132 add, 238 mul, 1 div */
 #ifndef ROW_BY_ROW
-static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL rotation_1_1_1 = input[0][i];
@@ -2059,20 +1060,11 @@ static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
     const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
     const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    const REAL pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const REAL pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
     const REAL x2 = rotation_2_2_3*rotation_3_3_3;
-    const REAL pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
     const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
     const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
     const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
     const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    const REAL pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    const REAL pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
     const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
     const REAL x8 = p_3*rotation_2_3_3;
     const REAL x9 = p_3*vector_2_2 - p_2*vector_2_3;
@@ -2089,7 +1081,6 @@ static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x20 = p_1*rotation_1_3_3;
     const REAL x21 = rotation_2_2_3*x18;
     const REAL x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
-    const REAL pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
     const REAL x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
     const REAL x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
     const REAL x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
@@ -2100,13 +1091,11 @@ static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
     const REAL x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
     const REAL x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
-    const REAL pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
     const REAL x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
     const REAL x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
     const REAL x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
     const REAL x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
     const REAL x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
-    const REAL pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
     const REAL x40 = p_2*x14 - p_3*x12;
     const REAL x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
     const REAL x42 = p_3*rotation_1_3_2;
@@ -2115,141 +1104,45 @@ static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x45 = p_1*rotation_1_3_2;
     const REAL x46 = p_2*rotation_1_3_1;
     const REAL x47 = x45 - x46;
-    const REAL pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
     const REAL x48 = p_2*x23 - p_3*x24;
     const REAL x49 = p_3*x25 - p_1*x23;
     const REAL x50 = p_3*rotation_1_3_1;
     const REAL x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
-    const REAL pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
     const REAL x52 = p_2*x34 - p_3*x35;
     const REAL x53 = p_3*x36 - p_1*x34;
     const REAL x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
-    const REAL pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
     const REAL x55 = -x43 - x44;
-    const REAL pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
-    const REAL pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
-    const REAL pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
+    output[0][i] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    output[1][i] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    output[2][i] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    output[3][i] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    output[4][i] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    output[5][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    output[7][i] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    output[8][i] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    output[9][i] = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
+    output[10][i] = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
+    output[11][i] = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
+    output[12][i] = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
+    output[13][i] = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
+    output[14][i] = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
+    output[15][i] = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
+    output[16][i] = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
+    output[17][i] = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
   }
-}
-
-SHARED void TYPED(loop_pair_23_34_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(loop_pair_23_34)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(loop_pair_23_34_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spatial_loops_loop_pair_23_34)(x + 0, x + 36, x + 48, x + 51, y + 0);
+}
 
 void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-#ifndef ROW_BY_ROW
-  REAL input[54][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(loop_pair_23_34_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 36);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 36, args[1], 12);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 48, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 51, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
-      TYPED(loop_pair_23_34_block)(input, output);
-      {
-        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL rotation[36];
-    for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL vector[12];
-    for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL p[3];
-    for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q[3];
-    for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL pair[18];
-    TYPED(spatial_loops_loop_pair_23_34)(rotation, vector, p, q, pair);
-    for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{36, 0, 3, {4, 3, 3}}, {12, 0, 2, {4, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {18, 0, 3, {2, 3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 54, 18, 0, BLOCKWISE(loop_pair_23_34), TYPED(loop_pair_23_34_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

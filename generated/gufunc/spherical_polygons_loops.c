@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/spherical_polygons.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -48,109 +33,33 @@ static inline void TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL
     const REAL star_1 = -c_angle_2*s_angle_1;
     const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
     const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL values_1 = x_1;
-    const REAL values_2 = star_1;
-    const REAL values_3 = y_1;
-    const REAL values_4 = z_1;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
+    output[0][i] = x_1;
+    output[1][i] = star_1;
+    output[2][i] = y_1;
+    output[3][i] = z_1;
     output[4][i] = FABS(angles_1);
     output[5][i] = FABS(angles_2);
     output[6][i] = FABS(angles_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_notation_1_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_1)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-SHARED void TYPED(polygon_notation_1_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_notation_1)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_notation_1_beyond)(input, output);
+  return is_beyond(output + 4, 3);
 }
 #endif
+
+static void TYPED(polygon_notation_1_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_notation_1)(x + 0, y + 0);
+}
 
 void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[7][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(polygon_notation_1_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      TYPED(polygon_notation_1_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[3];
-    for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_1)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 1, 1, 3, 4, 3, BLOCKWISE(polygon_notation_1), TYPED(polygon_notation_1_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_notation_2: 6 add, 14 mul, 5 cos, 5 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -176,111 +85,35 @@ static inline void TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL
     const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
     const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
     const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL values_1 = x_2;
-    const REAL values_2 = star_2;
-    const REAL values_3 = y_2;
-    const REAL values_4 = z_2;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
+    output[0][i] = x_2;
+    output[1][i] = star_2;
+    output[2][i] = y_2;
+    output[3][i] = z_2;
     output[4][i] = FABS(angles_1);
     output[5][i] = FABS(angles_2);
     output[6][i] = FABS(angles_3);
     output[7][i] = FABS(angles_4);
     output[8][i] = FABS(angles_5);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_notation_2_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_2)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-SHARED void TYPED(polygon_notation_2_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_notation_2)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_notation_2_beyond)(input, output);
+  return is_beyond(output + 4, 5);
 }
 #endif
+
+static void TYPED(polygon_notation_2_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_notation_2)(x + 0, y + 0);
+}
 
 void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[5][BLOCK], output[9][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(polygon_notation_2_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      TYPED(polygon_notation_2_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[5];
-    for (int k = 0; k < 5; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_2)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 1, 1, 5, 4, 5, BLOCKWISE(polygon_notation_2), TYPED(polygon_notation_2_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_notation_3: 10 add, 22 mul, 7 cos, 7 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -316,14 +149,10 @@ static inline void TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL
     const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
     const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
     const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const REAL values_1 = x_3;
-    const REAL values_2 = star_3;
-    const REAL values_3 = y_3;
-    const REAL values_4 = z_3;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
+    output[0][i] = x_3;
+    output[1][i] = star_3;
+    output[2][i] = y_3;
+    output[3][i] = z_3;
     output[4][i] = FABS(angles_1);
     output[5][i] = FABS(angles_2);
     output[6][i] = FABS(angles_3);
@@ -332,97 +161,25 @@ static inline void TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL
     output[9][i] = FABS(angles_6);
     output[10][i] = FABS(angles_7);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_notation_3_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_3)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-SHARED void TYPED(polygon_notation_3_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_notation_3)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_notation_3_beyond)(input, output);
+  return is_beyond(output + 4, 7);
 }
 #endif
+
+static void TYPED(polygon_notation_3_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_notation_3)(x + 0, y + 0);
+}
 
 void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[7];
-  for (int k = 0; k < 7; ++k)
-    offsets_0[k] = (k / 1) % 7 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[7][BLOCK], output[11][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-      TYPED(polygon_notation_3_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 7);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 7 * width, 7);
-      TYPED(polygon_notation_3_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[7];
-    for (int k = 0; k < 7; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_3)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{7, 0, 1, {7}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 1, 1, 7, 4, 7, BLOCKWISE(polygon_notation_3), TYPED(polygon_notation_3_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_notation_4: 14 add, 30 mul, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -468,14 +225,10 @@ static inline void TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL
     const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
     const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
     const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const REAL values_1 = x_4;
-    const REAL values_2 = star_4;
-    const REAL values_3 = y_4;
-    const REAL values_4 = z_4;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
+    output[0][i] = x_4;
+    output[1][i] = star_4;
+    output[2][i] = y_4;
+    output[3][i] = z_4;
     output[4][i] = FABS(angles_1);
     output[5][i] = FABS(angles_2);
     output[6][i] = FABS(angles_3);
@@ -486,97 +239,25 @@ static inline void TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL
     output[11][i] = FABS(angles_8);
     output[12][i] = FABS(angles_9);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_notation_4_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_4)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-SHARED void TYPED(polygon_notation_4_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_notation_4)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_notation_4_beyond)(input, output);
+  return is_beyond(output + 4, 9);
 }
 #endif
+
+static void TYPED(polygon_notation_4_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_notation_4)(x + 0, y + 0);
+}
 
 void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[9][BLOCK], output[13][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(polygon_notation_4_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      TYPED(polygon_notation_4_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[9];
-    for (int k = 0; k < 9; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_4)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 1, {9}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 1, 1, 9, 4, 9, BLOCKWISE(polygon_notation_4), TYPED(polygon_notation_4_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_notation_5: 18 add, 38 mul, 11 cos, 11 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -632,14 +313,10 @@ static inline void TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL
     const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
     const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
     const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    const REAL values_1 = x_5;
-    const REAL values_2 = star_5;
-    const REAL values_3 = y_5;
-    const REAL values_4 = z_5;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
+    output[0][i] = x_5;
+    output[1][i] = star_5;
+    output[2][i] = y_5;
+    output[3][i] = z_5;
     output[4][i] = FABS(angles_1);
     output[5][i] = FABS(angles_10);
     output[6][i] = FABS(angles_11);
@@ -652,97 +329,25 @@ static inline void TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL
     output[13][i] = FABS(angles_8);
     output[14][i] = FABS(angles_9);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_notation_5_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_5)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-SHARED void TYPED(polygon_notation_5_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_notation_5)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_notation_5_beyond)(input, output);
+  return is_beyond(output + 4, 11);
 }
 #endif
+
+static void TYPED(polygon_notation_5_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_notation_5)(x + 0, y + 0);
+}
 
 void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[11];
-  for (int k = 0; k < 11; ++k)
-    offsets_0[k] = (k / 1) % 11 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[11][BLOCK], output[15][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-      TYPED(polygon_notation_5_block)(input, output);
-      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 11);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 11 * width, 11);
-      TYPED(polygon_notation_5_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[11];
-    for (int k = 0; k < 11; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL values[4];
-    TYPED(spherical_polygons_polygon_notation_5)(angles, values);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{11, 0, 1, {11}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 1, 1, 11, 4, 11, BLOCKWISE(polygon_notation_5), TYPED(polygon_notation_5_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -767,149 +372,37 @@ static inline void TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REA
     const REAL x1 = lengths_1*s_angle_1;
     const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
     const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const REAL values_1 = x_1;
-    const REAL values_2 = star_1;
-    const REAL values_3 = y_1;
-    const REAL values_4 = z_1;
-    const REAL secondary_1 = x0_1;
-    const REAL secondary_2 = star0_1;
-    const REAL secondary_3 = y0_1;
-    const REAL secondary_4 = z0_1;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
+    output[0][i] = x_1;
+    output[1][i] = star_1;
+    output[2][i] = y_1;
+    output[3][i] = z_1;
+    output[4][i] = x0_1;
+    output[5][i] = star0_1;
+    output[6][i] = y0_1;
+    output[7][i] = z0_1;
     output[8][i] = FABS(angles_1);
     output[9][i] = FABS(angles_2);
     output[10][i] = FABS(angles_3);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_secondary_1_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL lengths[3] = {input[3][i], input[4][i], input[5][i]};
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_1)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-SHARED void TYPED(polygon_secondary_1_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_secondary_1)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_secondary_1_beyond)(input, output);
+  return is_beyond(output + 8, 3);
 }
 #endif
+
+static void TYPED(polygon_secondary_1_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_secondary_1)(x + 0, x + 3, y + 0, y + 4);
+}
 
 void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[11][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(polygon_secondary_1_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      TYPED(polygon_secondary_1_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[3];
-    for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL lengths[3];
-    for (int k = 0; k < 3; ++k)
-      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_1)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {4, 0, 1, {4}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 2, 2, 6, 8, 3, BLOCKWISE(polygon_secondary_1), TYPED(polygon_secondary_1_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_secondary_2: 20 add, 38 mul, 5 cos, 5 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -950,151 +443,39 @@ static inline void TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REA
     const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
     const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
     const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const REAL values_1 = x_2;
-    const REAL values_2 = star_2;
-    const REAL values_3 = y_2;
-    const REAL values_4 = z_2;
-    const REAL secondary_1 = x0_2;
-    const REAL secondary_2 = star0_2;
-    const REAL secondary_3 = y0_2;
-    const REAL secondary_4 = z0_2;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
+    output[0][i] = x_2;
+    output[1][i] = star_2;
+    output[2][i] = y_2;
+    output[3][i] = z_2;
+    output[4][i] = x0_2;
+    output[5][i] = star0_2;
+    output[6][i] = y0_2;
+    output[7][i] = z0_2;
     output[8][i] = FABS(angles_1);
     output[9][i] = FABS(angles_2);
     output[10][i] = FABS(angles_3);
     output[11][i] = FABS(angles_4);
     output[12][i] = FABS(angles_5);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_secondary_2_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const REAL lengths[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_2)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-SHARED void TYPED(polygon_secondary_2_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_secondary_2)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_secondary_2_beyond)(input, output);
+  return is_beyond(output + 8, 5);
 }
 #endif
+
+static void TYPED(polygon_secondary_2_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_secondary_2)(x + 0, x + 5, y + 0, y + 4);
+}
 
 void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[10][BLOCK], output[13][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-      TYPED(polygon_secondary_2_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 5, args[1], 5);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
-      TYPED(polygon_secondary_2_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[5];
-    for (int k = 0; k < 5; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL lengths[5];
-    for (int k = 0; k < 5; ++k)
-      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_2)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {5, 0, 1, {5}}, {4, 0, 1, {4}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 2, 2, 10, 8, 5, BLOCKWISE(polygon_secondary_2), TYPED(polygon_secondary_2_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_secondary_3: 32 add, 58 mul, 7 cos, 7 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -1151,22 +532,14 @@ static inline void TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REA
     const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
     const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
     const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const REAL values_1 = x_3;
-    const REAL values_2 = star_3;
-    const REAL values_3 = y_3;
-    const REAL values_4 = z_3;
-    const REAL secondary_1 = x0_3;
-    const REAL secondary_2 = star0_3;
-    const REAL secondary_3 = y0_3;
-    const REAL secondary_4 = z0_3;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
+    output[0][i] = x_3;
+    output[1][i] = star_3;
+    output[2][i] = y_3;
+    output[3][i] = z_3;
+    output[4][i] = x0_3;
+    output[5][i] = star0_3;
+    output[6][i] = y0_3;
+    output[7][i] = z0_3;
     output[8][i] = FABS(angles_1);
     output[9][i] = FABS(angles_2);
     output[10][i] = FABS(angles_3);
@@ -1175,129 +548,25 @@ static inline void TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REA
     output[13][i] = FABS(angles_6);
     output[14][i] = FABS(angles_7);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_secondary_3_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
-    const REAL lengths[7] = {input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i]};
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_3)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-SHARED void TYPED(polygon_secondary_3_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_secondary_3)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_secondary_3_beyond)(input, output);
+  return is_beyond(output + 8, 7);
 }
 #endif
+
+static void TYPED(polygon_secondary_3_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_secondary_3)(x + 0, x + 7, y + 0, y + 4);
+}
 
 void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[7];
-  for (int k = 0; k < 7; ++k)
-    offsets_0[k] = (k / 1) % 7 * core[0];
-  ptrdiff_t offsets_1[7];
-  for (int k = 0; k < 7; ++k)
-    offsets_1[k] = (k / 1) % 7 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[14][BLOCK], output[15][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 7, 7 * width, width)) | (is_packed(offsets_1, 7, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-      TYPED(gather)(input + 7, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
-      TYPED(polygon_secondary_3_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 7);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 7, args[1], 7);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 7 * width, 7);
-      if (steps[1] != 0)
-        TYPED(load)(input + 7, args[1] + start * 7 * width, 7);
-      TYPED(polygon_secondary_3_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[7];
-    for (int k = 0; k < 7; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL lengths[7];
-    for (int k = 0; k < 7; ++k)
-      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_3)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{7, 0, 1, {7}}, {7, 0, 1, {7}}, {4, 0, 1, {4}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 2, 2, 14, 8, 7, BLOCKWISE(polygon_secondary_3), TYPED(polygon_secondary_3_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_secondary_4: 44 add, 78 mul, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -1370,22 +639,14 @@ static inline void TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REA
     const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
     const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
     const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    const REAL values_1 = x_4;
-    const REAL values_2 = star_4;
-    const REAL values_3 = y_4;
-    const REAL values_4 = z_4;
-    const REAL secondary_1 = x0_4;
-    const REAL secondary_2 = star0_4;
-    const REAL secondary_3 = y0_4;
-    const REAL secondary_4 = z0_4;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
+    output[0][i] = x_4;
+    output[1][i] = star_4;
+    output[2][i] = y_4;
+    output[3][i] = z_4;
+    output[4][i] = x0_4;
+    output[5][i] = star0_4;
+    output[6][i] = y0_4;
+    output[7][i] = z0_4;
     output[8][i] = FABS(angles_1);
     output[9][i] = FABS(angles_2);
     output[10][i] = FABS(angles_3);
@@ -1396,129 +657,25 @@ static inline void TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REA
     output[15][i] = FABS(angles_8);
     output[16][i] = FABS(angles_9);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_secondary_4_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    const REAL lengths[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_4)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-SHARED void TYPED(polygon_secondary_4_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_secondary_4)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_secondary_4_beyond)(input, output);
+  return is_beyond(output + 8, 9);
 }
 #endif
+
+static void TYPED(polygon_secondary_4_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_secondary_4)(x + 0, x + 9, y + 0, y + 4);
+}
 
 void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 1) % 9 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[18][BLOCK], output[17][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-      TYPED(polygon_secondary_4_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 9);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
-      TYPED(polygon_secondary_4_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[9];
-    for (int k = 0; k < 9; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL lengths[9];
-    for (int k = 0; k < 9; ++k)
-      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_4)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 1, {9}}, {9, 0, 1, {9}}, {4, 0, 1, {4}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 2, 2, 18, 8, 9, BLOCKWISE(polygon_secondary_4), TYPED(polygon_secondary_4_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_secondary_5: 56 add, 98 mul, 11 cos, 11 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL angles_1 = input[0][i];
@@ -1607,22 +764,14 @@ static inline void TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REA
     const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
     const REAL y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
     const REAL z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
-    const REAL values_1 = x_5;
-    const REAL values_2 = star_5;
-    const REAL values_3 = y_5;
-    const REAL values_4 = z_5;
-    const REAL secondary_1 = x0_5;
-    const REAL secondary_2 = star0_5;
-    const REAL secondary_3 = y0_5;
-    const REAL secondary_4 = z0_5;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
+    output[0][i] = x_5;
+    output[1][i] = star_5;
+    output[2][i] = y_5;
+    output[3][i] = z_5;
+    output[4][i] = x0_5;
+    output[5][i] = star0_5;
+    output[6][i] = y0_5;
+    output[7][i] = z0_5;
     output[8][i] = FABS(angles_1);
     output[9][i] = FABS(angles_10);
     output[10][i] = FABS(angles_11);
@@ -1635,129 +784,25 @@ static inline void TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REA
     output[17][i] = FABS(angles_8);
     output[18][i] = FABS(angles_9);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_secondary_5_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
-    const REAL lengths[11] = {input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i], input[21][i]};
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_5)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-SHARED void TYPED(polygon_secondary_5_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_secondary_5)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_secondary_5_beyond)(input, output);
+  return is_beyond(output + 8, 11);
 }
 #endif
+
+static void TYPED(polygon_secondary_5_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_secondary_5)(x + 0, x + 11, y + 0, y + 4);
+}
 
 void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[11];
-  for (int k = 0; k < 11; ++k)
-    offsets_0[k] = (k / 1) % 11 * core[0];
-  ptrdiff_t offsets_1[11];
-  for (int k = 0; k < 11; ++k)
-    offsets_1[k] = (k / 1) % 11 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[22][BLOCK], output[19][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 11, 11 * width, width)) | (is_packed(offsets_1, 11, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[1], steps[1]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-      TYPED(gather)(input + 11, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
-      TYPED(polygon_secondary_5_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 11);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 11, args[1], 11);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 11 * width, 11);
-      if (steps[1] != 0)
-        TYPED(load)(input + 11, args[1] + start * 11 * width, 11);
-      TYPED(polygon_secondary_5_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL angles[11];
-    for (int k = 0; k < 11; ++k)
-      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL lengths[11];
-    for (int k = 0; k < 11; ++k)
-      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL values[4];
-    REAL secondary[4];
-    TYPED(spherical_polygons_polygon_secondary_5)(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{11, 0, 1, {11}}, {11, 0, 1, {11}}, {4, 0, 1, {4}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 2, 2, 22, 8, 11, BLOCKWISE(polygon_secondary_5), TYPED(polygon_secondary_5_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL alpha_1 = input[0][i];
@@ -1876,25 +921,16 @@ static inline void TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], R
     const REAL row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
     const REAL row_24_3 = row_23_3;
     const REAL sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
-    const REAL theta_1_1 = TYPED(blend)(good, TYPED(vector_atan2)(s_1_1, c_1_1), (REAL)NAN);
-    const REAL theta_1_2 = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_1, cosine_2_1), (REAL)NAN);
-    const REAL theta_1_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_14_1), (REAL)NAN);
     const REAL x16 = TYPED(blend)(good, theta_4, (REAL)NAN);
-    const REAL theta_1_4 = x16;
-    const REAL theta_2_1 = TYPED(blend)(good, TYPED(vector_atan2)(s_1_2, c_1_2), (REAL)NAN);
-    const REAL theta_2_2 = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_2, cosine_2_2), (REAL)NAN);
-    const REAL theta_2_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_24_1), (REAL)NAN);
-    const REAL theta_2_4 = x16;
-    const REAL status = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
-    output[0][i] = theta_1_1;
-    output[1][i] = theta_1_2;
-    output[2][i] = theta_1_3;
-    output[3][i] = theta_1_4;
-    output[4][i] = theta_2_1;
-    output[5][i] = theta_2_2;
-    output[6][i] = theta_2_3;
-    output[7][i] = theta_2_4;
-    output[8][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(vector_atan2)(s_1_1, c_1_1), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_1, cosine_2_1), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_14_1), (REAL)NAN);
+    output[3][i] = x16;
+    output[4][i] = TYPED(blend)(good, TYPED(vector_atan2)(s_1_2, c_1_2), (REAL)NAN);
+    output[5][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_2, cosine_2_2), (REAL)NAN);
+    output[6][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_24_1), (REAL)NAN);
+    output[7][i] = x16;
+    output[8][i] = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
     output[9][i] = FABS(alpha_1);
     output[10][i] = FABS(alpha_2);
     output[11][i] = FABS(alpha_3);
@@ -1905,122 +941,25 @@ static inline void TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], R
     output[16][i] = FABS(half_sums_4);
     output[17][i] = FABS(theta_4);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_quadrilateral_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
-    const REAL theta_4 = input[4][i];
-    REAL theta[8];
-    int8_t status[1];
-    TYPED(spherical_polygons_polygon_quadrilateral)(alpha, theta_4, theta, status);
-    for (int k = 0; k < 8; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 1; ++k)
-      output[8 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(polygon_quadrilateral_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_quadrilateral)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_quadrilateral_beyond)(input, output);
+  return is_beyond(output + 9, 9);
 }
 #endif
+
+static void TYPED(polygon_quadrilateral_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_quadrilateral)(x + 0, x[4], y + 0, codes + 8);
+}
 
 void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_2[k] = (k / 4) % 2 * core[1] + (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[5][BLOCK], output[18][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 8, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(polygon_quadrilateral_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 8, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 8);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 8 * width, (total - start) * 8 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 4, args[1], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 4, args[1] + start * 1 * width);
-      TYPED(polygon_quadrilateral_block)(input, output);
-      {
-        REAL staged[8 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 8);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[8]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL alpha[4];
-    for (int k = 0; k < 4; ++k)
-      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL theta_4[1];
-    for (int k = 0; k < 1; ++k)
-      theta_4[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL theta[8];
-    int8_t status[1];
-    TYPED(spherical_polygons_polygon_quadrilateral)(alpha, theta_4[0], theta, status);
-    for (int k = 0; k < 8; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], theta[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {1, 0, 0, {0}}, {8, 0, 2, {2, 4}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 5, 9, 9, BLOCKWISE(polygon_quadrilateral), TYPED(polygon_quadrilateral_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL alpha_1 = input[0][i];
@@ -2152,30 +1091,19 @@ static inline void TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (
     const REAL row_26_3 = row_25_3;
     const REAL sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
     const REAL_MASK family = (any_angle) | (flat_1_1) | (flat_1_2);
-    const REAL theta_1_1 = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_1, cosine_1_1), (REAL)NAN);
-    const REAL theta_1_2 = TYPED(blend)(good, TYPED(vector_atan2)(angle_s, angle_c), (REAL)NAN);
-    const REAL theta_1_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_16_1), (REAL)NAN);
     const REAL x16 = TYPED(blend)(good, theta_45_1, (REAL)NAN);
-    const REAL theta_1_4 = x16;
     const REAL x17 = TYPED(blend)(good, theta_45_2, (REAL)NAN);
-    const REAL theta_1_5 = x17;
-    const REAL theta_2_1 = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_2, cosine_1_2), (REAL)NAN);
-    const REAL theta_2_2 = TYPED(blend)(good, TYPED(vector_atan2)(other_sine, angle_c), (REAL)NAN);
-    const REAL theta_2_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_26_1), (REAL)NAN);
-    const REAL theta_2_4 = x16;
-    const REAL theta_2_5 = x17;
-    const REAL status = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
-    output[0][i] = theta_1_1;
-    output[1][i] = theta_1_2;
-    output[2][i] = theta_1_3;
-    output[3][i] = theta_1_4;
-    output[4][i] = theta_1_5;
-    output[5][i] = theta_2_1;
-    output[6][i] = theta_2_2;
-    output[7][i] = theta_2_3;
-    output[8][i] = theta_2_4;
-    output[9][i] = theta_2_5;
-    output[10][i] = status;
+    output[0][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_1, cosine_1_1), (REAL)NAN);
+    output[1][i] = TYPED(blend)(good, TYPED(vector_atan2)(angle_s, angle_c), (REAL)NAN);
+    output[2][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_16_1), (REAL)NAN);
+    output[3][i] = x16;
+    output[4][i] = x17;
+    output[5][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_2, cosine_1_2), (REAL)NAN);
+    output[6][i] = TYPED(blend)(good, TYPED(vector_atan2)(other_sine, angle_c), (REAL)NAN);
+    output[7][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_26_1), (REAL)NAN);
+    output[8][i] = x16;
+    output[9][i] = x17;
+    output[10][i] = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
     output[11][i] = FABS(alpha_1);
     output[12][i] = FABS(alpha_2);
     output[13][i] = FABS(alpha_3);
@@ -2188,115 +1116,18 @@ static inline void TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (
     output[20][i] = FABS(theta_45_1);
     output[21][i] = FABS(theta_45_2);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(polygon_pentagon_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const REAL theta_45[2] = {input[5][i], input[6][i]};
-    REAL theta[10];
-    int8_t status[1];
-    TYPED(spherical_polygons_polygon_pentagon)(alpha, theta_45, theta, status);
-    for (int k = 0; k < 10; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 1; ++k)
-      output[10 + k][i] = status[k];
-  }
-}
-
-SHARED void TYPED(polygon_pentagon_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(polygon_pentagon)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(polygon_pentagon_beyond)(input, output);
+  return is_beyond(output + 11, 11);
 }
 #endif
+
+static void TYPED(polygon_pentagon_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(spherical_polygons_polygon_pentagon)(x + 0, x + 5, y + 0, codes + 10);
+}
 
 void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_1[k] = (k / 1) % 2 * core[1];
-  ptrdiff_t offsets_2[10];
-  for (int k = 0; k < 10; ++k)
-    offsets_2[k] = (k / 5) % 2 * core[2] + (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[7][BLOCK], output[22][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 2, 2 * width, width)) | (is_packed(offsets_1, 2, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 10, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
-      TYPED(polygon_pentagon_block)(input, output);
-      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 10, count, output + 0);
-      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 10);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[2] + start * 10 * width, (total - start) * 10 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 5);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 5, args[1], 2);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        TYPED(load)(input + 5, args[1] + start * 2 * width, 2);
-      TYPED(polygon_pentagon_block)(input, output);
-      {
-        REAL staged[10 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 10);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[3] + start, output[10]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL alpha[5];
-    for (int k = 0; k < 5; ++k)
-      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL theta_45[2];
-    for (int k = 0; k < 2; ++k)
-      theta_45[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL theta[10];
-    int8_t status[1];
-    TYPED(spherical_polygons_polygon_pentagon)(alpha, theta_45, theta, status);
-    for (int k = 0; k < 10; ++k)
-      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], theta[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{5, 0, 1, {5}}, {2, 0, 1, {2}}, {10, 0, 2, {2, 5}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 2, 2, 7, 11, 11, BLOCKWISE(polygon_pentagon), TYPED(polygon_pentagon_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/three_sps_s.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* sps_legs: 20 add, 24 mul, 4 sqrt */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -65,122 +50,29 @@ static inline void TYPED(sps_legs)(REAL (*restrict input)[BLOCK], REAL (*restric
     const REAL span_3_1 = x4 - x1 - x6;
     const REAL span_3_2 = K(0.5)*base_radius - x7 - x8;
     const REAL span_3_3 = height - x10 - x11;
-    const REAL legs_1 = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const REAL legs_2 = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const REAL legs_3 = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    output[0][i] = legs_1;
-    output[1][i] = legs_2;
-    output[2][i] = legs_3;
+    output[0][i] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+    output[1][i] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+    output[2][i] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
   }
-}
-
-SHARED void TYPED(sps_legs_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_legs)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_legs_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_legs)(x + 0, x[9], x[10], x[11], y + 0);
+}
 
 void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[2];
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[3][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(sps_legs_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 11, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 10, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 11, args[3] + start * 1 * width);
-      TYPED(sps_legs_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL legs[3];
-    TYPED(three_sps_s_sps_legs)(matrix, base_radius[0], platform_radius[0], height[0], legs);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], legs[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 4, 1, 12, 3, 0, BLOCKWISE(sps_legs), TYPED(sps_legs_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_legs_from_quaternion: 32 add, 48 mul, 1 div, 5 sqrt */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_legs_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_legs_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -228,122 +120,29 @@ static inline void TYPED(sps_legs_from_quaternion)(REAL (*restrict input)[BLOCK]
     const REAL span_3_1 = x10 - x12 - x7;
     const REAL span_3_2 = K(0.5)*base_radius - x13 - x14;
     const REAL span_3_3 = height - x16 - x17;
-    const REAL legs_1 = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const REAL legs_2 = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const REAL legs_3 = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    output[0][i] = legs_1;
-    output[1][i] = legs_2;
-    output[2][i] = legs_3;
+    output[0][i] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+    output[1][i] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+    output[2][i] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
   }
-}
-
-SHARED void TYPED(sps_legs_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_legs_from_quaternion)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_legs_from_quaternion_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_legs_from_quaternion)(x + 0, x[4], x[5], x[6], y + 0);
+}
 
 void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[7][BLOCK], output[3][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 6, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(sps_legs_from_quaternion_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 4, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 5, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 6, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 4, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 5, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 6, args[3] + start * 1 * width);
-      TYPED(sps_legs_from_quaternion_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL legs[3];
-    TYPED(three_sps_s_sps_legs_from_quaternion)(quaternion, base_radius[0], platform_radius[0], height[0], legs);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], legs[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 4, 1, 7, 3, 0, BLOCKWISE(sps_legs_from_quaternion), TYPED(sps_legs_from_quaternion_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_jacobian: 28 add, 49 mul, 3 div, 4 sqrt */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -396,136 +195,37 @@ static inline void TYPED(sps_jacobian)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL row_3_2 = height*x15 - x17*x4;
     const REAL row_3_3 = x16*x4 - x15*x3;
     const REAL x22 = K(1.0)/leg_1;
-    const REAL jacobian_1_1 = row_1_1*x22;
-    const REAL jacobian_1_2 = row_1_2*x22;
-    const REAL jacobian_1_3 = row_1_3*x22;
     const REAL x23 = K(1.0)/leg_2;
-    const REAL jacobian_2_1 = row_2_1*x23;
-    const REAL jacobian_2_2 = row_2_2*x23;
-    const REAL jacobian_2_3 = row_2_3*x23;
     const REAL x24 = K(1.0)/leg_3;
-    const REAL jacobian_3_1 = row_3_1*x24;
-    const REAL jacobian_3_2 = row_3_2*x24;
-    const REAL jacobian_3_3 = row_3_3*x24;
-    output[0][i] = jacobian_1_1;
-    output[1][i] = jacobian_1_2;
-    output[2][i] = jacobian_1_3;
-    output[3][i] = jacobian_2_1;
-    output[4][i] = jacobian_2_2;
-    output[5][i] = jacobian_2_3;
-    output[6][i] = jacobian_3_1;
-    output[7][i] = jacobian_3_2;
-    output[8][i] = jacobian_3_3;
+    output[0][i] = row_1_1*x22;
+    output[1][i] = row_1_2*x22;
+    output[2][i] = row_1_3*x22;
+    output[3][i] = row_2_1*x23;
+    output[4][i] = row_2_2*x23;
+    output[5][i] = row_2_3*x23;
+    output[6][i] = row_3_1*x24;
+    output[7][i] = row_3_2*x24;
+    output[8][i] = row_3_3*x24;
   }
-}
-
-SHARED void TYPED(sps_jacobian_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_jacobian)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_jacobian_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_jacobian)(x + 0, x[9], x[10], x[11], y + 0);
+}
 
 void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[12][BLOCK], output[9][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(sps_jacobian_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 11, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 10, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 11, args[3] + start * 1 * width);
-      TYPED(sps_jacobian_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL jacobian[9];
-    TYPED(three_sps_s_sps_jacobian)(matrix, base_radius[0], platform_radius[0], height[0], jacobian);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {9, 0, 2, {3, 3}}};
+  static const struct kernel kernel = {ports, 4, 1, 12, 9, 0, BLOCKWISE(sps_jacobian), TYPED(sps_jacobian_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_singularity: 19 add, 40 mul, 1 div, 2 sqrt */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL matrix_1_1 = input[0][i];
@@ -564,102 +264,27 @@ static inline void TYPED(sps_singularity)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL x17 = -x10 - x11;
     const REAL row_3_2 = x14*x15 - x13*x17;
     const REAL row_3_3 = x17*x6 - x14*x16;
-    const REAL determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
-    output[0][i] = determinant;
+    output[0][i] = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
   }
-}
-
-SHARED void TYPED(sps_singularity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_singularity)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_singularity_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_singularity)(x + 0, x[9], x[10], y + 0);
+}
 
 void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[11][BLOCK], output[1][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(sps_singularity_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 9);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 9, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 10, args[2], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 10, args[2] + start * 1 * width);
-      TYPED(sps_singularity_block)(input, output);
-      write_block(&writer_0, output[0], sizeof output[0]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL determinant[1];
-    TYPED(three_sps_s_sps_singularity)(matrix, base_radius[0], height[0], determinant);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], determinant[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{9, 0, 2, {3, 3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 3, 1, 11, 1, 0, BLOCKWISE(sps_singularity), TYPED(sps_singularity_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_invariants)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_invariants)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL legs_1 = input[0][i];
@@ -681,134 +306,29 @@ static inline void TYPED(sps_invariants)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL a = x3*(K(3.0)*K - square_2 - x2);
     const REAL Z_re = x3*(K(2.0)*square_2 - x2);
     const REAL Z_im = SQRT(K(3.0))*x3*(square_1 - square_3);
-    const REAL cos_sum = a;
-    const REAL Z_1 = Z_re;
-    const REAL Z_2 = Z_im;
-    output[0][i] = cos_sum;
-    output[1][i] = Z_1;
-    output[2][i] = Z_2;
+    output[0][i] = a;
+    output[1][i] = Z_re;
+    output[2][i] = Z_im;
   }
-}
-
-SHARED void TYPED(sps_invariants_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_invariants)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_invariants_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_invariants)(x + 0, x[3], x[4], x[5], y + 0, y + 1);
+}
 
 void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_5[k] = (k / 1) % 2 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[3][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 2, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(sps_invariants_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 2, count, output + 1);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 2 * width, (total - start) * 2 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      TYPED(sps_invariants_block)(input, output);
-      write_block(&writer_0, output[0], sizeof output[0]);
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 1, 2);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL cos_sum[1];
-    REAL Z[2];
-    TYPED(three_sps_s_sps_invariants)(legs, base_radius[0], platform_radius[0], height[0], cos_sum, Z);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], cos_sum[k]);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], Z[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {2, 0, 1, {2}}};
+  static const struct kernel kernel = {ports, 4, 2, 6, 3, 0, BLOCKWISE(sps_invariants), TYPED(sps_invariants_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_octic_scaled: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_octic_scaled)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_octic_scaled)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL legs_1 = input[0][i];
@@ -850,191 +370,45 @@ static inline void TYPED(sps_octic_scaled)(REAL (*restrict input)[BLOCK], REAL (
     const REAL b_4 = K(16.0)*TYPED(blend)(TYPED(mask)(least < mu), mu, least);
     const REAL x8 = K(1.0) - beta;
     const REAL x9 = (eta*eta*eta*eta)*(s3*s3);
-    const REAL octic_1 = (b_0*b_0) - K(64.0)*x9*(K(4.0)*(x8*x8) - (a*a));
     const REAL x10 = K(2.0)*b_0;
-    const REAL octic_2 = b_1*x10 + K(512.0)*mu*x8*x9;
-    const REAL octic_3 = (b_1*b_1) + b_2*x10 - K(256.0)*(mu*mu)*x9;
     const REAL x11 = K(2.0)*b_1;
-    const REAL octic_4 = b_2*x11 + b_3*x10;
-    const REAL octic_5 = (b_2*b_2) + b_3*x11 + b_4*x10;
     const REAL x12 = K(2.0)*b_2;
-    const REAL octic_6 = b_3*x12 + b_4*x11;
-    const REAL octic_7 = (b_3*b_3) + b_4*x12;
-    const REAL octic_8 = K(2.0)*b_3*b_4;
-    const REAL octic_9 = (b_4*b_4);
-    const REAL quartic_1 = b_0;
-    const REAL quartic_2 = b_1;
-    const REAL quartic_3 = b_2;
-    const REAL quartic_4 = b_3;
-    const REAL quartic_5 = b_4;
-    const REAL phase_sine = s3;
-    const REAL size = z;
-    output[0][i] = octic_1;
-    output[1][i] = octic_2;
-    output[2][i] = octic_3;
-    output[3][i] = octic_4;
-    output[4][i] = octic_5;
-    output[5][i] = octic_6;
-    output[6][i] = octic_7;
-    output[7][i] = octic_8;
-    output[8][i] = octic_9;
-    output[9][i] = quartic_1;
-    output[10][i] = quartic_2;
-    output[11][i] = quartic_3;
-    output[12][i] = quartic_4;
-    output[13][i] = quartic_5;
-    output[14][i] = phase_sine;
-    output[15][i] = size;
+    output[0][i] = (b_0*b_0) - K(64.0)*x9*(K(4.0)*(x8*x8) - (a*a));
+    output[1][i] = b_1*x10 + K(512.0)*mu*x8*x9;
+    output[2][i] = (b_1*b_1) + b_2*x10 - K(256.0)*(mu*mu)*x9;
+    output[3][i] = b_2*x11 + b_3*x10;
+    output[4][i] = (b_2*b_2) + b_3*x11 + b_4*x10;
+    output[5][i] = b_3*x12 + b_4*x11;
+    output[6][i] = (b_3*b_3) + b_4*x12;
+    output[7][i] = K(2.0)*b_3*b_4;
+    output[8][i] = (b_4*b_4);
+    output[9][i] = b_0;
+    output[10][i] = b_1;
+    output[11][i] = b_2;
+    output[12][i] = b_3;
+    output[13][i] = b_4;
+    output[14][i] = s3;
+    output[15][i] = z;
   }
-}
-
-SHARED void TYPED(sps_octic_scaled_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_octic_scaled)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_octic_scaled_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_octic_scaled)(x + 0, x[3], x[4], x[5], y + 0, y + 9, y + 14, y + 15);
+}
 
 void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 1) % 9 * core[1];
-  ptrdiff_t offsets_5[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_5[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[16][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 5, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(sps_octic_scaled_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 5, count, output + 9);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 14);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 15);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 5 * width, (total - start) * 5 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[6] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[7] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      TYPED(sps_octic_scaled_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[5 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 9, 5);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      write_block(&writer_2, output[14], sizeof output[14]);
-      write_block(&writer_3, output[15], sizeof output[15]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL octic[9];
-    REAL quartic[5];
-    REAL phase_sine[1];
-    REAL size[1];
-    TYPED(three_sps_s_sps_octic_scaled)(legs, base_radius[0], platform_radius[0], height[0], octic, quartic, phase_sine, size);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], octic[k]);
-    for (int k = 0; k < 5; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], quartic[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], phase_sine[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], size[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {9, 0, 1, {9}}, {5, 0, 1, {5}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 4, 6, 16, 0, BLOCKWISE(sps_octic_scaled), TYPED(sps_octic_scaled_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_mode: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_mode)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_mode)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL legs_1 = input[0][i];
@@ -1088,148 +462,30 @@ static inline void TYPED(sps_mode)(REAL (*restrict input)[BLOCK], REAL (*restric
     const REAL x10 = SQRT(K(1.0) - rho);
     const REAL v_factor = x10*TYPED(blend)(TYPED(mask)(eta < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(known, K(1.0)/v_length, K(1.0));
     const REAL w_factor = SQRT(rho);
-    const REAL quaternion_1 = TYPED(blend)(known, v_factor*v_re, x10);
-    const REAL quaternion_2 = w_factor*w_re;
-    const REAL quaternion_3 = w_factor*w_im;
-    const REAL quaternion_4 = v_factor*v_im;
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
+    output[0][i] = TYPED(blend)(known, v_factor*v_re, x10);
+    output[1][i] = w_factor*w_re;
+    output[2][i] = w_factor*w_im;
+    output[3][i] = v_factor*v_im;
   }
-}
-
-SHARED void TYPED(sps_mode_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_mode)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_mode_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_mode)(x + 0, x[3], x[4], x[5], x[6], x[7], y + 0);
+}
 
 void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_6[k] = (k / 1) % 4 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[8][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(sps_mode_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 4 * width, (total - start) * 4 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      TYPED(sps_mode_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL root[1];
-    for (int k = 0; k < 1; ++k)
-      root[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL sign[1];
-    for (int k = 0; k < 1; ++k)
-      sign[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL quaternion[4];
-    TYPED(three_sps_s_sps_mode)(legs, base_radius[0], platform_radius[0], height[0], root[0], sign[0], quaternion);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], quaternion[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {4, 0, 1, {4}}};
+  static const struct kernel kernel = {ports, 6, 1, 8, 4, 0, BLOCKWISE(sps_mode), TYPED(sps_mode_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
 #ifndef ROW_BY_ROW
-static inline void TYPED(sps_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(sps_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL quaternion_1 = input[0][i];
@@ -1713,155 +969,24 @@ static inline void TYPED(sps_polish)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL now_4_4 = TYPED(blend)(better_4, unit_4_4, now_3_4);
     const REAL turned_by_4 = SQRT((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
     const REAL trust_4 = TYPED(blend)(better_4, K(2.0)*trust_3, TYPED(blend)(done_4, trust_3, K(0.25)*TYPED(blend)(TYPED(mask)(trust_3 > turned_by_4), turned_by_4, trust_3)));
-    const REAL polished_1 = now_4_1;
-    const REAL polished_2 = now_4_2;
-    const REAL polished_3 = now_4_3;
-    const REAL polished_4 = now_4_4;
-    const REAL radius = trust_4;
-    output[0][i] = polished_1;
-    output[1][i] = polished_2;
-    output[2][i] = polished_3;
-    output[3][i] = polished_4;
-    output[4][i] = radius;
+    output[0][i] = now_4_1;
+    output[1][i] = now_4_2;
+    output[2][i] = now_4_3;
+    output[3][i] = now_4_4;
+    output[4][i] = trust_4;
   }
-}
-
-SHARED void TYPED(sps_polish_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(sps_polish)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(sps_polish_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(three_sps_s_sps_polish)(x + 0, x[4], x + 5, x[8], x[9], x[10], y + 0, y + 4);
+}
 
 void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_6[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[11][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-      TYPED(gather)(input + 8, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 9, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 10, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(sps_polish_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 4);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 4);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 4, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 5, args[2], 3);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 8, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 9, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 10, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 4, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_3)(input + 5, args[2] + start * 3 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 8, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 9, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 10, args[5] + start * 1 * width);
-      TYPED(sps_polish_block)(input, output);
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      write_block(&writer_1, output[4], sizeof output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL trust[1];
-    for (int k = 0; k < 1; ++k)
-      trust[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL base_radius[1];
-    for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL platform_radius[1];
-    for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL height[1];
-    for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL polished[4];
-    REAL radius[1];
-    TYPED(three_sps_s_sps_polish)(quaternion, trust[0], legs, base_radius[0], platform_radius[0], height[0], polished, radius);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], polished[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], radius[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{4, 0, 1, {4}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {4, 0, 1, {4}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 6, 2, 11, 5, 0, BLOCKWISE(sps_polish), TYPED(sps_polish_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/tricept.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_point)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_point)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -57,182 +42,40 @@ static inline void TYPED(tricept_point)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL rotation__3_2 = -cb*sa;
     const REAL rotation__3_3 = ca*cb;
     const REAL x0 = pose_3 + q_z;
-    const REAL point_1 = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
-    const REAL point_2 = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
-    const REAL point_3 = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
-    const REAL rotation_1_1 = rotation__1_1;
-    const REAL rotation_1_2 = rotation__1_2;
-    const REAL rotation_1_3 = rotation__1_3;
-    const REAL rotation_2_1 = rotation__2_1;
-    const REAL rotation_2_2 = rotation__2_2;
-    const REAL rotation_2_3 = rotation__2_3;
-    const REAL rotation_3_1 = rotation__3_1;
-    const REAL rotation_3_2 = rotation__3_2;
-    const REAL rotation_3_3 = rotation__3_3;
-    output[0][i] = point_1;
-    output[1][i] = point_2;
-    output[2][i] = point_3;
-    output[3][i] = rotation_1_1;
-    output[4][i] = rotation_1_2;
-    output[5][i] = rotation_1_3;
-    output[6][i] = rotation_2_1;
-    output[7][i] = rotation_2_2;
-    output[8][i] = rotation_2_3;
-    output[9][i] = rotation_3_1;
-    output[10][i] = rotation_3_2;
-    output[11][i] = rotation_3_3;
+    output[0][i] = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
+    output[1][i] = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
+    output[2][i] = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
+    output[3][i] = rotation__1_1;
+    output[4][i] = rotation__1_2;
+    output[5][i] = rotation__1_3;
+    output[6][i] = rotation__2_1;
+    output[7][i] = rotation__2_2;
+    output[8][i] = rotation__2_3;
+    output[9][i] = rotation__3_1;
+    output[10][i] = rotation__3_2;
+    output[11][i] = rotation__3_3;
     output[12][i] = FABS(alpha);
     output[13][i] = FABS(beta);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_point_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL q_x = input[3][i];
-    const REAL q_y = input[4][i];
-    const REAL q_z = input[5][i];
-    REAL point[3];
-    REAL rotation[9];
-    TYPED(tricept_tricept_point)(pose, q_x, q_y, q_z, point, rotation);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = point[k];
-    for (int k = 0; k < 9; ++k)
-      output[3 + k][i] = rotation[k];
-  }
-}
-
-SHARED void TYPED(tricept_point_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_point)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_point_beyond)(input, output);
+  return is_beyond(output + 12, 2);
 }
 #endif
+
+static void TYPED(tricept_point_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_point)(x + 0, x[3], x[4], x[5], y + 0, y + 3);
+}
 
 void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_5[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_5[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-#ifndef ROW_BY_ROW
-  REAL input[6][BLOCK], output[14][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(tricept_point_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 9, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      TYPED(tricept_point_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 3, 9);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL point[3];
-    REAL rotation[9];
-    TYPED(tricept_tricept_point)(pose, q_x[0], q_y[0], q_z[0], point, rotation);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], point[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], rotation[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {9, 0, 2, {3, 3}}};
+  static const struct kernel kernel = {ports, 4, 2, 6, 12, 2, BLOCKWISE(tricept_point), TYPED(tricept_point_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_legs: 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -272,132 +115,31 @@ static inline void TYPED(tricept_legs)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
     const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
     const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const REAL legs_1 = rod_length_1;
-    const REAL legs_2 = rod_length_2;
-    const REAL legs_3 = rod_length_3;
-    output[0][i] = legs_1;
-    output[1][i] = legs_2;
-    output[2][i] = legs_3;
+    output[0][i] = rod_length_1;
+    output[1][i] = rod_length_2;
+    output[2][i] = rod_length_3;
     output[3][i] = FABS(alpha);
     output[4][i] = FABS(beta);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_legs_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL r = input[3][i];
-    const REAL R = input[4][i];
-    REAL legs[3];
-    TYPED(tricept_tricept_legs)(pose, r, R, legs);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = legs[k];
-  }
-}
-
-SHARED void TYPED(tricept_legs_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_legs)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_legs_beyond)(input, output);
+  return is_beyond(output + 3, 2);
 }
 #endif
+
+static void TYPED(tricept_legs_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_legs)(x + 0, x[3], x[4], y + 0);
+}
 
 void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[1];
-#ifndef ROW_BY_ROW
-  REAL input[5][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(tricept_legs_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      TYPED(tricept_legs_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL legs[3];
-    TYPED(tricept_tricept_legs)(pose, r[0], R[0], legs);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], legs[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 3, 1, 5, 3, 2, BLOCKWISE(tricept_legs), TYPED(tricept_legs_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL point_1 = input[0][i];
@@ -551,249 +293,56 @@ static inline void TYPED(tricept_inverse)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL rods_d_length_2 = SQRT((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
     const REAL rods_d_length_3 = SQRT((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
     const REAL_MASK there = (valid) & (~(no_root));
-    const REAL poses_1_1 = TYPED(blend)(there, alpha_plus, (REAL)NAN);
     const REAL x62 = TYPED(blend)(there, beta_plus, (REAL)NAN);
-    const REAL poses_1_2 = x62;
-    const REAL poses_1_3 = TYPED(blend)(there, z_a, (REAL)NAN);
-    const REAL poses_2_1 = TYPED(blend)(there, alpha_minus, (REAL)NAN);
     const REAL x63 = TYPED(blend)(there, beta_minus, (REAL)NAN);
-    const REAL poses_2_2 = x63;
-    const REAL poses_2_3 = TYPED(blend)(there, z_b, (REAL)NAN);
-    const REAL poses_3_1 = TYPED(blend)(there, -alpha_minus, (REAL)NAN);
-    const REAL poses_3_2 = x62;
-    const REAL poses_3_3 = TYPED(blend)(there, z_c, (REAL)NAN);
-    const REAL poses_4_1 = TYPED(blend)(there, -alpha_plus, (REAL)NAN);
-    const REAL poses_4_2 = x63;
-    const REAL poses_4_3 = TYPED(blend)(there, z_d, (REAL)NAN);
-    const REAL legs_1_1 = TYPED(blend)(there, rods_a_length_1, (REAL)NAN);
-    const REAL legs_1_2 = TYPED(blend)(there, rods_a_length_2, (REAL)NAN);
-    const REAL legs_1_3 = TYPED(blend)(there, rods_a_length_3, (REAL)NAN);
-    const REAL legs_2_1 = TYPED(blend)(there, rods_b_length_1, (REAL)NAN);
-    const REAL legs_2_2 = TYPED(blend)(there, rods_b_length_2, (REAL)NAN);
-    const REAL legs_2_3 = TYPED(blend)(there, rods_b_length_3, (REAL)NAN);
-    const REAL legs_3_1 = TYPED(blend)(there, rods_c_length_1, (REAL)NAN);
-    const REAL legs_3_2 = TYPED(blend)(there, rods_c_length_2, (REAL)NAN);
-    const REAL legs_3_3 = TYPED(blend)(there, rods_c_length_3, (REAL)NAN);
-    const REAL legs_4_1 = TYPED(blend)(there, rods_d_length_1, (REAL)NAN);
-    const REAL legs_4_2 = TYPED(blend)(there, rods_d_length_2, (REAL)NAN);
-    const REAL legs_4_3 = TYPED(blend)(there, rods_d_length_3, (REAL)NAN);
-    const REAL status_1 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_a_length_1 > longest)) | (TYPED(mask)(rods_a_length_2 > longest)) | (TYPED(mask)(rods_a_length_3 > longest)) | (TYPED(mask)(rods_a_length_1 < shortest)) | (TYPED(mask)(rods_a_length_2 < shortest)) | (TYPED(mask)(rods_a_length_3 < shortest)), K(1.0), K(0.0))))));
-    const REAL status_2 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_b_length_1 > longest)) | (TYPED(mask)(rods_b_length_2 > longest)) | (TYPED(mask)(rods_b_length_3 > longest)) | (TYPED(mask)(rods_b_length_1 < shortest)) | (TYPED(mask)(rods_b_length_2 < shortest)) | (TYPED(mask)(rods_b_length_3 < shortest)), K(1.0), K(0.0))))));
-    const REAL status_3 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_c_length_1 > longest)) | (TYPED(mask)(rods_c_length_2 > longest)) | (TYPED(mask)(rods_c_length_3 > longest)) | (TYPED(mask)(rods_c_length_1 < shortest)) | (TYPED(mask)(rods_c_length_2 < shortest)) | (TYPED(mask)(rods_c_length_3 < shortest)), K(1.0), K(0.0))))));
-    const REAL status_4 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_d_length_1 > longest)) | (TYPED(mask)(rods_d_length_2 > longest)) | (TYPED(mask)(rods_d_length_3 > longest)) | (TYPED(mask)(rods_d_length_1 < shortest)) | (TYPED(mask)(rods_d_length_2 < shortest)) | (TYPED(mask)(rods_d_length_3 < shortest)), K(1.0), K(0.0))))));
-    output[0][i] = poses_1_1;
-    output[1][i] = poses_1_2;
-    output[2][i] = poses_1_3;
-    output[3][i] = poses_2_1;
-    output[4][i] = poses_2_2;
-    output[5][i] = poses_2_3;
-    output[6][i] = poses_3_1;
-    output[7][i] = poses_3_2;
-    output[8][i] = poses_3_3;
-    output[9][i] = poses_4_1;
-    output[10][i] = poses_4_2;
-    output[11][i] = poses_4_3;
-    output[12][i] = legs_1_1;
-    output[13][i] = legs_1_2;
-    output[14][i] = legs_1_3;
-    output[15][i] = legs_2_1;
-    output[16][i] = legs_2_2;
-    output[17][i] = legs_2_3;
-    output[18][i] = legs_3_1;
-    output[19][i] = legs_3_2;
-    output[20][i] = legs_3_3;
-    output[21][i] = legs_4_1;
-    output[22][i] = legs_4_2;
-    output[23][i] = legs_4_3;
-    output[24][i] = status_1;
-    output[25][i] = status_2;
-    output[26][i] = status_3;
-    output[27][i] = status_4;
+    output[0][i] = TYPED(blend)(there, alpha_plus, (REAL)NAN);
+    output[1][i] = x62;
+    output[2][i] = TYPED(blend)(there, z_a, (REAL)NAN);
+    output[3][i] = TYPED(blend)(there, alpha_minus, (REAL)NAN);
+    output[4][i] = x63;
+    output[5][i] = TYPED(blend)(there, z_b, (REAL)NAN);
+    output[6][i] = TYPED(blend)(there, -alpha_minus, (REAL)NAN);
+    output[7][i] = x62;
+    output[8][i] = TYPED(blend)(there, z_c, (REAL)NAN);
+    output[9][i] = TYPED(blend)(there, -alpha_plus, (REAL)NAN);
+    output[10][i] = x63;
+    output[11][i] = TYPED(blend)(there, z_d, (REAL)NAN);
+    output[12][i] = TYPED(blend)(there, rods_a_length_1, (REAL)NAN);
+    output[13][i] = TYPED(blend)(there, rods_a_length_2, (REAL)NAN);
+    output[14][i] = TYPED(blend)(there, rods_a_length_3, (REAL)NAN);
+    output[15][i] = TYPED(blend)(there, rods_b_length_1, (REAL)NAN);
+    output[16][i] = TYPED(blend)(there, rods_b_length_2, (REAL)NAN);
+    output[17][i] = TYPED(blend)(there, rods_b_length_3, (REAL)NAN);
+    output[18][i] = TYPED(blend)(there, rods_c_length_1, (REAL)NAN);
+    output[19][i] = TYPED(blend)(there, rods_c_length_2, (REAL)NAN);
+    output[20][i] = TYPED(blend)(there, rods_c_length_3, (REAL)NAN);
+    output[21][i] = TYPED(blend)(there, rods_d_length_1, (REAL)NAN);
+    output[22][i] = TYPED(blend)(there, rods_d_length_2, (REAL)NAN);
+    output[23][i] = TYPED(blend)(there, rods_d_length_3, (REAL)NAN);
+    output[24][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_a_length_1 > longest)) | (TYPED(mask)(rods_a_length_2 > longest)) | (TYPED(mask)(rods_a_length_3 > longest)) | (TYPED(mask)(rods_a_length_1 < shortest)) | (TYPED(mask)(rods_a_length_2 < shortest)) | (TYPED(mask)(rods_a_length_3 < shortest)), K(1.0), K(0.0))))));
+    output[25][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_b_length_1 > longest)) | (TYPED(mask)(rods_b_length_2 > longest)) | (TYPED(mask)(rods_b_length_3 > longest)) | (TYPED(mask)(rods_b_length_1 < shortest)) | (TYPED(mask)(rods_b_length_2 < shortest)) | (TYPED(mask)(rods_b_length_3 < shortest)), K(1.0), K(0.0))))));
+    output[26][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_c_length_1 > longest)) | (TYPED(mask)(rods_c_length_2 > longest)) | (TYPED(mask)(rods_c_length_3 > longest)) | (TYPED(mask)(rods_c_length_1 < shortest)) | (TYPED(mask)(rods_c_length_2 < shortest)) | (TYPED(mask)(rods_c_length_3 < shortest)), K(1.0), K(0.0))))));
+    output[27][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_d_length_1 > longest)) | (TYPED(mask)(rods_d_length_2 > longest)) | (TYPED(mask)(rods_d_length_3 > longest)) | (TYPED(mask)(rods_d_length_1 < shortest)) | (TYPED(mask)(rods_d_length_2 < shortest)) | (TYPED(mask)(rods_d_length_3 < shortest)), K(1.0), K(0.0))))));
   }
-}
-
-SHARED void TYPED(tricept_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_inverse)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(tricept_inverse_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_inverse)(x + 0, x[3], x[4], x[5], x[6], x[7], x[8], x[9], y + 0, y + 12, codes + 24);
+}
 
 void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_8[k] = (k / 3) % 4 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_9[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_9[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_10[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_10[k] = (k / 1) % 4 * core[5];
-#ifndef ROW_BY_ROW
-  REAL input[10][BLOCK], output[28][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 12, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 12, steps[9], width) & is_aligned(args[9], width));
-  packed &= is_packed(offsets_10, 4, steps[10], 1);
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-      TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-      TYPED(tricept_inverse_block)(input, output);
-      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 12, count, output + 0);
-      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 12, count, output + 12);
-      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 4, count, output + 24);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[8] + start * 12 * width, (total - start) * 12 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[9] + start * 12 * width, (total - start) * 12 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    if (steps[6] == 0)
-      TYPED(fill)(input + 8, args[6], 1);
-    if (steps[7] == 0)
-      TYPED(fill)(input + 9, args[7], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      if (steps[6] != 0)
-        TYPED(load_1)(input + 8, args[6] + start * 1 * width);
-      if (steps[7] != 0)
-        TYPED(load_1)(input + 9, args[7] + start * 1 * width);
-      TYPED(tricept_inverse_block)(input, output);
-      {
-        REAL staged[12 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 12);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[12 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 12, 12);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      for (int i = 0; i < BLOCK; ++i)
-        for (int k = 0; k < 4; ++k)
-          ((int8_t *)args[10])[(start + i) * 4 + k] = (int8_t)(int32_t)output[24 + k][i];
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL shortest[1];
-    for (int k = 0; k < 1; ++k)
-      shortest[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
-    REAL longest[1];
-    for (int k = 0; k < 1; ++k)
-      longest[k] = TYPED(get)(args[7] + start * steps[7] + offsets_7[k]);
-    REAL poses[12];
-    REAL legs[12];
-    int8_t status[4];
-    TYPED(tricept_tricept_inverse)(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], poses, legs, status);
-    for (int k = 0; k < 12; ++k)
-      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], poses[k]);
-    for (int k = 0; k < 12; ++k)
-      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], legs[k]);
-    for (int k = 0; k < 4; ++k)
-      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {12, 0, 2, {4, 3}}, {12, 0, 2, {4, 3}}, {4, 1, 1, {4}}};
+  static const struct kernel kernel = {ports, 8, 3, 10, 28, 0, BLOCKWISE(tricept_inverse), TYPED(tricept_inverse_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL point_1 = input[0][i];
@@ -857,203 +406,33 @@ static inline void TYPED(tricept_pose)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
     const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
     const REAL_MASK there = (valid) & (~(no_root));
-    const REAL pose_1 = TYPED(blend)(there, TYPED(vector_atan2)(sa_plus, ca_plus), (REAL)NAN);
-    const REAL pose_2 = TYPED(blend)(there, TYPED(vector_atan2)(sb_plus, cb_plus), (REAL)NAN);
-    const REAL pose_3 = TYPED(blend)(there, z, (REAL)NAN);
-    const REAL legs_1 = TYPED(blend)(there, rod_length_1, (REAL)NAN);
-    const REAL legs_2 = TYPED(blend)(there, rod_length_2, (REAL)NAN);
-    const REAL legs_3 = TYPED(blend)(there, rod_length_3, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rod_length_1 > longest)) | (TYPED(mask)(rod_length_2 > longest)) | (TYPED(mask)(rod_length_3 > longest)) | (TYPED(mask)(rod_length_1 < shortest)) | (TYPED(mask)(rod_length_2 < shortest)) | (TYPED(mask)(rod_length_3 < shortest)), K(1.0), K(0.0))))));
-    output[0][i] = pose_1;
-    output[1][i] = pose_2;
-    output[2][i] = pose_3;
-    output[3][i] = legs_1;
-    output[4][i] = legs_2;
-    output[5][i] = legs_3;
-    output[6][i] = status;
+    output[0][i] = TYPED(blend)(there, TYPED(vector_atan2)(sa_plus, ca_plus), (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, TYPED(vector_atan2)(sb_plus, cb_plus), (REAL)NAN);
+    output[2][i] = TYPED(blend)(there, z, (REAL)NAN);
+    output[3][i] = TYPED(blend)(there, rod_length_1, (REAL)NAN);
+    output[4][i] = TYPED(blend)(there, rod_length_2, (REAL)NAN);
+    output[5][i] = TYPED(blend)(there, rod_length_3, (REAL)NAN);
+    output[6][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rod_length_1 > longest)) | (TYPED(mask)(rod_length_2 > longest)) | (TYPED(mask)(rod_length_3 > longest)) | (TYPED(mask)(rod_length_1 < shortest)) | (TYPED(mask)(rod_length_2 < shortest)) | (TYPED(mask)(rod_length_3 < shortest)), K(1.0), K(0.0))))));
   }
-}
-
-SHARED void TYPED(tricept_pose_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_pose)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(tricept_pose_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_pose)(x + 0, x[3], x[4], x[5], x[6], x[7], x[8], x[9], y + 0, y + 3, codes + 6);
+}
 
 void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_8[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_9[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_9[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_10[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_10[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[10][BLOCK], output[7][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 3, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 3, steps[9], width) & is_aligned(args[9], width));
-  packed &= steps[10] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-      TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-      TYPED(tricept_pose_block)(input, output);
-      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 3, count, output + 0);
-      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 3, count, output + 3);
-      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[8] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[9] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    if (steps[6] == 0)
-      TYPED(fill)(input + 8, args[6], 1);
-    if (steps[7] == 0)
-      TYPED(fill)(input + 9, args[7], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      if (steps[6] != 0)
-        TYPED(load_1)(input + 8, args[6] + start * 1 * width);
-      if (steps[7] != 0)
-        TYPED(load_1)(input + 9, args[7] + start * 1 * width);
-      TYPED(tricept_pose_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[10] + start, output[6]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL shortest[1];
-    for (int k = 0; k < 1; ++k)
-      shortest[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
-    REAL longest[1];
-    for (int k = 0; k < 1; ++k)
-      longest[k] = TYPED(get)(args[7] + start * steps[7] + offsets_7[k]);
-    REAL pose[3];
-    REAL legs[3];
-    int8_t status[1];
-    TYPED(tricept_tricept_pose)(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], pose, legs, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], pose[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], legs[k]);
-    for (int k = 0; k < 1; ++k)
-      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 8, 3, 10, 7, 0, BLOCKWISE(tricept_pose), TYPED(tricept_pose_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL legs_1 = input[0][i];
@@ -1393,121 +772,30 @@ static inline void TYPED(tricept_direct)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL_MASK valid = (TYPED(mask)(third_of_sum <= REAL_MAX)) & (TYPED(mask)(x4 + FABS(R) + FABS(legs_1) + FABS(legs_2) + FABS(legs_3) <= REAL_MAX)) & (TYPED(mask)(R > K(0.0))) & (TYPED(mask)(legs_1 > K(0.0))) & (TYPED(mask)(legs_2 > K(0.0))) & (TYPED(mask)(legs_3 > K(0.0))) & (TYPED(mask)(r > K(0.0)));
     const REAL x84 = K(4.0)*SQRT(REAL_EPSILON);
     const REAL_MASK there = (valid) & (TYPED(mask)(x83 <= x84)) & (TYPED(mask)(x85 <= x84)) & (TYPED(mask)(FABS(move6_3) <= x84*z6)) & (TYPED(mask)(ca6 > K(0.0))) & (TYPED(mask)(cb6 > K(0.0))) & (TYPED(mask)(z6 > K(0.0)));
-    const REAL pose_1 = TYPED(blend)(there, TYPED(vector_atan2)(sa6, ca6), (REAL)NAN);
-    const REAL pose_2 = TYPED(blend)(there, TYPED(vector_atan2)(sb6, cb6), (REAL)NAN);
-    const REAL pose_3 = TYPED(blend)(there, z6, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(~(there), K(4.0), TYPED(blend)(TYPED(mask)(FABS(determinant6) <= K(16.0)*REAL_EPSILON*(FABS(x75) + FABS(x76) + FABS(x77))), K(5.0), K(0.0))));
-    output[0][i] = pose_1;
-    output[1][i] = pose_2;
-    output[2][i] = pose_3;
-    output[3][i] = status;
+    output[0][i] = TYPED(blend)(there, TYPED(vector_atan2)(sa6, ca6), (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, TYPED(vector_atan2)(sb6, cb6), (REAL)NAN);
+    output[2][i] = TYPED(blend)(there, z6, (REAL)NAN);
+    output[3][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(~(there), K(4.0), TYPED(blend)(TYPED(mask)(FABS(determinant6) <= K(16.0)*REAL_EPSILON*(FABS(x75) + FABS(x76) + FABS(x77))), K(5.0), K(0.0))));
   }
-}
-
-SHARED void TYPED(tricept_direct_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_direct)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(tricept_direct_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_direct)(x + 0, x[3], x[4], y + 0, codes + 3);
+}
 
 void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[5][BLOCK], output[4][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(tricept_direct_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
-      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 3);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 3 * width, (total - start) * 3 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      TYPED(tricept_direct_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[4] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL pose[3];
-    int8_t status[1];
-    TYPED(tricept_tricept_direct)(legs, r[0], R[0], pose, status);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], pose[k]);
-    for (int k = 0; k < 1; ++k)
-      args[4][start * steps[4] + offsets_4[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 3, 2, 5, 4, 0, BLOCKWISE(tricept_direct), TYPED(tricept_direct_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_matrices: 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -1605,37 +893,13 @@ static inline void TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (
     const REAL determinant_size = FABS(x39) + FABS(x40) + FABS(x41);
     const REAL_MASK singular = TYPED(mask)(FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON);
     const REAL x42 = R*sa;
-    const REAL W33_1_1 = r*x42;
-    const REAL W33_1_2 = R*x5;
     const REAL x43 = K(2.0)*pose_3;
-    const REAL W33_1_3 = x43;
     const REAL x44 = x43 + x5;
-    const REAL W33_2_1 = R*ca*x44;
-    const REAL W33_2_2 = x0*x42;
     const REAL x45 = K(2.0)*R;
-    const REAL W33_2_3 = sa*x45;
     const REAL x46 = sb*x43 - r;
-    const REAL W33_3_1 = -x42*x46;
-    const REAL W33_3_2 = R*(K(2.0)*x7 - x5);
-    const REAL W33_3_3 = x35*x45;
-    const REAL W35_1_1 = -K(2.0)*rod_length_1/K(3.0);
     const REAL x47 = K(2.0)*rod_length_2/K(3.0);
-    const REAL W35_1_2 = -x47;
     const REAL x49 = K(2.0)*rod_length_3/K(3.0);
-    const REAL W35_1_3 = -x49;
     const REAL x51 = ca + cb;
-    const REAL W35_1_4 = K(2.0)*r - R*x51;
-    const REAL W35_1_5 = x45 - r*x51;
-    const REAL W35_2_1 = K(0.0);
-    const REAL W35_2_2 = x11*x47;
-    const REAL W35_2_3 = -x11*x49;
-    const REAL W35_2_4 = sb*x42;
-    const REAL W35_2_5 = sa*x44;
-    const REAL W35_3_1 = K(4.0)*rod_length_1/K(3.0);
-    const REAL W35_3_2 = -x47;
-    const REAL W35_3_3 = -x49;
-    const REAL W35_3_4 = R*(cb - ca);
-    const REAL W35_3_5 = ca*x46 + x0;
     const REAL x52 = pose_3 + q_z;
     const REAL x53 = -ca*q_y - sa*x52;
     const REAL M33__1_1 = sb*x53;
@@ -1673,346 +937,94 @@ static inline void TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (
     const REAL A_3_3 = point_by_P_3_3*rod_length_3;
     const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
     const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const REAL M33_1_1 = M33__1_1;
-    const REAL M33_1_2 = M33__1_2;
-    const REAL M33_1_3 = M33__1_3;
-    const REAL M33_2_1 = M33__2_1;
-    const REAL M33_2_2 = M33__2_2;
-    const REAL M33_2_3 = M33__2_3;
-    const REAL M33_3_1 = M33__3_1;
-    const REAL M33_3_2 = M33__3_2;
-    const REAL M33_3_3 = M33__3_3;
     const REAL x55 = inverse_determinant*rod_length_1;
-    const REAL M35_1_1 = TYPED(blend)(singular, (REAL)NAN, adjugate_1_1*x55);
     const REAL x56 = inverse_determinant*rod_length_2;
-    const REAL M35_1_2 = TYPED(blend)(singular, (REAL)NAN, adjugate_1_2*x56);
     const REAL x57 = inverse_determinant*rod_length_3;
-    const REAL M35_1_3 = TYPED(blend)(singular, (REAL)NAN, adjugate_1_3*x57);
-    const REAL M35_1_4 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
-    const REAL M35_1_5 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
-    const REAL M35_2_1 = TYPED(blend)(singular, (REAL)NAN, adjugate_2_1*x55);
-    const REAL M35_2_2 = TYPED(blend)(singular, (REAL)NAN, adjugate_2_2*x56);
-    const REAL M35_2_3 = TYPED(blend)(singular, (REAL)NAN, adjugate_2_3*x57);
-    const REAL M35_2_4 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
-    const REAL M35_2_5 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
-    const REAL M35_3_1 = TYPED(blend)(singular, (REAL)NAN, adjugate_3_1*x55);
-    const REAL M35_3_2 = TYPED(blend)(singular, (REAL)NAN, adjugate_3_2*x56);
-    const REAL M35_3_3 = TYPED(blend)(singular, (REAL)NAN, adjugate_3_3*x57);
-    const REAL M35_3_4 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
-    const REAL M35_3_5 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
-    const REAL A35_1_1 = TYPED(blend)(singular, (REAL)NAN, A_1_1);
-    const REAL A35_1_2 = TYPED(blend)(singular, (REAL)NAN, A_1_2);
-    const REAL A35_1_3 = TYPED(blend)(singular, (REAL)NAN, A_1_3);
-    const REAL A35_1_4 = TYPED(blend)(singular, (REAL)NAN, A_1_4);
-    const REAL A35_1_5 = TYPED(blend)(singular, (REAL)NAN, A_1_5);
-    const REAL A35_2_1 = TYPED(blend)(singular, (REAL)NAN, A_2_1);
-    const REAL A35_2_2 = TYPED(blend)(singular, (REAL)NAN, A_2_2);
-    const REAL A35_2_3 = TYPED(blend)(singular, (REAL)NAN, A_2_3);
-    const REAL A35_2_4 = TYPED(blend)(singular, (REAL)NAN, A_2_4);
-    const REAL A35_2_5 = TYPED(blend)(singular, (REAL)NAN, A_2_5);
-    const REAL A35_3_1 = TYPED(blend)(singular, (REAL)NAN, A_3_1);
-    const REAL A35_3_2 = TYPED(blend)(singular, (REAL)NAN, A_3_2);
-    const REAL A35_3_3 = TYPED(blend)(singular, (REAL)NAN, A_3_3);
-    const REAL A35_3_4 = TYPED(blend)(singular, (REAL)NAN, A_3_4);
-    const REAL A35_3_5 = TYPED(blend)(singular, (REAL)NAN, A_3_5);
-    output[0][i] = W33_1_1;
-    output[1][i] = W33_1_2;
-    output[2][i] = W33_1_3;
-    output[3][i] = W33_2_1;
-    output[4][i] = W33_2_2;
-    output[5][i] = W33_2_3;
-    output[6][i] = W33_3_1;
-    output[7][i] = W33_3_2;
-    output[8][i] = W33_3_3;
-    output[9][i] = W35_1_1;
-    output[10][i] = W35_1_2;
-    output[11][i] = W35_1_3;
-    output[12][i] = W35_1_4;
-    output[13][i] = W35_1_5;
-    output[14][i] = W35_2_1;
-    output[15][i] = W35_2_2;
-    output[16][i] = W35_2_3;
-    output[17][i] = W35_2_4;
-    output[18][i] = W35_2_5;
-    output[19][i] = W35_3_1;
-    output[20][i] = W35_3_2;
-    output[21][i] = W35_3_3;
-    output[22][i] = W35_3_4;
-    output[23][i] = W35_3_5;
-    output[24][i] = M33_1_1;
-    output[25][i] = M33_1_2;
-    output[26][i] = M33_1_3;
-    output[27][i] = M33_2_1;
-    output[28][i] = M33_2_2;
-    output[29][i] = M33_2_3;
-    output[30][i] = M33_3_1;
-    output[31][i] = M33_3_2;
-    output[32][i] = M33_3_3;
-    output[33][i] = M35_1_1;
-    output[34][i] = M35_1_2;
-    output[35][i] = M35_1_3;
-    output[36][i] = M35_1_4;
-    output[37][i] = M35_1_5;
-    output[38][i] = M35_2_1;
-    output[39][i] = M35_2_2;
-    output[40][i] = M35_2_3;
-    output[41][i] = M35_2_4;
-    output[42][i] = M35_2_5;
-    output[43][i] = M35_3_1;
-    output[44][i] = M35_3_2;
-    output[45][i] = M35_3_3;
-    output[46][i] = M35_3_4;
-    output[47][i] = M35_3_5;
-    output[48][i] = A35_1_1;
-    output[49][i] = A35_1_2;
-    output[50][i] = A35_1_3;
-    output[51][i] = A35_1_4;
-    output[52][i] = A35_1_5;
-    output[53][i] = A35_2_1;
-    output[54][i] = A35_2_2;
-    output[55][i] = A35_2_3;
-    output[56][i] = A35_2_4;
-    output[57][i] = A35_2_5;
-    output[58][i] = A35_3_1;
-    output[59][i] = A35_3_2;
-    output[60][i] = A35_3_3;
-    output[61][i] = A35_3_4;
-    output[62][i] = A35_3_5;
+    output[0][i] = r*x42;
+    output[1][i] = R*x5;
+    output[2][i] = x43;
+    output[3][i] = R*ca*x44;
+    output[4][i] = x0*x42;
+    output[5][i] = sa*x45;
+    output[6][i] = -x42*x46;
+    output[7][i] = R*(K(2.0)*x7 - x5);
+    output[8][i] = x35*x45;
+    output[9][i] = -K(2.0)*rod_length_1/K(3.0);
+    output[10][i] = -x47;
+    output[11][i] = -x49;
+    output[12][i] = K(2.0)*r - R*x51;
+    output[13][i] = x45 - r*x51;
+    output[14][i] = K(0.0);
+    output[15][i] = x11*x47;
+    output[16][i] = -x11*x49;
+    output[17][i] = sb*x42;
+    output[18][i] = sa*x44;
+    output[19][i] = K(4.0)*rod_length_1/K(3.0);
+    output[20][i] = -x47;
+    output[21][i] = -x49;
+    output[22][i] = R*(cb - ca);
+    output[23][i] = ca*x46 + x0;
+    output[24][i] = M33__1_1;
+    output[25][i] = M33__1_2;
+    output[26][i] = M33__1_3;
+    output[27][i] = M33__2_1;
+    output[28][i] = M33__2_2;
+    output[29][i] = M33__2_3;
+    output[30][i] = M33__3_1;
+    output[31][i] = M33__3_2;
+    output[32][i] = M33__3_3;
+    output[33][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_1_1*x55);
+    output[34][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_1_2*x56);
+    output[35][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_1_3*x57);
+    output[36][i] = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
+    output[37][i] = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
+    output[38][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_2_1*x55);
+    output[39][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_2_2*x56);
+    output[40][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_2_3*x57);
+    output[41][i] = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
+    output[42][i] = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
+    output[43][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_3_1*x55);
+    output[44][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_3_2*x56);
+    output[45][i] = TYPED(blend)(singular, (REAL)NAN, adjugate_3_3*x57);
+    output[46][i] = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
+    output[47][i] = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
+    output[48][i] = TYPED(blend)(singular, (REAL)NAN, A_1_1);
+    output[49][i] = TYPED(blend)(singular, (REAL)NAN, A_1_2);
+    output[50][i] = TYPED(blend)(singular, (REAL)NAN, A_1_3);
+    output[51][i] = TYPED(blend)(singular, (REAL)NAN, A_1_4);
+    output[52][i] = TYPED(blend)(singular, (REAL)NAN, A_1_5);
+    output[53][i] = TYPED(blend)(singular, (REAL)NAN, A_2_1);
+    output[54][i] = TYPED(blend)(singular, (REAL)NAN, A_2_2);
+    output[55][i] = TYPED(blend)(singular, (REAL)NAN, A_2_3);
+    output[56][i] = TYPED(blend)(singular, (REAL)NAN, A_2_4);
+    output[57][i] = TYPED(blend)(singular, (REAL)NAN, A_2_5);
+    output[58][i] = TYPED(blend)(singular, (REAL)NAN, A_3_1);
+    output[59][i] = TYPED(blend)(singular, (REAL)NAN, A_3_2);
+    output[60][i] = TYPED(blend)(singular, (REAL)NAN, A_3_3);
+    output[61][i] = TYPED(blend)(singular, (REAL)NAN, A_3_4);
+    output[62][i] = TYPED(blend)(singular, (REAL)NAN, A_3_5);
     output[63][i] = FABS(alpha);
     output[64][i] = FABS(beta);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_matrices_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[63][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[64][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL r = input[3][i];
-    const REAL R = input[4][i];
-    const REAL q_x = input[5][i];
-    const REAL q_y = input[6][i];
-    const REAL q_z = input[7][i];
-    REAL W33[9];
-    REAL W35[15];
-    REAL M33[9];
-    REAL M35[15];
-    REAL A35[15];
-    TYPED(tricept_tricept_matrices)(pose, r, R, q_x, q_y, q_z, W33, W35, M33, M35, A35);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = W33[k];
-    for (int k = 0; k < 15; ++k)
-      output[9 + k][i] = W35[k];
-    for (int k = 0; k < 9; ++k)
-      output[24 + k][i] = M33[k];
-    for (int k = 0; k < 15; ++k)
-      output[33 + k][i] = M35[k];
-    for (int k = 0; k < 15; ++k)
-      output[48 + k][i] = A35[k];
-  }
-}
-
-SHARED void TYPED(tricept_matrices_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_matrices)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[63][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[64][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_matrices_beyond)(input, output);
+  return is_beyond(output + 63, 2);
 }
 #endif
+
+static void TYPED(tricept_matrices_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_matrices)(x + 0, x[3], x[4], x[5], x[6], x[7], y + 0, y + 9, y + 24, y + 33, y + 48);
+}
 
 void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_6[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_7[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_7[k] = (k / 5) % 3 * core[3] + (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_8[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_8[k] = (k / 3) % 3 * core[5] + (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_9[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_9[k] = (k / 5) % 3 * core[7] + (k / 1) % 5 * core[8];
-  ptrdiff_t offsets_10[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_10[k] = (k / 5) % 3 * core[9] + (k / 1) % 5 * core[10];
-#ifndef ROW_BY_ROW
-  REAL input[8][BLOCK], output[65][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 9, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 15, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 15, steps[9], width) & is_aligned(args[9], width));
-  packed &= (is_packed(offsets_10, 15, steps[10], width) & is_aligned(args[10], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(tricept_matrices_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 9, count, output + 0);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 15, count, output + 9);
-      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 24);
-      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 15, count, output + 33);
-      TYPED(scatter)(args[10] + start * steps[10], steps[10], offsets_10, 15, count, output + 48);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7] + start * 15 * width, (total - start) * 15 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[9] + start * 15 * width, (total - start) * 15 * width);
-    struct writer writer_4;
-    open_writer(&writer_4, args[10] + start * 15 * width, (total - start) * 15 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      TYPED(tricept_matrices_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[15 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 9, 15);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave)(rows, output + 24, 9);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-      {
-        REAL staged[15 * BLOCK], *rows = block_rows(&writer_3, staged);
-        TYPED(interleave)(rows, output + 33, 15);
-        write_block(&writer_3, rows, sizeof staged);
-      }
-      {
-        REAL staged[15 * BLOCK], *rows = block_rows(&writer_4, staged);
-        TYPED(interleave)(rows, output + 48, 15);
-        write_block(&writer_4, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-    close_writer(&writer_4);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL W33[9];
-    REAL W35[15];
-    REAL M33[9];
-    REAL M35[15];
-    REAL A35[15];
-    TYPED(tricept_tricept_matrices)(pose, r[0], R[0], q_x[0], q_y[0], q_z[0], W33, W35, M33, M35, A35);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], W33[k]);
-    for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], W35[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], M33[k]);
-    for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], M35[k]);
-    for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[10] + start * steps[10] + offsets_10[k], A35[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {9, 0, 2, {3, 3}}, {15, 0, 2, {3, 5}}, {9, 0, 2, {3, 3}}, {15, 0, 2, {3, 5}}, {15, 0, 2, {3, 5}}};
+  static const struct kernel kernel = {ports, 6, 5, 8, 63, 2, BLOCKWISE(tricept_matrices), TYPED(tricept_matrices_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_sensitivity: 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -2144,195 +1156,185 @@ static inline void TYPED(tricept_sensitivity)(REAL (*restrict input)[BLOCK], REA
     const REAL A_3_3 = point_by_P_3_3*rod_length_3;
     const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
     const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const REAL A35_1_1 = TYPED(blend)(singular, (REAL)NAN, A_1_1);
-    const REAL A35_1_2 = TYPED(blend)(singular, (REAL)NAN, A_1_2);
-    const REAL A35_1_3 = TYPED(blend)(singular, (REAL)NAN, A_1_3);
-    const REAL A35_1_4 = TYPED(blend)(singular, (REAL)NAN, A_1_4);
-    const REAL A35_1_5 = TYPED(blend)(singular, (REAL)NAN, A_1_5);
-    const REAL A35_2_1 = TYPED(blend)(singular, (REAL)NAN, A_2_1);
-    const REAL A35_2_2 = TYPED(blend)(singular, (REAL)NAN, A_2_2);
-    const REAL A35_2_3 = TYPED(blend)(singular, (REAL)NAN, A_2_3);
-    const REAL A35_2_4 = TYPED(blend)(singular, (REAL)NAN, A_2_4);
-    const REAL A35_2_5 = TYPED(blend)(singular, (REAL)NAN, A_2_5);
-    const REAL A35_3_1 = TYPED(blend)(singular, (REAL)NAN, A_3_1);
-    const REAL A35_3_2 = TYPED(blend)(singular, (REAL)NAN, A_3_2);
-    const REAL A35_3_3 = TYPED(blend)(singular, (REAL)NAN, A_3_3);
-    const REAL A35_3_4 = TYPED(blend)(singular, (REAL)NAN, A_3_4);
-    const REAL A35_3_5 = TYPED(blend)(singular, (REAL)NAN, A_3_5);
-    output[0][i] = A35_1_1;
-    output[1][i] = A35_1_2;
-    output[2][i] = A35_1_3;
-    output[3][i] = A35_1_4;
-    output[4][i] = A35_1_5;
-    output[5][i] = A35_2_1;
-    output[6][i] = A35_2_2;
-    output[7][i] = A35_2_3;
-    output[8][i] = A35_2_4;
-    output[9][i] = A35_2_5;
-    output[10][i] = A35_3_1;
-    output[11][i] = A35_3_2;
-    output[12][i] = A35_3_3;
-    output[13][i] = A35_3_4;
-    output[14][i] = A35_3_5;
+    output[0][i] = TYPED(blend)(singular, (REAL)NAN, A_1_1);
+    output[1][i] = TYPED(blend)(singular, (REAL)NAN, A_1_2);
+    output[2][i] = TYPED(blend)(singular, (REAL)NAN, A_1_3);
+    output[3][i] = TYPED(blend)(singular, (REAL)NAN, A_1_4);
+    output[4][i] = TYPED(blend)(singular, (REAL)NAN, A_1_5);
+    output[5][i] = TYPED(blend)(singular, (REAL)NAN, A_2_1);
+    output[6][i] = TYPED(blend)(singular, (REAL)NAN, A_2_2);
+    output[7][i] = TYPED(blend)(singular, (REAL)NAN, A_2_3);
+    output[8][i] = TYPED(blend)(singular, (REAL)NAN, A_2_4);
+    output[9][i] = TYPED(blend)(singular, (REAL)NAN, A_2_5);
+    output[10][i] = TYPED(blend)(singular, (REAL)NAN, A_3_1);
+    output[11][i] = TYPED(blend)(singular, (REAL)NAN, A_3_2);
+    output[12][i] = TYPED(blend)(singular, (REAL)NAN, A_3_3);
+    output[13][i] = TYPED(blend)(singular, (REAL)NAN, A_3_4);
+    output[14][i] = TYPED(blend)(singular, (REAL)NAN, A_3_5);
     output[15][i] = FABS(alpha);
     output[16][i] = FABS(beta);
   }
+  return is_beyond(output + 15, 2);
+}
+#endif
+
+static void TYPED(tricept_sensitivity_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_sensitivity)(x + 0, x[3], x[4], x[5], x[6], x[7], y + 0);
 }
 
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_sensitivity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {15, 0, 2, {3, 5}}};
+  static const struct kernel kernel = {ports, 6, 1, 8, 15, 2, BLOCKWISE(tricept_sensitivity), TYPED(tricept_sensitivity_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
+}
+
+/* tricept_at_point: 83 add, 161 mul, 3 div, 10 sqrt */
+#ifndef ROW_BY_ROW
+SHARED int TYPED(tricept_at_point)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL point_1 = input[0][i];
+    const REAL point_2 = input[1][i];
+    const REAL point_3 = input[2][i];
     const REAL r = input[3][i];
     const REAL R = input[4][i];
     const REAL q_x = input[5][i];
     const REAL q_y = input[6][i];
     const REAL q_z = input[7][i];
-    REAL A35[15];
-    TYPED(tricept_tricept_sensitivity)(pose, r, R, q_x, q_y, q_z, A35);
-    for (int k = 0; k < 15; ++k)
-      output[0 + k][i] = A35[k];
+    const REAL level_squared = (point_1*point_1) + (point_3*point_3);
+    const REAL x0 = level_squared - (q_x*q_x);
+    const REAL whole_squared = (point_2*point_2) + x0;
+    const REAL g = SQRT(x0);
+    const REAL by_b = K(1.0)/SQRT(level_squared);
+    const REAL sb_point = by_b*point_1;
+    const REAL cb_point = by_b*point_3;
+    const REAL sb_less = by_b*q_x;
+    const REAL cb_less = SQRT(K(1.0) - (sb_less*sb_less));
+    const REAL sb = cb_less*sb_point - cb_point*sb_less;
+    const REAL cb = cb_less*cb_point + sb_less*sb_point;
+    const REAL by_a = K(1.0)/SQRT(whole_squared);
+    const REAL sa_point = by_a*point_2;
+    const REAL ca_point = by_a*g;
+    const REAL sa_less = by_a*q_y;
+    const REAL ca_less = SQRT(K(1.0) - (sa_less*sa_less));
+    const REAL sa = ca_less*sa_point - ca_point*sa_less;
+    const REAL ca = ca_less*ca_point + sa_less*sa_point;
+    const REAL z = SQRT(whole_squared - (q_y*q_y)) - q_z;
+    const REAL lean = sb*z;
+    const REAL x1 = cb*r;
+    const REAL middle = ca*(K(0.75)*r - K(0.5)*lean) + K(0.25)*x1;
+    const REAL x2 = SQRT(K(3.0));
+    const REAL x3 = r*sb;
+    const REAL side = K(0.5)*sa*x2*(K(0.5)*x3 + z);
+    const REAL shared = (R*R) + (r*r) + (z*z);
+    const REAL along = ca*lean + x1;
+    const REAL x5 = K(2.0)*R;
+    const REAL rod_length_1 = SQRT(shared - along*x5);
+    const REAL rod_length_2 = SQRT(shared - x5*(middle + side));
+    const REAL rod_length_3 = SQRT(shared - x5*(middle - side));
+    const REAL x6 = R*sa;
+    const REAL W33_1_1 = r*x6;
+    const REAL W33_1_2 = R*x3;
+    const REAL x7 = K(2.0)*z;
+    const REAL W33_1_3 = x7;
+    const REAL x8 = x3 + x7;
+    const REAL W33_2_1 = R*ca*x8;
+    const REAL W33_2_2 = x1*x6;
+    const REAL W33_2_3 = sa*x5;
+    const REAL x9 = K(2.0)*lean - r;
+    const REAL W33_3_1 = -x6*x9;
+    const REAL x10 = ca*cb;
+    const REAL W33_3_2 = R*(x10*x7 - x3);
+    const REAL x11 = ca*sb;
+    const REAL W33_3_3 = x11*x5;
+    const REAL adjugate_1_1 = W33_2_2*W33_3_3 - W33_2_3*W33_3_2;
+    const REAL adjugate_1_2 = W33_1_3*W33_3_2 - W33_1_2*W33_3_3;
+    const REAL adjugate_1_3 = W33_1_2*W33_2_3 - W33_1_3*W33_2_2;
+    const REAL adjugate_2_1 = W33_2_3*W33_3_1 - W33_2_1*W33_3_3;
+    const REAL adjugate_2_2 = W33_1_1*W33_3_3 - W33_1_3*W33_3_1;
+    const REAL adjugate_2_3 = W33_1_3*W33_2_1 - W33_1_1*W33_2_3;
+    const REAL adjugate_3_1 = W33_2_1*W33_3_2 - W33_2_2*W33_3_1;
+    const REAL adjugate_3_2 = W33_1_2*W33_3_1 - W33_1_1*W33_3_2;
+    const REAL adjugate_3_3 = W33_1_1*W33_2_2 - W33_1_2*W33_2_1;
+    const REAL inverse_determinant = K(1.0)/(W33_1_1*adjugate_1_1 + W33_1_2*adjugate_2_1 + W33_1_3*adjugate_3_1);
+    const REAL M33_1_1 = -point_2*sb;
+    const REAL M33_1_2 = point_3;
+    const REAL M33_1_3 = x11;
+    const REAL M33_2_1 = g;
+    const REAL M33_2_2 = K(0.0);
+    const REAL M33_2_3 = sa;
+    const REAL M33_3_1 = -cb*point_2;
+    const REAL M33_3_2 = -point_1;
+    const REAL M33_3_3 = x10;
+    const REAL N_1_1 = M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1;
+    const REAL N_1_2 = M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2;
+    const REAL N_1_3 = M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3;
+    const REAL N_2_1 = M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1;
+    const REAL N_2_2 = M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2;
+    const REAL N_2_3 = M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3;
+    const REAL N_3_1 = M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1;
+    const REAL N_3_2 = M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2;
+    const REAL N_3_3 = M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3;
+    const REAL x12 = ca + cb;
+    const REAL W35_radii_1_1 = K(2.0)*r - R*x12;
+    const REAL W35_radii_1_2 = x5 - r*x12;
+    const REAL W35_radii_2_1 = sb*x6;
+    const REAL W35_radii_2_2 = sa*x8;
+    const REAL W35_radii_3_1 = R*(cb - ca);
+    const REAL W35_radii_3_2 = ca*x9 + x1;
+    const REAL x13 = K(2.0)*N_1_1/K(3.0);
+    const REAL x14 = inverse_determinant*rod_length_1;
+    const REAL x15 = K(2.0)*x2/K(3.0);
+    const REAL x16 = N_1_2*x15;
+    const REAL x17 = K(2.0)*N_1_3/K(3.0) + x13;
+    const REAL x18 = inverse_determinant*rod_length_2;
+    const REAL x19 = inverse_determinant*rod_length_3;
+    const REAL x20 = K(2.0)*N_2_1/K(3.0);
+    const REAL x21 = N_2_2*x15;
+    const REAL x22 = K(2.0)*N_2_3/K(3.0) + x20;
+    const REAL x23 = K(2.0)*N_3_1/K(3.0);
+    const REAL x24 = N_3_2*x15;
+    const REAL x25 = K(2.0)*N_3_3/K(3.0) + x23;
+    output[0][i] = x14*(x13 - K(4.0)*N_1_3/K(3.0));
+    output[1][i] = x18*(x17 - x16);
+    output[2][i] = x19*(x16 + x17);
+    output[3][i] = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1);
+    output[4][i] = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2);
+    output[5][i] = x14*(x20 - K(4.0)*N_2_3/K(3.0));
+    output[6][i] = x18*(x22 - x21);
+    output[7][i] = x19*(x21 + x22);
+    output[8][i] = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1);
+    output[9][i] = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2);
+    output[10][i] = x14*(x23 - K(4.0)*N_3_3/K(3.0));
+    output[11][i] = x18*(x25 - x24);
+    output[12][i] = x19*(x24 + x25);
+    output[13][i] = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1);
+    output[14][i] = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2);
+    output[15][i] = rod_length_1;
+    output[16][i] = rod_length_2;
+    output[17][i] = rod_length_3;
   }
-}
-
-SHARED void TYPED(tricept_sensitivity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_sensitivity)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_sensitivity_beyond)(input, output);
+  return 0;
 }
 #endif
 
-void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_6[k] = (k / 5) % 3 * core[1] + (k / 1) % 5 * core[2];
-#ifndef ROW_BY_ROW
-  REAL input[8][BLOCK], output[17][BLOCK];
+static void TYPED(tricept_at_point_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_at_point)(x + 0, x[3], x[4], x[5], x[6], x[7], y + 0, y + 15);
+}
 
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 15, steps[6], width) & is_aligned(args[6], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(tricept_sensitivity_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 15, count, output + 0);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 15 * width, (total - start) * 15 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      TYPED(tricept_sensitivity_block)(input, output);
-      {
-        REAL staged[15 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 15);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL A35[15];
-    TYPED(tricept_tricept_sensitivity)(pose, r[0], R[0], q_x[0], q_y[0], q_z[0], A35);
-    for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], A35[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+void LOOP(tricept_tricept_at_point)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {15, 0, 2, {3, 5}}, {3, 0, 1, {3}}};
+  static const struct kernel kernel = {ports, 6, 2, 8, 18, 0, BLOCKWISE(tricept_at_point), TYPED(tricept_at_point_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_propagate: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_propagate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_propagate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL point_1 = input[0][i];
@@ -2606,208 +1608,39 @@ static inline void TYPED(tricept_propagate)(REAL (*restrict input)[BLOCK], REAL 
     const REAL covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5;
     const REAL covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5;
     const REAL_MASK there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular));
-    const REAL U_y_1_1 = TYPED(blend)(there, covariance_00, (REAL)NAN);
     const REAL x75 = TYPED(blend)(there, covariance_01, (REAL)NAN);
-    const REAL U_y_1_2 = x75;
     const REAL x76 = TYPED(blend)(there, covariance_02, (REAL)NAN);
-    const REAL U_y_1_3 = x76;
-    const REAL U_y_2_1 = x75;
-    const REAL U_y_2_2 = TYPED(blend)(there, covariance_11, (REAL)NAN);
     const REAL x77 = TYPED(blend)(there, covariance_12, (REAL)NAN);
-    const REAL U_y_2_3 = x77;
-    const REAL U_y_3_1 = x76;
-    const REAL U_y_3_2 = x77;
-    const REAL U_y_3_3 = TYPED(blend)(there, covariance_22, (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_covariance, K(6.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)(singular, K(5.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rod_length_1 > longest)) | (TYPED(mask)(rod_length_2 > longest)) | (TYPED(mask)(rod_length_3 > longest)) | (TYPED(mask)(rod_length_1 < shortest)) | (TYPED(mask)(rod_length_2 < shortest)) | (TYPED(mask)(rod_length_3 < shortest)), K(1.0), K(0.0))))))));
-    output[0][i] = U_y_1_1;
-    output[1][i] = U_y_1_2;
-    output[2][i] = U_y_1_3;
-    output[3][i] = U_y_2_1;
-    output[4][i] = U_y_2_2;
-    output[5][i] = U_y_2_3;
-    output[6][i] = U_y_3_1;
-    output[7][i] = U_y_3_2;
-    output[8][i] = U_y_3_3;
-    output[9][i] = status;
+    output[0][i] = TYPED(blend)(there, covariance_00, (REAL)NAN);
+    output[1][i] = x75;
+    output[2][i] = x76;
+    output[3][i] = x75;
+    output[4][i] = TYPED(blend)(there, covariance_11, (REAL)NAN);
+    output[5][i] = x77;
+    output[6][i] = x76;
+    output[7][i] = x77;
+    output[8][i] = TYPED(blend)(there, covariance_22, (REAL)NAN);
+    output[9][i] = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_covariance, K(6.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)(singular, K(5.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rod_length_1 > longest)) | (TYPED(mask)(rod_length_2 > longest)) | (TYPED(mask)(rod_length_3 > longest)) | (TYPED(mask)(rod_length_1 < shortest)) | (TYPED(mask)(rod_length_2 < shortest)) | (TYPED(mask)(rod_length_3 < shortest)), K(1.0), K(0.0))))))));
   }
-}
-
-SHARED void TYPED(tricept_propagate_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_propagate)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(tricept_propagate_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_propagate)(x + 0, x[3], x[4], x[5], x[6], x[7], x[8], x[9], x + 10, y + 0, codes + 9);
+}
 
 void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[25];
-  for (int k = 0; k < 25; ++k)
-    offsets_8[k] = (k / 5) % 5 * core[1] + (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_9[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_9[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_10[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_10[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[35][BLOCK], output[10][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= ((steps[8] == 0) & is_packed(offsets_8, 25, 25 * width, width)) | (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
-  packed &= steps[10] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[8], steps[8]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-      TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-      TYPED(gather)(input + 10, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
-      TYPED(tricept_propagate_block)(input, output);
-      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 0);
-      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 9);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[9] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    if (steps[6] == 0)
-      TYPED(fill)(input + 8, args[6], 1);
-    if (steps[7] == 0)
-      TYPED(fill)(input + 9, args[7], 1);
-    if (steps[8] == 0)
-      TYPED(fill)(input + 10, args[8], 25);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      if (steps[6] != 0)
-        TYPED(load_1)(input + 8, args[6] + start * 1 * width);
-      if (steps[7] != 0)
-        TYPED(load_1)(input + 9, args[7] + start * 1 * width);
-      if (steps[8] != 0)
-        TYPED(load)(input + 10, args[8] + start * 25 * width, 25);
-      TYPED(tricept_propagate_block)(input, output);
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[10] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL shortest[1];
-    for (int k = 0; k < 1; ++k)
-      shortest[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
-    REAL longest[1];
-    for (int k = 0; k < 1; ++k)
-      longest[k] = TYPED(get)(args[7] + start * steps[7] + offsets_7[k]);
-    REAL U_x[25];
-    for (int k = 0; k < 25; ++k)
-      U_x[k] = TYPED(get)(args[8] + start * steps[8] + offsets_8[k]);
-    REAL U_y[9];
-    int8_t status[1];
-    TYPED(tricept_tricept_propagate)(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], U_x, U_y, status);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], U_y[k]);
-    for (int k = 0; k < 1; ++k)
-      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {25, 0, 2, {5, 5}}, {9, 0, 2, {3, 3}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 9, 2, 35, 10, 0, BLOCKWISE(tricept_propagate), TYPED(tricept_propagate_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_singularity: 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -2861,190 +1694,24 @@ static inline void TYPED(tricept_singularity)(REAL (*restrict input)[BLOCK], REA
     const REAL determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1;
     const REAL h = pose_3 + q_z;
     const REAL det_W33_ = -K(16.0)*determinant*x7/K(9.0);
-    const REAL det_W33 = det_W33_;
-    const REAL ratio = K(0.125)*det_W33_/((R*R)*(pose_3*pose_3*pose_3));
-    const REAL det_M33 = -h*(ca*h - q_y*sa);
-    output[0][i] = det_W33;
-    output[1][i] = ratio;
-    output[2][i] = det_M33;
+    output[0][i] = det_W33_;
+    output[1][i] = K(0.125)*det_W33_/((R*R)*(pose_3*pose_3*pose_3));
+    output[2][i] = -h*(ca*h - q_y*sa);
     output[3][i] = FABS(alpha);
     output[4][i] = FABS(beta);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_singularity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL r = input[3][i];
-    const REAL R = input[4][i];
-    const REAL q_x = input[5][i];
-    const REAL q_y = input[6][i];
-    const REAL q_z = input[7][i];
-    REAL det_W33[1];
-    REAL ratio[1];
-    REAL det_M33[1];
-    TYPED(tricept_tricept_singularity)(pose, r, R, q_x, q_y, q_z, det_W33, ratio, det_M33);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = det_W33[k];
-    for (int k = 0; k < 1; ++k)
-      output[1 + k][i] = ratio[k];
-    for (int k = 0; k < 1; ++k)
-      output[2 + k][i] = det_M33[k];
-  }
-}
-
-SHARED void TYPED(tricept_singularity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_singularity)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_singularity_beyond)(input, output);
+  return is_beyond(output + 3, 2);
 }
 #endif
+
+static void TYPED(tricept_singularity_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_tricept_singularity)(x + 0, x[3], x[4], x[5], x[6], x[7], y + 0, y + 1, y + 2);
+}
 
 void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 9;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[8][BLOCK], output[5][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[0], steps[0]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-      TYPED(tricept_singularity_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 0);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 1);
-      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 2);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7] + start * 1 * width, (total - start) * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 4, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 5, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 6, args[4], 1);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 7, args[5], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
-      if (steps[5] != 0)
-        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
-      TYPED(tricept_singularity_block)(input, output);
-      write_block(&writer_0, output[0], sizeof output[0]);
-      write_block(&writer_1, output[1], sizeof output[1]);
-      write_block(&writer_2, output[2], sizeof output[2]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL det_W33[1];
-    REAL ratio[1];
-    REAL det_M33[1];
-    TYPED(tricept_tricept_singularity)(pose, r[0], R[0], q_x[0], q_y[0], q_z[0], det_W33, ratio, det_M33);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], det_W33[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], ratio[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], det_M33[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 6, 3, 8, 3, 2, BLOCKWISE(tricept_singularity), TYPED(tricept_singularity_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

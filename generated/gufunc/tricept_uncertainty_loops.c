@@ -12,27 +12,12 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/tricept_uncertainty.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* tricept_parameter_sensitivity: 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_parameter_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_parameter_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -371,18 +356,9 @@ static inline void TYPED(tricept_parameter_sensitivity)(REAL (*restrict input)[B
     const REAL size_0 = SQRT((w_1_1*w_1_1) + (w_1_2*w_1_2) + (w_1_3*w_1_3));
     const REAL size_1 = SQRT((w_2_1*w_2_1) + (w_2_2*w_2_2) + (w_2_3*w_2_3));
     const REAL size_2 = SQRT((w_3_1*w_3_1) + (w_3_2*w_3_2) + (w_3_3*w_3_3));
-    const REAL place_1 = at_3_1;
-    const REAL place_2 = at_3_2;
-    const REAL place_3 = at_3_3;
-    const REAL rods_1 = length_0;
-    const REAL rods_2 = length_1;
-    const REAL rods_3 = length_2;
     const REAL x40 = gain_1_1*length_0;
-    const REAL sensitivity_1_1 = x40;
     const REAL x41 = gain_1_2*length_1;
-    const REAL sensitivity_1_2 = x41;
     const REAL x42 = gain_1_3*length_2;
-    const REAL sensitivity_1_3 = x42;
     const REAL x43 = leg_0_1*turn_1_1 + leg_0_2*turn_2_1 + leg_0_3*turn_3_1;
     const REAL x44 = gain_1_1*x43;
     const REAL x45 = K(0.5)*leg_1_1;
@@ -397,513 +373,222 @@ static inline void TYPED(tricept_parameter_sensitivity)(REAL (*restrict input)[B
     const REAL x54 = leg_2_1*turn_1_2 + leg_2_2*turn_2_2 + leg_2_3*turn_3_2;
     const REAL x55 = K(0.5)*x48;
     const REAL x56 = -turn_1_1*x51 - K(0.5)*x52 - K(0.5)*x53 - x54*x55;
-    const REAL sensitivity_1_4 = -gain_1_2*x50 - gain_1_3*x56 - x44;
     const REAL x57 = x45 - leg_1_2*x55;
     const REAL x58 = leg_2_2*x55 + x51;
-    const REAL sensitivity_1_5 = gain_1_1*leg_0_1 - gain_1_2*x57 - gain_1_3*x58;
-    const REAL sensitivity_1_6 = x40;
-    const REAL sensitivity_1_7 = x41;
-    const REAL sensitivity_1_8 = x42;
-    const REAL sensitivity_1_9 = gain_1_1*leg_0_1;
-    const REAL sensitivity_1_10 = gain_1_1*leg_0_2;
-    const REAL sensitivity_1_11 = gain_1_1*leg_0_3;
-    const REAL sensitivity_1_12 = gain_1_2*leg_1_1;
-    const REAL sensitivity_1_13 = gain_1_2*leg_1_2;
-    const REAL sensitivity_1_14 = gain_1_2*leg_1_3;
-    const REAL sensitivity_1_15 = gain_1_3*leg_2_1;
-    const REAL sensitivity_1_16 = gain_1_3*leg_2_2;
-    const REAL sensitivity_1_17 = gain_1_3*leg_2_3;
-    const REAL sensitivity_1_18 = -x44;
     const REAL x59 = leg_0_1*turn_1_2 + leg_0_2*turn_2_2 + leg_0_3*turn_3_2;
-    const REAL sensitivity_1_19 = -gain_1_1*x59;
     const REAL x60 = leg_0_1*turn_1_3 + leg_0_2*turn_2_3 + leg_0_3*turn_3_3;
-    const REAL sensitivity_1_20 = -gain_1_1*x60;
     const REAL x61 = leg_1_1*turn_1_1 + x46 + x47;
-    const REAL sensitivity_1_21 = -gain_1_2*x61;
-    const REAL sensitivity_1_22 = -gain_1_2*x49;
     const REAL x62 = leg_1_1*turn_1_3 + leg_1_2*turn_2_3 + leg_1_3*turn_3_3;
-    const REAL sensitivity_1_23 = -gain_1_2*x62;
     const REAL x63 = leg_2_1*turn_1_1 + x52 + x53;
-    const REAL sensitivity_1_24 = -gain_1_3*x63;
-    const REAL sensitivity_1_25 = -gain_1_3*x54;
     const REAL x64 = leg_2_1*turn_1_3 + leg_2_2*turn_2_3 + leg_2_3*turn_3_3;
-    const REAL sensitivity_1_26 = -gain_1_3*x64;
-    const REAL sensitivity_1_27 = turn_1_1;
-    const REAL sensitivity_1_28 = turn_1_2;
-    const REAL sensitivity_1_29 = turn_1_3;
     const REAL x65 = by_guide_0_1_1*leg_0_1 + by_guide_0_2_1*leg_0_2 + by_guide_0_3_1*leg_0_3;
     const REAL x66 = by_guide_1_1_1*leg_1_1 + by_guide_1_2_1*leg_1_2 + by_guide_1_3_1*leg_1_3;
     const REAL x67 = by_guide_2_1_1*leg_2_1 + by_guide_2_2_1*leg_2_2 + by_guide_2_3_1*leg_2_3;
-    const REAL sensitivity_1_30 = by_guide_3_1_1 - gain_1_1*x65 - gain_1_2*x66 - gain_1_3*x67;
     const REAL x68 = by_guide_0_1_2*leg_0_1 + by_guide_0_2_2*leg_0_2 + by_guide_0_3_2*leg_0_3;
     const REAL x69 = by_guide_1_1_2*leg_1_1 + by_guide_1_2_2*leg_1_2 + by_guide_1_3_2*leg_1_3;
     const REAL x70 = by_guide_2_1_2*leg_2_1 + by_guide_2_2_2*leg_2_2 + by_guide_2_3_2*leg_2_3;
-    const REAL sensitivity_1_31 = by_guide_3_1_2 - gain_1_1*x68 - gain_1_2*x69 - gain_1_3*x70;
     const REAL x71 = by_guide_0_1_3*leg_0_1 + by_guide_0_2_3*leg_0_2 + by_guide_0_3_3*leg_0_3;
     const REAL x72 = by_guide_1_1_3*leg_1_1 + by_guide_1_2_3*leg_1_2 + by_guide_1_3_3*leg_1_3;
     const REAL x73 = by_guide_2_1_3*leg_2_1 + by_guide_2_2_3*leg_2_2 + by_guide_2_3_3*leg_2_3;
-    const REAL sensitivity_1_32 = by_guide_3_1_3 - gain_1_1*x71 - gain_1_2*x72 - gain_1_3*x73;
     const REAL x74 = by_guide_0_1_4*leg_0_1 + by_guide_0_2_4*leg_0_2 + by_guide_0_3_4*leg_0_3;
     const REAL x75 = by_guide_1_1_4*leg_1_1 + by_guide_1_2_4*leg_1_2 + by_guide_1_3_4*leg_1_3;
     const REAL x76 = by_guide_2_1_4*leg_2_1 + by_guide_2_2_4*leg_2_2 + by_guide_2_3_4*leg_2_3;
-    const REAL sensitivity_1_33 = by_guide_3_1_4 - gain_1_1*x74 - gain_1_2*x75 - gain_1_3*x76;
     const REAL x77 = by_guide_0_1_5*leg_0_1 + by_guide_0_2_5*leg_0_2 + by_guide_0_3_5*leg_0_3;
     const REAL x78 = by_guide_1_1_5*leg_1_1 + by_guide_1_2_5*leg_1_2 + by_guide_1_3_5*leg_1_3;
     const REAL x79 = by_guide_2_1_5*leg_2_1 + by_guide_2_2_5*leg_2_2 + by_guide_2_3_5*leg_2_3;
-    const REAL sensitivity_1_34 = by_guide_3_1_5 - gain_1_1*x77 - gain_1_2*x78 - gain_1_3*x79;
     const REAL x80 = by_guide_0_1_6*leg_0_1 + by_guide_0_2_6*leg_0_2 + by_guide_0_3_6*leg_0_3;
     const REAL x81 = by_guide_1_1_6*leg_1_1 + by_guide_1_2_6*leg_1_2 + by_guide_1_3_6*leg_1_3;
     const REAL x82 = by_guide_2_1_6*leg_2_1 + by_guide_2_2_6*leg_2_2 + by_guide_2_3_6*leg_2_3;
-    const REAL sensitivity_1_35 = by_guide_3_1_6 - gain_1_1*x80 - gain_1_2*x81 - gain_1_3*x82;
     const REAL x83 = by_guide_0_1_7*leg_0_1 + by_guide_0_2_7*leg_0_2 + by_guide_0_3_7*leg_0_3;
     const REAL x84 = by_guide_1_1_7*leg_1_1 + by_guide_1_2_7*leg_1_2 + by_guide_1_3_7*leg_1_3;
     const REAL x85 = by_guide_2_1_7*leg_2_1 + by_guide_2_2_7*leg_2_2 + by_guide_2_3_7*leg_2_3;
-    const REAL sensitivity_1_36 = by_guide_3_1_7 - gain_1_1*x83 - gain_1_2*x84 - gain_1_3*x85;
     const REAL x86 = by_guide_0_1_8*leg_0_1 + by_guide_0_2_8*leg_0_2 + by_guide_0_3_8*leg_0_3;
     const REAL x87 = by_guide_1_1_8*leg_1_1 + by_guide_1_2_8*leg_1_2 + by_guide_1_3_8*leg_1_3;
     const REAL x88 = by_guide_2_1_8*leg_2_1 + by_guide_2_2_8*leg_2_2 + by_guide_2_3_8*leg_2_3;
-    const REAL sensitivity_1_37 = by_guide_3_1_8 - gain_1_1*x86 - gain_1_2*x87 - gain_1_3*x88;
     const REAL x89 = by_guide_0_1_9*leg_0_1 + by_guide_0_2_9*leg_0_2 + by_guide_0_3_9*leg_0_3;
     const REAL x90 = by_guide_1_1_9*leg_1_1 + by_guide_1_2_9*leg_1_2 + by_guide_1_3_9*leg_1_3;
     const REAL x91 = by_guide_2_1_9*leg_2_1 + by_guide_2_2_9*leg_2_2 + by_guide_2_3_9*leg_2_3;
-    const REAL sensitivity_1_38 = by_guide_3_1_9 - gain_1_1*x89 - gain_1_2*x90 - gain_1_3*x91;
     const REAL x92 = by_guide_0_1_10*leg_0_1 + by_guide_0_2_10*leg_0_2 + by_guide_0_3_10*leg_0_3;
     const REAL x93 = by_guide_1_1_10*leg_1_1 + by_guide_1_2_10*leg_1_2 + by_guide_1_3_10*leg_1_3;
     const REAL x94 = by_guide_2_1_10*leg_2_1 + by_guide_2_2_10*leg_2_2 + by_guide_2_3_10*leg_2_3;
-    const REAL sensitivity_1_39 = by_guide_3_1_10 - gain_1_1*x92 - gain_1_2*x93 - gain_1_3*x94;
     const REAL x95 = by_guide_0_1_11*leg_0_1 + by_guide_0_2_11*leg_0_2 + by_guide_0_3_11*leg_0_3;
     const REAL x96 = by_guide_1_1_11*leg_1_1 + by_guide_1_2_11*leg_1_2 + by_guide_1_3_11*leg_1_3;
     const REAL x97 = by_guide_2_1_11*leg_2_1 + by_guide_2_2_11*leg_2_2 + by_guide_2_3_11*leg_2_3;
-    const REAL sensitivity_1_40 = by_guide_3_1_11 - gain_1_1*x95 - gain_1_2*x96 - gain_1_3*x97;
     const REAL x98 = by_guide_0_1_12*leg_0_1 + by_guide_0_2_12*leg_0_2 + by_guide_0_3_12*leg_0_3;
     const REAL x99 = by_guide_1_1_12*leg_1_1 + by_guide_1_2_12*leg_1_2 + by_guide_1_3_12*leg_1_3;
     const REAL x100 = by_guide_2_1_12*leg_2_1 + by_guide_2_2_12*leg_2_2 + by_guide_2_3_12*leg_2_3;
-    const REAL sensitivity_1_41 = by_guide_3_1_12 - gain_1_1*x98 - gain_1_2*x99 - gain_1_3*x100;
     const REAL x101 = by_guide_0_1_13*leg_0_1 + by_guide_0_2_13*leg_0_2 + by_guide_0_3_13*leg_0_3;
     const REAL x102 = by_guide_1_1_13*leg_1_1 + by_guide_1_2_13*leg_1_2 + by_guide_1_3_13*leg_1_3;
     const REAL x103 = by_guide_2_1_13*leg_2_1 + by_guide_2_2_13*leg_2_2 + by_guide_2_3_13*leg_2_3;
-    const REAL sensitivity_1_42 = by_guide_3_1_13 - gain_1_1*x101 - gain_1_2*x102 - gain_1_3*x103;
     const REAL x104 = by_guide_0_1_14*leg_0_1 + by_guide_0_2_14*leg_0_2 + by_guide_0_3_14*leg_0_3;
     const REAL x105 = by_guide_1_1_14*leg_1_1 + by_guide_1_2_14*leg_1_2 + by_guide_1_3_14*leg_1_3;
     const REAL x106 = by_guide_2_1_14*leg_2_1 + by_guide_2_2_14*leg_2_2 + by_guide_2_3_14*leg_2_3;
-    const REAL sensitivity_1_43 = by_guide_3_1_14 - gain_1_1*x104 - gain_1_2*x105 - gain_1_3*x106;
     const REAL x107 = gain_2_1*length_0;
-    const REAL sensitivity_2_1 = x107;
     const REAL x108 = gain_2_2*length_1;
-    const REAL sensitivity_2_2 = x108;
     const REAL x109 = gain_2_3*length_2;
-    const REAL sensitivity_2_3 = x109;
     const REAL x110 = gain_2_1*x43;
-    const REAL sensitivity_2_4 = -gain_2_2*x50 - gain_2_3*x56 - x110;
-    const REAL sensitivity_2_5 = gain_2_1*leg_0_1 - gain_2_2*x57 - gain_2_3*x58;
-    const REAL sensitivity_2_6 = x107;
-    const REAL sensitivity_2_7 = x108;
-    const REAL sensitivity_2_8 = x109;
-    const REAL sensitivity_2_9 = gain_2_1*leg_0_1;
-    const REAL sensitivity_2_10 = gain_2_1*leg_0_2;
-    const REAL sensitivity_2_11 = gain_2_1*leg_0_3;
-    const REAL sensitivity_2_12 = gain_2_2*leg_1_1;
-    const REAL sensitivity_2_13 = gain_2_2*leg_1_2;
-    const REAL sensitivity_2_14 = gain_2_2*leg_1_3;
-    const REAL sensitivity_2_15 = gain_2_3*leg_2_1;
-    const REAL sensitivity_2_16 = gain_2_3*leg_2_2;
-    const REAL sensitivity_2_17 = gain_2_3*leg_2_3;
-    const REAL sensitivity_2_18 = -x110;
-    const REAL sensitivity_2_19 = -gain_2_1*x59;
-    const REAL sensitivity_2_20 = -gain_2_1*x60;
-    const REAL sensitivity_2_21 = -gain_2_2*x61;
-    const REAL sensitivity_2_22 = -gain_2_2*x49;
-    const REAL sensitivity_2_23 = -gain_2_2*x62;
-    const REAL sensitivity_2_24 = -gain_2_3*x63;
-    const REAL sensitivity_2_25 = -gain_2_3*x54;
-    const REAL sensitivity_2_26 = -gain_2_3*x64;
-    const REAL sensitivity_2_27 = turn_2_1;
-    const REAL sensitivity_2_28 = turn_2_2;
-    const REAL sensitivity_2_29 = turn_2_3;
-    const REAL sensitivity_2_30 = by_guide_3_2_1 - gain_2_1*x65 - gain_2_2*x66 - gain_2_3*x67;
-    const REAL sensitivity_2_31 = by_guide_3_2_2 - gain_2_1*x68 - gain_2_2*x69 - gain_2_3*x70;
-    const REAL sensitivity_2_32 = by_guide_3_2_3 - gain_2_1*x71 - gain_2_2*x72 - gain_2_3*x73;
-    const REAL sensitivity_2_33 = by_guide_3_2_4 - gain_2_1*x74 - gain_2_2*x75 - gain_2_3*x76;
-    const REAL sensitivity_2_34 = by_guide_3_2_5 - gain_2_1*x77 - gain_2_2*x78 - gain_2_3*x79;
-    const REAL sensitivity_2_35 = by_guide_3_2_6 - gain_2_1*x80 - gain_2_2*x81 - gain_2_3*x82;
-    const REAL sensitivity_2_36 = by_guide_3_2_7 - gain_2_1*x83 - gain_2_2*x84 - gain_2_3*x85;
-    const REAL sensitivity_2_37 = by_guide_3_2_8 - gain_2_1*x86 - gain_2_2*x87 - gain_2_3*x88;
-    const REAL sensitivity_2_38 = by_guide_3_2_9 - gain_2_1*x89 - gain_2_2*x90 - gain_2_3*x91;
-    const REAL sensitivity_2_39 = by_guide_3_2_10 - gain_2_1*x92 - gain_2_2*x93 - gain_2_3*x94;
-    const REAL sensitivity_2_40 = by_guide_3_2_11 - gain_2_1*x95 - gain_2_2*x96 - gain_2_3*x97;
-    const REAL sensitivity_2_41 = by_guide_3_2_12 - gain_2_1*x98 - gain_2_2*x99 - gain_2_3*x100;
-    const REAL sensitivity_2_42 = by_guide_3_2_13 - gain_2_1*x101 - gain_2_2*x102 - gain_2_3*x103;
-    const REAL sensitivity_2_43 = by_guide_3_2_14 - gain_2_1*x104 - gain_2_2*x105 - gain_2_3*x106;
     const REAL x111 = gain_3_1*length_0;
-    const REAL sensitivity_3_1 = x111;
     const REAL x112 = gain_3_2*length_1;
-    const REAL sensitivity_3_2 = x112;
     const REAL x113 = gain_3_3*length_2;
-    const REAL sensitivity_3_3 = x113;
     const REAL x114 = gain_3_1*x43;
-    const REAL sensitivity_3_4 = -gain_3_2*x50 - gain_3_3*x56 - x114;
-    const REAL sensitivity_3_5 = gain_3_1*leg_0_1 - gain_3_2*x57 - gain_3_3*x58;
-    const REAL sensitivity_3_6 = x111;
-    const REAL sensitivity_3_7 = x112;
-    const REAL sensitivity_3_8 = x113;
-    const REAL sensitivity_3_9 = gain_3_1*leg_0_1;
-    const REAL sensitivity_3_10 = gain_3_1*leg_0_2;
-    const REAL sensitivity_3_11 = gain_3_1*leg_0_3;
-    const REAL sensitivity_3_12 = gain_3_2*leg_1_1;
-    const REAL sensitivity_3_13 = gain_3_2*leg_1_2;
-    const REAL sensitivity_3_14 = gain_3_2*leg_1_3;
-    const REAL sensitivity_3_15 = gain_3_3*leg_2_1;
-    const REAL sensitivity_3_16 = gain_3_3*leg_2_2;
-    const REAL sensitivity_3_17 = gain_3_3*leg_2_3;
-    const REAL sensitivity_3_18 = -x114;
-    const REAL sensitivity_3_19 = -gain_3_1*x59;
-    const REAL sensitivity_3_20 = -gain_3_1*x60;
-    const REAL sensitivity_3_21 = -gain_3_2*x61;
-    const REAL sensitivity_3_22 = -gain_3_2*x49;
-    const REAL sensitivity_3_23 = -gain_3_2*x62;
-    const REAL sensitivity_3_24 = -gain_3_3*x63;
-    const REAL sensitivity_3_25 = -gain_3_3*x54;
-    const REAL sensitivity_3_26 = -gain_3_3*x64;
-    const REAL sensitivity_3_27 = turn_3_1;
-    const REAL sensitivity_3_28 = turn_3_2;
-    const REAL sensitivity_3_29 = turn_3_3;
-    const REAL sensitivity_3_30 = by_guide_3_3_1 - gain_3_1*x65 - gain_3_2*x66 - gain_3_3*x67;
-    const REAL sensitivity_3_31 = by_guide_3_3_2 - gain_3_1*x68 - gain_3_2*x69 - gain_3_3*x70;
-    const REAL sensitivity_3_32 = by_guide_3_3_3 - gain_3_1*x71 - gain_3_2*x72 - gain_3_3*x73;
-    const REAL sensitivity_3_33 = by_guide_3_3_4 - gain_3_1*x74 - gain_3_2*x75 - gain_3_3*x76;
-    const REAL sensitivity_3_34 = by_guide_3_3_5 - gain_3_1*x77 - gain_3_2*x78 - gain_3_3*x79;
-    const REAL sensitivity_3_35 = by_guide_3_3_6 - gain_3_1*x80 - gain_3_2*x81 - gain_3_3*x82;
-    const REAL sensitivity_3_36 = by_guide_3_3_7 - gain_3_1*x83 - gain_3_2*x84 - gain_3_3*x85;
-    const REAL sensitivity_3_37 = by_guide_3_3_8 - gain_3_1*x86 - gain_3_2*x87 - gain_3_3*x88;
-    const REAL sensitivity_3_38 = by_guide_3_3_9 - gain_3_1*x89 - gain_3_2*x90 - gain_3_3*x91;
-    const REAL sensitivity_3_39 = by_guide_3_3_10 - gain_3_1*x92 - gain_3_2*x93 - gain_3_3*x94;
-    const REAL sensitivity_3_40 = by_guide_3_3_11 - gain_3_1*x95 - gain_3_2*x96 - gain_3_3*x97;
-    const REAL sensitivity_3_41 = by_guide_3_3_12 - gain_3_1*x98 - gain_3_2*x99 - gain_3_3*x100;
-    const REAL sensitivity_3_42 = by_guide_3_3_13 - gain_3_1*x101 - gain_3_2*x102 - gain_3_3*x103;
-    const REAL sensitivity_3_43 = by_guide_3_3_14 - gain_3_1*x104 - gain_3_2*x105 - gain_3_3*x106;
-    const REAL regularity = det/(size_0*size_1*size_2);
-    output[0][i] = place_1;
-    output[1][i] = place_2;
-    output[2][i] = place_3;
-    output[3][i] = rods_1;
-    output[4][i] = rods_2;
-    output[5][i] = rods_3;
-    output[6][i] = sensitivity_1_1;
-    output[7][i] = sensitivity_1_2;
-    output[8][i] = sensitivity_1_3;
-    output[9][i] = sensitivity_1_4;
-    output[10][i] = sensitivity_1_5;
-    output[11][i] = sensitivity_1_6;
-    output[12][i] = sensitivity_1_7;
-    output[13][i] = sensitivity_1_8;
-    output[14][i] = sensitivity_1_9;
-    output[15][i] = sensitivity_1_10;
-    output[16][i] = sensitivity_1_11;
-    output[17][i] = sensitivity_1_12;
-    output[18][i] = sensitivity_1_13;
-    output[19][i] = sensitivity_1_14;
-    output[20][i] = sensitivity_1_15;
-    output[21][i] = sensitivity_1_16;
-    output[22][i] = sensitivity_1_17;
-    output[23][i] = sensitivity_1_18;
-    output[24][i] = sensitivity_1_19;
-    output[25][i] = sensitivity_1_20;
-    output[26][i] = sensitivity_1_21;
-    output[27][i] = sensitivity_1_22;
-    output[28][i] = sensitivity_1_23;
-    output[29][i] = sensitivity_1_24;
-    output[30][i] = sensitivity_1_25;
-    output[31][i] = sensitivity_1_26;
-    output[32][i] = sensitivity_1_27;
-    output[33][i] = sensitivity_1_28;
-    output[34][i] = sensitivity_1_29;
-    output[35][i] = sensitivity_1_30;
-    output[36][i] = sensitivity_1_31;
-    output[37][i] = sensitivity_1_32;
-    output[38][i] = sensitivity_1_33;
-    output[39][i] = sensitivity_1_34;
-    output[40][i] = sensitivity_1_35;
-    output[41][i] = sensitivity_1_36;
-    output[42][i] = sensitivity_1_37;
-    output[43][i] = sensitivity_1_38;
-    output[44][i] = sensitivity_1_39;
-    output[45][i] = sensitivity_1_40;
-    output[46][i] = sensitivity_1_41;
-    output[47][i] = sensitivity_1_42;
-    output[48][i] = sensitivity_1_43;
-    output[49][i] = sensitivity_2_1;
-    output[50][i] = sensitivity_2_2;
-    output[51][i] = sensitivity_2_3;
-    output[52][i] = sensitivity_2_4;
-    output[53][i] = sensitivity_2_5;
-    output[54][i] = sensitivity_2_6;
-    output[55][i] = sensitivity_2_7;
-    output[56][i] = sensitivity_2_8;
-    output[57][i] = sensitivity_2_9;
-    output[58][i] = sensitivity_2_10;
-    output[59][i] = sensitivity_2_11;
-    output[60][i] = sensitivity_2_12;
-    output[61][i] = sensitivity_2_13;
-    output[62][i] = sensitivity_2_14;
-    output[63][i] = sensitivity_2_15;
-    output[64][i] = sensitivity_2_16;
-    output[65][i] = sensitivity_2_17;
-    output[66][i] = sensitivity_2_18;
-    output[67][i] = sensitivity_2_19;
-    output[68][i] = sensitivity_2_20;
-    output[69][i] = sensitivity_2_21;
-    output[70][i] = sensitivity_2_22;
-    output[71][i] = sensitivity_2_23;
-    output[72][i] = sensitivity_2_24;
-    output[73][i] = sensitivity_2_25;
-    output[74][i] = sensitivity_2_26;
-    output[75][i] = sensitivity_2_27;
-    output[76][i] = sensitivity_2_28;
-    output[77][i] = sensitivity_2_29;
-    output[78][i] = sensitivity_2_30;
-    output[79][i] = sensitivity_2_31;
-    output[80][i] = sensitivity_2_32;
-    output[81][i] = sensitivity_2_33;
-    output[82][i] = sensitivity_2_34;
-    output[83][i] = sensitivity_2_35;
-    output[84][i] = sensitivity_2_36;
-    output[85][i] = sensitivity_2_37;
-    output[86][i] = sensitivity_2_38;
-    output[87][i] = sensitivity_2_39;
-    output[88][i] = sensitivity_2_40;
-    output[89][i] = sensitivity_2_41;
-    output[90][i] = sensitivity_2_42;
-    output[91][i] = sensitivity_2_43;
-    output[92][i] = sensitivity_3_1;
-    output[93][i] = sensitivity_3_2;
-    output[94][i] = sensitivity_3_3;
-    output[95][i] = sensitivity_3_4;
-    output[96][i] = sensitivity_3_5;
-    output[97][i] = sensitivity_3_6;
-    output[98][i] = sensitivity_3_7;
-    output[99][i] = sensitivity_3_8;
-    output[100][i] = sensitivity_3_9;
-    output[101][i] = sensitivity_3_10;
-    output[102][i] = sensitivity_3_11;
-    output[103][i] = sensitivity_3_12;
-    output[104][i] = sensitivity_3_13;
-    output[105][i] = sensitivity_3_14;
-    output[106][i] = sensitivity_3_15;
-    output[107][i] = sensitivity_3_16;
-    output[108][i] = sensitivity_3_17;
-    output[109][i] = sensitivity_3_18;
-    output[110][i] = sensitivity_3_19;
-    output[111][i] = sensitivity_3_20;
-    output[112][i] = sensitivity_3_21;
-    output[113][i] = sensitivity_3_22;
-    output[114][i] = sensitivity_3_23;
-    output[115][i] = sensitivity_3_24;
-    output[116][i] = sensitivity_3_25;
-    output[117][i] = sensitivity_3_26;
-    output[118][i] = sensitivity_3_27;
-    output[119][i] = sensitivity_3_28;
-    output[120][i] = sensitivity_3_29;
-    output[121][i] = sensitivity_3_30;
-    output[122][i] = sensitivity_3_31;
-    output[123][i] = sensitivity_3_32;
-    output[124][i] = sensitivity_3_33;
-    output[125][i] = sensitivity_3_34;
-    output[126][i] = sensitivity_3_35;
-    output[127][i] = sensitivity_3_36;
-    output[128][i] = sensitivity_3_37;
-    output[129][i] = sensitivity_3_38;
-    output[130][i] = sensitivity_3_39;
-    output[131][i] = sensitivity_3_40;
-    output[132][i] = sensitivity_3_41;
-    output[133][i] = sensitivity_3_42;
-    output[134][i] = sensitivity_3_43;
-    output[135][i] = regularity;
+    output[0][i] = at_3_1;
+    output[1][i] = at_3_2;
+    output[2][i] = at_3_3;
+    output[3][i] = length_0;
+    output[4][i] = length_1;
+    output[5][i] = length_2;
+    output[6][i] = x40;
+    output[7][i] = x41;
+    output[8][i] = x42;
+    output[9][i] = -gain_1_2*x50 - gain_1_3*x56 - x44;
+    output[10][i] = gain_1_1*leg_0_1 - gain_1_2*x57 - gain_1_3*x58;
+    output[11][i] = x40;
+    output[12][i] = x41;
+    output[13][i] = x42;
+    output[14][i] = gain_1_1*leg_0_1;
+    output[15][i] = gain_1_1*leg_0_2;
+    output[16][i] = gain_1_1*leg_0_3;
+    output[17][i] = gain_1_2*leg_1_1;
+    output[18][i] = gain_1_2*leg_1_2;
+    output[19][i] = gain_1_2*leg_1_3;
+    output[20][i] = gain_1_3*leg_2_1;
+    output[21][i] = gain_1_3*leg_2_2;
+    output[22][i] = gain_1_3*leg_2_3;
+    output[23][i] = -x44;
+    output[24][i] = -gain_1_1*x59;
+    output[25][i] = -gain_1_1*x60;
+    output[26][i] = -gain_1_2*x61;
+    output[27][i] = -gain_1_2*x49;
+    output[28][i] = -gain_1_2*x62;
+    output[29][i] = -gain_1_3*x63;
+    output[30][i] = -gain_1_3*x54;
+    output[31][i] = -gain_1_3*x64;
+    output[32][i] = turn_1_1;
+    output[33][i] = turn_1_2;
+    output[34][i] = turn_1_3;
+    output[35][i] = by_guide_3_1_1 - gain_1_1*x65 - gain_1_2*x66 - gain_1_3*x67;
+    output[36][i] = by_guide_3_1_2 - gain_1_1*x68 - gain_1_2*x69 - gain_1_3*x70;
+    output[37][i] = by_guide_3_1_3 - gain_1_1*x71 - gain_1_2*x72 - gain_1_3*x73;
+    output[38][i] = by_guide_3_1_4 - gain_1_1*x74 - gain_1_2*x75 - gain_1_3*x76;
+    output[39][i] = by_guide_3_1_5 - gain_1_1*x77 - gain_1_2*x78 - gain_1_3*x79;
+    output[40][i] = by_guide_3_1_6 - gain_1_1*x80 - gain_1_2*x81 - gain_1_3*x82;
+    output[41][i] = by_guide_3_1_7 - gain_1_1*x83 - gain_1_2*x84 - gain_1_3*x85;
+    output[42][i] = by_guide_3_1_8 - gain_1_1*x86 - gain_1_2*x87 - gain_1_3*x88;
+    output[43][i] = by_guide_3_1_9 - gain_1_1*x89 - gain_1_2*x90 - gain_1_3*x91;
+    output[44][i] = by_guide_3_1_10 - gain_1_1*x92 - gain_1_2*x93 - gain_1_3*x94;
+    output[45][i] = by_guide_3_1_11 - gain_1_1*x95 - gain_1_2*x96 - gain_1_3*x97;
+    output[46][i] = by_guide_3_1_12 - gain_1_1*x98 - gain_1_2*x99 - gain_1_3*x100;
+    output[47][i] = by_guide_3_1_13 - gain_1_1*x101 - gain_1_2*x102 - gain_1_3*x103;
+    output[48][i] = by_guide_3_1_14 - gain_1_1*x104 - gain_1_2*x105 - gain_1_3*x106;
+    output[49][i] = x107;
+    output[50][i] = x108;
+    output[51][i] = x109;
+    output[52][i] = -gain_2_2*x50 - gain_2_3*x56 - x110;
+    output[53][i] = gain_2_1*leg_0_1 - gain_2_2*x57 - gain_2_3*x58;
+    output[54][i] = x107;
+    output[55][i] = x108;
+    output[56][i] = x109;
+    output[57][i] = gain_2_1*leg_0_1;
+    output[58][i] = gain_2_1*leg_0_2;
+    output[59][i] = gain_2_1*leg_0_3;
+    output[60][i] = gain_2_2*leg_1_1;
+    output[61][i] = gain_2_2*leg_1_2;
+    output[62][i] = gain_2_2*leg_1_3;
+    output[63][i] = gain_2_3*leg_2_1;
+    output[64][i] = gain_2_3*leg_2_2;
+    output[65][i] = gain_2_3*leg_2_3;
+    output[66][i] = -x110;
+    output[67][i] = -gain_2_1*x59;
+    output[68][i] = -gain_2_1*x60;
+    output[69][i] = -gain_2_2*x61;
+    output[70][i] = -gain_2_2*x49;
+    output[71][i] = -gain_2_2*x62;
+    output[72][i] = -gain_2_3*x63;
+    output[73][i] = -gain_2_3*x54;
+    output[74][i] = -gain_2_3*x64;
+    output[75][i] = turn_2_1;
+    output[76][i] = turn_2_2;
+    output[77][i] = turn_2_3;
+    output[78][i] = by_guide_3_2_1 - gain_2_1*x65 - gain_2_2*x66 - gain_2_3*x67;
+    output[79][i] = by_guide_3_2_2 - gain_2_1*x68 - gain_2_2*x69 - gain_2_3*x70;
+    output[80][i] = by_guide_3_2_3 - gain_2_1*x71 - gain_2_2*x72 - gain_2_3*x73;
+    output[81][i] = by_guide_3_2_4 - gain_2_1*x74 - gain_2_2*x75 - gain_2_3*x76;
+    output[82][i] = by_guide_3_2_5 - gain_2_1*x77 - gain_2_2*x78 - gain_2_3*x79;
+    output[83][i] = by_guide_3_2_6 - gain_2_1*x80 - gain_2_2*x81 - gain_2_3*x82;
+    output[84][i] = by_guide_3_2_7 - gain_2_1*x83 - gain_2_2*x84 - gain_2_3*x85;
+    output[85][i] = by_guide_3_2_8 - gain_2_1*x86 - gain_2_2*x87 - gain_2_3*x88;
+    output[86][i] = by_guide_3_2_9 - gain_2_1*x89 - gain_2_2*x90 - gain_2_3*x91;
+    output[87][i] = by_guide_3_2_10 - gain_2_1*x92 - gain_2_2*x93 - gain_2_3*x94;
+    output[88][i] = by_guide_3_2_11 - gain_2_1*x95 - gain_2_2*x96 - gain_2_3*x97;
+    output[89][i] = by_guide_3_2_12 - gain_2_1*x98 - gain_2_2*x99 - gain_2_3*x100;
+    output[90][i] = by_guide_3_2_13 - gain_2_1*x101 - gain_2_2*x102 - gain_2_3*x103;
+    output[91][i] = by_guide_3_2_14 - gain_2_1*x104 - gain_2_2*x105 - gain_2_3*x106;
+    output[92][i] = x111;
+    output[93][i] = x112;
+    output[94][i] = x113;
+    output[95][i] = -gain_3_2*x50 - gain_3_3*x56 - x114;
+    output[96][i] = gain_3_1*leg_0_1 - gain_3_2*x57 - gain_3_3*x58;
+    output[97][i] = x111;
+    output[98][i] = x112;
+    output[99][i] = x113;
+    output[100][i] = gain_3_1*leg_0_1;
+    output[101][i] = gain_3_1*leg_0_2;
+    output[102][i] = gain_3_1*leg_0_3;
+    output[103][i] = gain_3_2*leg_1_1;
+    output[104][i] = gain_3_2*leg_1_2;
+    output[105][i] = gain_3_2*leg_1_3;
+    output[106][i] = gain_3_3*leg_2_1;
+    output[107][i] = gain_3_3*leg_2_2;
+    output[108][i] = gain_3_3*leg_2_3;
+    output[109][i] = -x114;
+    output[110][i] = -gain_3_1*x59;
+    output[111][i] = -gain_3_1*x60;
+    output[112][i] = -gain_3_2*x61;
+    output[113][i] = -gain_3_2*x49;
+    output[114][i] = -gain_3_2*x62;
+    output[115][i] = -gain_3_3*x63;
+    output[116][i] = -gain_3_3*x54;
+    output[117][i] = -gain_3_3*x64;
+    output[118][i] = turn_3_1;
+    output[119][i] = turn_3_2;
+    output[120][i] = turn_3_3;
+    output[121][i] = by_guide_3_3_1 - gain_3_1*x65 - gain_3_2*x66 - gain_3_3*x67;
+    output[122][i] = by_guide_3_3_2 - gain_3_1*x68 - gain_3_2*x69 - gain_3_3*x70;
+    output[123][i] = by_guide_3_3_3 - gain_3_1*x71 - gain_3_2*x72 - gain_3_3*x73;
+    output[124][i] = by_guide_3_3_4 - gain_3_1*x74 - gain_3_2*x75 - gain_3_3*x76;
+    output[125][i] = by_guide_3_3_5 - gain_3_1*x77 - gain_3_2*x78 - gain_3_3*x79;
+    output[126][i] = by_guide_3_3_6 - gain_3_1*x80 - gain_3_2*x81 - gain_3_3*x82;
+    output[127][i] = by_guide_3_3_7 - gain_3_1*x83 - gain_3_2*x84 - gain_3_3*x85;
+    output[128][i] = by_guide_3_3_8 - gain_3_1*x86 - gain_3_2*x87 - gain_3_3*x88;
+    output[129][i] = by_guide_3_3_9 - gain_3_1*x89 - gain_3_2*x90 - gain_3_3*x91;
+    output[130][i] = by_guide_3_3_10 - gain_3_1*x92 - gain_3_2*x93 - gain_3_3*x94;
+    output[131][i] = by_guide_3_3_11 - gain_3_1*x95 - gain_3_2*x96 - gain_3_3*x97;
+    output[132][i] = by_guide_3_3_12 - gain_3_1*x98 - gain_3_2*x99 - gain_3_3*x100;
+    output[133][i] = by_guide_3_3_13 - gain_3_1*x101 - gain_3_2*x102 - gain_3_3*x103;
+    output[134][i] = by_guide_3_3_14 - gain_3_1*x104 - gain_3_2*x105 - gain_3_3*x106;
+    output[135][i] = det/(size_0*size_1*size_2);
     output[136][i] = FABS(pose_1);
     output[137][i] = FABS(pose_2);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_parameter_sensitivity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[136][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[137][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL fixed[9] = {input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i]};
-    const REAL moving[9] = {input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const REAL tool[3] = {input[21][i], input[22][i], input[23][i]};
-    REAL place[3];
-    REAL rods[3];
-    REAL sensitivity[129];
-    REAL regularity[1];
-    TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(pose, fixed, moving, tool, place, rods, sensitivity, regularity);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = place[k];
-    for (int k = 0; k < 3; ++k)
-      output[3 + k][i] = rods[k];
-    for (int k = 0; k < 129; ++k)
-      output[6 + k][i] = sensitivity[k];
-    for (int k = 0; k < 1; ++k)
-      output[135 + k][i] = regularity[k];
-  }
-}
-
-SHARED void TYPED(tricept_parameter_sensitivity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_parameter_sensitivity)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[136][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[137][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_parameter_sensitivity_beyond)(input, output);
+  return is_beyond(output + 136, 2);
 }
 #endif
+
+static void TYPED(tricept_parameter_sensitivity_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(x + 0, x + 3, x + 12, x + 21, y + 0, y + 3, y + 6, y + 135);
+}
 
 void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_5[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_5[k] = (k / 1) % 3 * core[7];
-  ptrdiff_t offsets_6[129];
-  for (int k = 0; k < 129; ++k)
-    offsets_6[k] = (k / 43) % 3 * core[8] + (k / 1) % 43 * core[9];
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[24][BLOCK], output[138][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 129, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[2], steps[2]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-      TYPED(gather)(input + 12, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
-      TYPED(gather)(input + 21, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-      TYPED(tricept_parameter_sensitivity_block)(input, output);
-      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 3);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 129, count, output + 6);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 135);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[6] + start * 129 * width, (total - start) * 129 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[7] + start * 1 * width, (total - start) * 1 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 9);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 12, args[2], 9);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 21, args[3], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load)(input + 3, args[1] + start * 9 * width, 9);
-      if (steps[2] != 0)
-        TYPED(load)(input + 12, args[2] + start * 9 * width, 9);
-      if (steps[3] != 0)
-        TYPED(load_3)(input + 21, args[3] + start * 3 * width);
-      TYPED(tricept_parameter_sensitivity_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      {
-        REAL staged[129 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave)(rows, output + 6, 129);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-      write_block(&writer_3, output[135], sizeof output[135]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL fixed[9];
-    for (int k = 0; k < 9; ++k)
-      fixed[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL moving[9];
-    for (int k = 0; k < 9; ++k)
-      moving[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL tool[3];
-    for (int k = 0; k < 3; ++k)
-      tool[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL place[3];
-    REAL rods[3];
-    REAL sensitivity[129];
-    REAL regularity[1];
-    TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(pose, fixed, moving, tool, place, rods, sensitivity, regularity);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], place[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], rods[k]);
-    for (int k = 0; k < 129; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], sensitivity[k]);
-    for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], regularity[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {129, 0, 2, {3, 43}}, {1, 0, 0, {0}}};
+  static const struct kernel kernel = {ports, 4, 4, 24, 136, 2, BLOCKWISE(tricept_parameter_sensitivity), TYPED(tricept_parameter_sensitivity_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_closure: 219 add, 319 mul, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL pose_1 = input[0][i];
@@ -1098,15 +783,12 @@ static inline void TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_leg_2_3_d_pose_1 = d_x43_d_pose_1*outer_3_1 + d_x44_d_pose_1*outer_3_2 + d_x45_d_pose_1*outer_3_3;
     const REAL d_leg_2_3_d_pose_2 = d_outer_3_1_d_pose_2*x43 + d_outer_3_3_d_pose_2*x45;
     const REAL d_leg_2_3_d_pose_3 = x62;
-    const REAL residual_1 = K(0.5)*(leg_0_1*leg_0_1) + K(0.5)*(leg_0_2*leg_0_2) + K(0.5)*(leg_0_3*leg_0_3) - K(0.5)*(rods_1*rods_1);
     const REAL d_residual_1_d_pose_1 = d_leg_0_1_d_pose_1*leg_0_1 + d_leg_0_2_d_pose_1*leg_0_2 + d_leg_0_3_d_pose_1*leg_0_3;
     const REAL d_residual_1_d_pose_2 = d_leg_0_1_d_pose_2*leg_0_1 + d_leg_0_2_d_pose_2*leg_0_2 + d_leg_0_3_d_pose_2*leg_0_3;
     const REAL d_residual_1_d_pose_3 = d_leg_0_1_d_pose_3*leg_0_1 + d_leg_0_2_d_pose_3*leg_0_2 + d_leg_0_3_d_pose_3*leg_0_3;
-    const REAL residual_2 = K(0.5)*(leg_1_1*leg_1_1) + K(0.5)*(leg_1_2*leg_1_2) + K(0.5)*(leg_1_3*leg_1_3) - K(0.5)*(rods_2*rods_2);
     const REAL d_residual_2_d_pose_1 = d_leg_1_1_d_pose_1*leg_1_1 + d_leg_1_2_d_pose_1*leg_1_2 + d_leg_1_3_d_pose_1*leg_1_3;
     const REAL d_residual_2_d_pose_2 = d_leg_1_1_d_pose_2*leg_1_1 + d_leg_1_2_d_pose_2*leg_1_2 + d_leg_1_3_d_pose_2*leg_1_3;
     const REAL d_residual_2_d_pose_3 = d_leg_1_1_d_pose_3*leg_1_1 + d_leg_1_2_d_pose_3*leg_1_2 + d_leg_1_3_d_pose_3*leg_1_3;
-    const REAL residual_3 = K(0.5)*(leg_2_1*leg_2_1) + K(0.5)*(leg_2_2*leg_2_2) + K(0.5)*(leg_2_3*leg_2_3) - K(0.5)*(rods_3*rods_3);
     const REAL d_residual_3_d_pose_1 = d_leg_2_1_d_pose_1*leg_2_1 + d_leg_2_2_d_pose_1*leg_2_2 + d_leg_2_3_d_pose_1*leg_2_3;
     const REAL d_residual_3_d_pose_2 = d_leg_2_1_d_pose_2*leg_2_1 + d_leg_2_2_d_pose_2*leg_2_2 + d_leg_2_3_d_pose_2*leg_2_3;
     const REAL d_residual_3_d_pose_3 = d_leg_2_1_d_pose_3*leg_2_1 + d_leg_2_2_d_pose_3*leg_2_2 + d_leg_2_3_d_pose_3*leg_2_3;
@@ -1119,60 +801,39 @@ static inline void TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_x50_d_pose_1 = d_inner_2_1_d_pose_1*x46 + d_inner_2_2_d_pose_1*x47 + d_inner_2_3_d_pose_1*x48;
     const REAL x51 = guide_6 + inner_3_1*x46 + inner_3_2*x47 + inner_3_3*x48;
     const REAL d_x51_d_pose_1 = d_inner_3_1_d_pose_1*x46 + d_inner_3_2_d_pose_1*x47 + d_inner_3_3_d_pose_1*x48;
-    const REAL place_1 = guide_1 + outer_1_1*x49 + outer_1_2*x50 + outer_1_3*x51;
     const REAL d_place_1_d_pose_1 = d_x49_d_pose_1*outer_1_1 + d_x50_d_pose_1*outer_1_2 + d_x51_d_pose_1*outer_1_3;
     const REAL d_place_1_d_pose_2 = d_outer_1_1_d_pose_2*x49 + d_outer_1_3_d_pose_2*x51;
     const REAL d_place_1_d_pose_3 = x60;
-    const REAL place_2 = guide_2 + outer_2_1*x49 + outer_2_2*x50 + outer_2_3*x51;
     const REAL d_place_2_d_pose_1 = d_x49_d_pose_1*outer_2_1 + d_x50_d_pose_1*outer_2_2 + d_x51_d_pose_1*outer_2_3;
     const REAL d_place_2_d_pose_2 = d_outer_2_1_d_pose_2*x49 + d_outer_2_3_d_pose_2*x51;
     const REAL d_place_2_d_pose_3 = x61;
-    const REAL place_3 = guide_3 + outer_3_1*x49 + outer_3_2*x50 + outer_3_3*x51;
     const REAL d_place_3_d_pose_1 = d_x49_d_pose_1*outer_3_1 + d_x50_d_pose_1*outer_3_2 + d_x51_d_pose_1*outer_3_3;
     const REAL d_place_3_d_pose_2 = d_outer_3_1_d_pose_2*x49 + d_outer_3_3_d_pose_2*x51;
     const REAL d_place_3_d_pose_3 = x62;
-    const REAL residual_jacobian_1_1 = d_residual_1_d_pose_1;
-    const REAL residual_jacobian_1_2 = d_residual_1_d_pose_2;
-    const REAL residual_jacobian_1_3 = d_residual_1_d_pose_3;
-    const REAL residual_jacobian_2_1 = d_residual_2_d_pose_1;
-    const REAL residual_jacobian_2_2 = d_residual_2_d_pose_2;
-    const REAL residual_jacobian_2_3 = d_residual_2_d_pose_3;
-    const REAL residual_jacobian_3_1 = d_residual_3_d_pose_1;
-    const REAL residual_jacobian_3_2 = d_residual_3_d_pose_2;
-    const REAL residual_jacobian_3_3 = d_residual_3_d_pose_3;
-    const REAL place_jacobian_1_1 = d_place_1_d_pose_1;
-    const REAL place_jacobian_1_2 = d_place_1_d_pose_2;
-    const REAL place_jacobian_1_3 = d_place_1_d_pose_3;
-    const REAL place_jacobian_2_1 = d_place_2_d_pose_1;
-    const REAL place_jacobian_2_2 = d_place_2_d_pose_2;
-    const REAL place_jacobian_2_3 = d_place_2_d_pose_3;
-    const REAL place_jacobian_3_1 = d_place_3_d_pose_1;
-    const REAL place_jacobian_3_2 = d_place_3_d_pose_2;
-    const REAL place_jacobian_3_3 = d_place_3_d_pose_3;
-    output[0][i] = residual_1;
-    output[1][i] = residual_2;
-    output[2][i] = residual_3;
-    output[3][i] = place_1;
-    output[4][i] = place_2;
-    output[5][i] = place_3;
-    output[6][i] = residual_jacobian_1_1;
-    output[7][i] = residual_jacobian_1_2;
-    output[8][i] = residual_jacobian_1_3;
-    output[9][i] = residual_jacobian_2_1;
-    output[10][i] = residual_jacobian_2_2;
-    output[11][i] = residual_jacobian_2_3;
-    output[12][i] = residual_jacobian_3_1;
-    output[13][i] = residual_jacobian_3_2;
-    output[14][i] = residual_jacobian_3_3;
-    output[15][i] = place_jacobian_1_1;
-    output[16][i] = place_jacobian_1_2;
-    output[17][i] = place_jacobian_1_3;
-    output[18][i] = place_jacobian_2_1;
-    output[19][i] = place_jacobian_2_2;
-    output[20][i] = place_jacobian_2_3;
-    output[21][i] = place_jacobian_3_1;
-    output[22][i] = place_jacobian_3_2;
-    output[23][i] = place_jacobian_3_3;
+    output[0][i] = K(0.5)*(leg_0_1*leg_0_1) + K(0.5)*(leg_0_2*leg_0_2) + K(0.5)*(leg_0_3*leg_0_3) - K(0.5)*(rods_1*rods_1);
+    output[1][i] = K(0.5)*(leg_1_1*leg_1_1) + K(0.5)*(leg_1_2*leg_1_2) + K(0.5)*(leg_1_3*leg_1_3) - K(0.5)*(rods_2*rods_2);
+    output[2][i] = K(0.5)*(leg_2_1*leg_2_1) + K(0.5)*(leg_2_2*leg_2_2) + K(0.5)*(leg_2_3*leg_2_3) - K(0.5)*(rods_3*rods_3);
+    output[3][i] = guide_1 + outer_1_1*x49 + outer_1_2*x50 + outer_1_3*x51;
+    output[4][i] = guide_2 + outer_2_1*x49 + outer_2_2*x50 + outer_2_3*x51;
+    output[5][i] = guide_3 + outer_3_1*x49 + outer_3_2*x50 + outer_3_3*x51;
+    output[6][i] = d_residual_1_d_pose_1;
+    output[7][i] = d_residual_1_d_pose_2;
+    output[8][i] = d_residual_1_d_pose_3;
+    output[9][i] = d_residual_2_d_pose_1;
+    output[10][i] = d_residual_2_d_pose_2;
+    output[11][i] = d_residual_2_d_pose_3;
+    output[12][i] = d_residual_3_d_pose_1;
+    output[13][i] = d_residual_3_d_pose_2;
+    output[14][i] = d_residual_3_d_pose_3;
+    output[15][i] = d_place_1_d_pose_1;
+    output[16][i] = d_place_1_d_pose_2;
+    output[17][i] = d_place_1_d_pose_3;
+    output[18][i] = d_place_2_d_pose_1;
+    output[19][i] = d_place_2_d_pose_2;
+    output[20][i] = d_place_2_d_pose_3;
+    output[21][i] = d_place_3_d_pose_1;
+    output[22][i] = d_place_3_d_pose_2;
+    output[23][i] = d_place_3_d_pose_3;
     output[24][i] = FABS(guide_11);
     output[25][i] = FABS(guide_12);
     output[26][i] = FABS(guide_13);
@@ -1183,219 +844,25 @@ static inline void TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*
     output[31][i] = FABS(pose_1);
     output[32][i] = FABS(pose_2);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_closure_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[24][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[25][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[26][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[27][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[28][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[29][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[30][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[31][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[32][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const REAL rods[3] = {input[3][i], input[4][i], input[5][i]};
-    const REAL fixed[9] = {input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const REAL moving[9] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i], input[21][i], input[22][i], input[23][i]};
-    const REAL tool[3] = {input[24][i], input[25][i], input[26][i]};
-    const REAL guide[14] = {input[27][i], input[28][i], input[29][i], input[30][i], input[31][i], input[32][i], input[33][i], input[34][i], input[35][i], input[36][i], input[37][i], input[38][i], input[39][i], input[40][i]};
-    REAL residual[3];
-    REAL place[3];
-    REAL residual_jacobian[9];
-    REAL place_jacobian[9];
-    TYPED(tricept_uncertainty_tricept_closure)(pose, rods, fixed, moving, tool, guide, residual, place, residual_jacobian, place_jacobian);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = residual[k];
-    for (int k = 0; k < 3; ++k)
-      output[3 + k][i] = place[k];
-    for (int k = 0; k < 9; ++k)
-      output[6 + k][i] = residual_jacobian[k];
-    for (int k = 0; k < 9; ++k)
-      output[15 + k][i] = place_jacobian[k];
-  }
-}
-
-SHARED void TYPED(tricept_closure_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_closure)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[24][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[25][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[26][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[27][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[28][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[29][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[30][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[31][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[32][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_closure_beyond)(input, output);
+  return is_beyond(output + 24, 9);
 }
 #endif
+
+static void TYPED(tricept_closure_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_uncertainty_tricept_closure)(x + 0, x + 3, x + 6, x + 15, x + 24, x + 27, y + 0, y + 3, y + 6, y + 15);
+}
 
 void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 10;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_3[k] = (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_5[14];
-  for (int k = 0; k < 14; ++k)
-    offsets_5[k] = (k / 1) % 14 * core[7];
-  ptrdiff_t offsets_6[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_6[k] = (k / 1) % 3 * core[8];
-  ptrdiff_t offsets_7[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_7[k] = (k / 1) % 3 * core[9];
-  ptrdiff_t offsets_8[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_8[k] = (k / 3) % 3 * core[10] + (k / 1) % 3 * core[11];
-  ptrdiff_t offsets_9[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_9[k] = (k / 3) % 3 * core[12] + (k / 1) % 3 * core[13];
-#ifndef ROW_BY_ROW
-  REAL input[41][BLOCK], output[33][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 9, 9 * width, width)) | (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= ((steps[5] == 0) & is_packed(offsets_5, 14, 14 * width, width)) | (is_packed(offsets_5, 14, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 3, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 3, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[5], steps[5]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
-      TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 9, count);
-      TYPED(gather)(input + 24, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-      TYPED(gather)(input + 27, args[5] + start * steps[5], steps[5], offsets_5, 14, count);
-      TYPED(tricept_closure_block)(input, output);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output + 0);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 3, count, output + 3);
-      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 6);
-      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 15);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[6] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7] + start * 3 * width, (total - start) * 3 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8] + start * 9 * width, (total - start) * 9 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[9] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 3);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 3, args[1], 3);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 6, args[2], 9);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 15, args[3], 9);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 24, args[4], 3);
-    if (steps[5] == 0)
-      TYPED(fill)(input + 27, args[5], 14);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] != 0)
-        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] != 0)
-        TYPED(load)(input + 6, args[2] + start * 9 * width, 9);
-      if (steps[3] != 0)
-        TYPED(load)(input + 15, args[3] + start * 9 * width, 9);
-      if (steps[4] != 0)
-        TYPED(load_3)(input + 24, args[4] + start * 3 * width);
-      if (steps[5] != 0)
-        TYPED(load)(input + 27, args[5] + start * 14 * width, 14);
-      TYPED(tricept_closure_block)(input, output);
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave)(rows, output + 6, 9);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_3, staged);
-        TYPED(interleave)(rows, output + 15, 9);
-        write_block(&writer_3, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL pose[3];
-    for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL rods[3];
-    for (int k = 0; k < 3; ++k)
-      rods[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL fixed[9];
-    for (int k = 0; k < 9; ++k)
-      fixed[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL moving[9];
-    for (int k = 0; k < 9; ++k)
-      moving[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL tool[3];
-    for (int k = 0; k < 3; ++k)
-      tool[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL guide[14];
-    for (int k = 0; k < 14; ++k)
-      guide[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
-    REAL residual[3];
-    REAL place[3];
-    REAL residual_jacobian[9];
-    REAL place_jacobian[9];
-    TYPED(tricept_uncertainty_tricept_closure)(pose, rods, fixed, moving, tool, guide, residual, place, residual_jacobian, place_jacobian);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], residual[k]);
-    for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], place[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], residual_jacobian[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], place_jacobian[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{3, 0, 1, {3}}, {3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}, {3, 0, 1, {3}}, {14, 0, 1, {14}}, {3, 0, 1, {3}}, {3, 0, 1, {3}}, {9, 0, 2, {3, 3}}, {9, 0, 2, {3, 3}}};
+  static const struct kernel kernel = {ports, 6, 4, 41, 24, 9, BLOCKWISE(tricept_closure), TYPED(tricept_closure_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }
 
 /* tricept_beam: 680 add, 1301 mul, 1 sqrt, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
-static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+SHARED int TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL alpha = input[0][i];
@@ -1437,7 +904,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x25 = -x17 - x23*x24;
     const REAL x26 = (R*R);
     const REAL x27 = K(2.0)*r*x26/K(3.0);
-    const REAL numerator_1_1_1 = x27*(K(6.0)*c_alpha*c_beta*tool_3*x6 + r*x0*x1 + K(2.0)*tool_1*x0*x1 - x13 - x18 - K(3.0)*x21 - x25 - K(6.0)*x4 - x5*x7);
     const REAL x28 = r*x8;
     const REAL x29 = c_alpha*x28;
     const REAL x30 = K(2.0)*tool_1;
@@ -1471,7 +937,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x58 = x31*x56*x57;
     const REAL x59 = x48 + x50 + x55 + x58 - x53;
     const REAL x60 = K(4.0)*R/K(3.0);
-    const REAL numerator_1_1_2 = x60*(K(3.0)*R*x39 + x29*x30 + x37 + x44 + x59 - x33);
     const REAL x61 = c_alpha*s_beta;
     const REAL x62 = x30*x61;
     const REAL x63 = x14*x23;
@@ -1480,10 +945,7 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x66 = x19*x65;
     const REAL x67 = x32 + x64 + x66 - x62 - x63;
     const REAL x68 = K(8.0)*R/K(3.0);
-    const REAL numerator_1_1_3 = -x67*x68;
     const REAL x69 = K(16.0)*R/K(3.0);
-    const REAL numerator_1_1_4 = -x31*x69;
-    const REAL numerator_1_1_5 = K(0.0);
     const REAL x70 = SQRT(K(3.0));
     const REAL x71 = tool_2*x45;
     const REAL x72 = x70*x71;
@@ -1508,7 +970,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x91 = x40 + x52 + x88 + x90 - x46;
     const REAL x92 = x19*x26;
     const REAL x93 = K(4.0)*x92/K(3.0);
-    const REAL numerator_1_2_1 = -x93*(x72 + x76 + x78 + x86 + x91 - x80 - x82);
     const REAL x94 = x28*x34;
     const REAL x95 = tool_3*x64;
     const REAL x96 = tool_3*x66;
@@ -1519,22 +980,13 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x102 = r*x14;
     const REAL x103 = x102*x73;
     const REAL x104 = tool_3*x101 + x100*x70 + x19*x81 + x29*x98 - tool_3*x103;
-    const REAL numerator_1_2_2 = -x60*(R*x94 + tool_1*x29 + x104 + x40*x47 + x53 - x48 - x50 - x55 - x58 - x95 - x96);
     const REAL x105 = K(2.0)*s_beta;
     const REAL x106 = x31*x98;
     const REAL x107 = tool_2*x34;
     const REAL x108 = c_beta*s_beta;
     const REAL x109 = x103 + x105*x106 + x107*x108*x70 + x30*x74 - x101;
-    const REAL numerator_1_2_3 = x60*(x109 + x67);
     const REAL x110 = x31*x68;
-    const REAL numerator_1_2_4 = x110;
-    const REAL numerator_1_2_5 = K(0.0);
     const REAL x111 = x83 - x85;
-    const REAL numerator_1_3_1 = -x93*(x111 + x80 + x82 + x91 - x72 - x76 - x78);
-    const REAL numerator_1_3_2 = -x60*(K(2.0)*R*r*x0*x8 + K(2.0)*R*r*x6*x8 + c_alpha*r*tool_1*x8 - x104 - x59 - x95 - x96);
-    const REAL numerator_1_3_3 = x60*(c_beta*r*s_beta*x0 + K(2.0)*c_beta*tool_3*x0 + x66 - x109 - x62 - x63);
-    const REAL numerator_1_3_4 = x110;
-    const REAL numerator_1_3_5 = K(0.0);
     const REAL x113 = (r*r);
     const REAL x114 = tool_2*x2;
     const REAL x115 = (c_beta*c_beta);
@@ -1568,7 +1020,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x143 = x138 + x139 + x142 - x23*x29;
     const REAL x144 = K(2.0)*x26;
     const REAL x145 = r*x144;
-    const REAL numerator_1_4_1 = x145*(R*c_alpha*c_beta*tool_2*x2*x8 + R*c_alpha*tool_1*x1*x6 + K(2.0)*R*c_alpha*tool_3*x115*x6 + R*c_beta*tool_1*x0*x1 + R*tool_1*x1*x9 + K(2.0)*c_alpha*c_beta*r*tool_3*x6*x8 + c_alpha*c_beta*s_beta*x113*x6 + K(2.0)*c_beta*r*tool_2*x2 + K(2.0)*c_beta*r*tool_3*x8*x9 + K(2.0)*r*s_beta*tool_1*x6 + K(2.0)*r*tool_3*x6*x8 + x0*x1*x113 - c_alpha*x120 - tool_3*x128*x8 - x102*x35 - x114*x116 - x118*x30 - x122*x126 - x122*x6*x75 - x123*x125*x8 - x123*x134*x24 - x130 - x133*x61 - x136*x31 - x143);
     const REAL x146 = x14*x28;
     const REAL x147 = x124*x47;
     const REAL x148 = c_alpha*x22;
@@ -1592,7 +1043,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x166 = x0*x131;
     const REAL x167 = x166*x87;
     const REAL x169 = s_beta*x0;
-    const REAL numerator_1_4_2 = x144*(R*x162*x34 + c_alpha*x50 + c_beta*x50 + tool_1*x146 + tool_1*x152 + x115*x169*x22*x56 + x116*x165 + K(5.0)*x150 + x155*x4 + x156*x157*x56 + x158*x19 + K(2.0)*x160 + K(2.0)*x161 + x164 - c_beta*x147*x87 - s_beta*x10*x116 - x113*x14*x34 - x132*x87 - x149 - x151*x28 - x153*x40 - x153*x42 - x154 - K(8.0)*x159 - x163*x34 - x167 - K(5.0)*x19*x4);
     const REAL x170 = K(2.0)*x0;
     const REAL x171 = x19*x9;
     const REAL x172 = c_beta*x171;
@@ -1606,11 +1056,8 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x180 = K(2.0)*x3;
     const REAL x181 = s_alpha*x180;
     const REAL x182 = c_beta*x62 + x172 + x173*x23 + x175*x34 + x176*x19 + x178*x8 + x181*x45 + K(2.0)*x51 - x115*x174 - x119 - x170*x5 - x177 - x179 - x23*x31;
-    const REAL numerator_1_4_3 = x144*x182;
     const REAL x183 = x26*x31;
     const REAL x184 = K(4.0)*x183;
-    const REAL numerator_1_4_4 = x184*(c_alpha - c_beta);
-    const REAL numerator_1_4_5 = K(0.0);
     const REAL x185 = x22*x47;
     const REAL x186 = tool_1*x19;
     const REAL x187 = x186*x34;
@@ -1630,7 +1077,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x201 = r*x31;
     const REAL x202 = x113*x134;
     const REAL x203 = x136*x14;
-    const REAL numerator_1_5_1 = -x145*(c_beta*x187 + r*x121*x126 + tool_3*x125*x28 + x1*x195 + x11*x131 + x117*x191 + x121*x38*x75 + x123*x176 + x131*x193 + x15*x198 + x189 + x199*x34 + x202*x61 + x23*x40 + x77*x94 - R*x21 - tool_1*x192 - tool_1*x200 - x114*x146 - x136 - x141 - x175*x201 - x185*x24 - x190 - x197 - x198*x34 - x203 - x54);
     const REAL x204 = x1*x22;
     const REAL x205 = s_beta*x113;
     const REAL x206 = x113*x6;
@@ -1643,38 +1089,28 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x213 = x10*x47;
     const REAL x214 = K(8.0)*x183;
     const REAL x215 = R*x31;
-    const REAL numerator_1_5_2 = x47*(K(2.0)*R*c_alpha*c_beta*r*s_beta*tool_2*x2 + K(2.0)*R*c_alpha*r*tool_1*x6*x8 + K(2.0)*R*c_alpha*x113*x115*x6 + K(4.0)*R*c_beta*r*s_alpha*s_beta*tool_2*x9 + K(2.0)*R*c_beta*r*tool_1*x0*x8 + K(2.0)*R*c_beta*r*tool_1*x6*x8 + K(4.0)*R*r*s_alpha*s_beta*tool_2*x0*x115 + K(2.0)*R*r*s_beta*tool_2*x115*x2 + K(2.0)*R*r*tool_1*x8*x9 + R*x113*x121*x9 + K(2.0)*c_alpha*c_beta*s_beta*tool_3*x113*x6 + c_alpha*c_beta*tool_1*x113*x8 + c_beta*s_beta*tool_3*x113*x9 + K(4.0)*c_beta*s_beta*tool_3*x26*x9 + K(2.0)*r*x0*x26*x8 + K(2.0)*r*x26*x6*x8 - s_beta*x131*x213 - s_beta*x209*x4 - tool_1*x161 - tool_1*x211 - tool_3*x207 - x102*x208 - x113*x115*x212 - x113*x46 - x125*x135*x19 - x15*x194*x56 - x161*x215 - x194*x204 - x202*x87 - x205*x4 - x209*x46 - x210*x47 - x214*x57);
     const REAL x216 = R*c_alpha;
     const REAL x217 = x1*x216;
     const REAL x218 = r*x47;
-    const REAL numerator_1_5_3 = x218*(s_beta*x215*x34 + x1*x151 + x117*x30 + x158 + x182 + x217*x34 + x25 - x13 - x140 - x178 - x18);
     const REAL x219 = c_beta*r;
     const REAL x220 = x219*x9;
     const REAL x221 = K(2.0)*x46;
     const REAL x222 = x15*x30;
-    const REAL numerator_1_5_4 = -x56*(c_alpha*c_beta*r*x6*x8 + c_beta*r*x8*x9 + K(2.0)*c_beta*s_beta*tool_3*x9 + r*x0*x115 + r*x6*x8 - s_beta*x178 - x220 - x221 - x222 - K(4.0)*x31*x57 - x39);
     const REAL x223 = s_beta*x127;
-    const REAL numerator_1_5_5 = -K(8.0)*c_beta*x223;
     const REAL x224 = x16*x61;
     const REAL x225 = x181*x61;
     const REAL x226 = s_beta*x32 - x225;
-    const REAL numerator_2_1_1 = s_alpha*x27*(x105*x22 + x226 + x29 - x224 - K(3.0)*x99);
     const REAL x227 = c_alpha*x16;
     const REAL x228 = x0*x135;
     const REAL x229 = x19*x6;
     const REAL x230 = R*x229;
     const REAL x231 = x0*x47;
-    const REAL numerator_2_1_2 = c_beta*s_alpha*x60*(r*x227 + x148*x47 + x19*x231 + x230 - r*x23 - x228);
     const REAL x232 = s_alpha*x102;
-    const REAL numerator_2_1_3 = x232*x68;
-    const REAL numerator_2_1_4 = K(0.0);
-    const REAL numerator_2_1_5 = K(0.0);
     const REAL x233 = s_alpha*x227;
     const REAL x234 = s_alpha*x77;
     const REAL x235 = x38*x70;
     const REAL x236 = tool_2*x73;
     const REAL x237 = x235 + x236*x61 - x212*x70;
-    const REAL numerator_2_2_1 = -x93*(s_alpha*x84 + x107 + x237 + x79 - x233 - x234);
     const REAL x238 = c_beta*x19;
     const REAL x239 = R*x238;
     const REAL x240 = tool_3*x232;
@@ -1682,40 +1118,25 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x242 = R*x14;
     const REAL x243 = x19*x70;
     const REAL x244 = x235*x242 + x243*x75 + x41*x70 + x43*x70 - x19*x236;
-    const REAL numerator_2_2_2 = x60*(x100 + x107*x242 + x129*x64 + x2*x239 + x244 - x240 - x241);
     const REAL x245 = s_alpha*x219;
     const REAL x246 = x14*x16;
     const REAL x247 = x246*x70;
     const REAL x248 = x180*x73;
     const REAL x249 = c_alpha*x60;
-    const REAL numerator_2_2_3 = -x249*(x245 + x247 - x243 - x248);
     const REAL x250 = x110*x70;
-    const REAL numerator_2_2_4 = -x250;
-    const REAL numerator_2_2_5 = K(0.0);
-    const REAL numerator_2_3_1 = -x93*(c_alpha*c_beta*tool_2*x6 + c_alpha*r*s_alpha*s_beta + K(2.0)*tool_2*x6 - x233 - x234 - x237);
-    const REAL numerator_2_3_2 = x60*(K(2.0)*R*c_alpha*c_beta*tool_2*x6 + K(2.0)*R*c_beta*r*s_alpha*s_beta*x0 + R*c_beta*r*s_beta*x2 + c_beta*r*tool_2*x6 - x240 - x241 - x244);
-    const REAL numerator_2_3_3 = -x249*(x243 + x245 + x248 - x247);
-    const REAL numerator_2_3_4 = x250;
-    const REAL numerator_2_3_5 = K(0.0);
     const REAL x251 = -K(2.0)*c_alpha*c_beta*r*s_alpha*s_beta*tool_2;
     const REAL x252 = s_alpha*x145;
-    const REAL numerator_2_4_1 = x252*(R*c_beta*s_beta*tool_3*x9 + R*s_beta*tool_3*x0*x115 + K(2.0)*R*s_beta*tool_3*x0 + R*tool_3*x0*x1 + c_alpha*x113*x8 + c_beta*x113*x6 + K(2.0)*r*s_alpha*s_beta*tool_2 - R*x115*x22*x61 - x133 - x155*x22 - x19*x227 - x204*x216 - x215*x57 - x251 - x33 - x44);
     const REAL x253 = x172*x47;
     const REAL x254 = c_beta*x34;
     const REAL x255 = x205*x254;
     const REAL x256 = x242*x34;
     const REAL x257 = s_alpha*x144;
-    const REAL numerator_2_4_2 = -x257*(K(2.0)*R*c_beta*tool_3*x9 + K(2.0)*R*tool_3*x0*x115 + K(3.0)*c_alpha*c_beta*r*s_alpha*tool_2 + K(4.0)*c_beta*s_beta*x0*x113 + r*s_alpha*tool_2*x115 + r*s_alpha*tool_2*x8 + x255 - R*x179 - K(3.0)*tool_3*x201 - x120 - x173*x185 - x177*x47 - x185*x31 - x19*x256 - x190 - x198 - x199 - x253);
-    const REAL numerator_2_4_3 = -c_alpha*x257*(c_alpha*c_beta*r + K(2.0)*c_alpha*c_beta*s_beta*tool_3 - x105*x157 - x131 - x28);
-    const REAL numerator_2_4_4 = -s_alpha*s_beta*x184;
-    const REAL numerator_2_4_5 = K(0.0);
     const REAL x258 = x135*x61;
     const REAL x259 = x47*x57;
     const REAL x260 = -x129*x3*x61;
     const REAL x261 = x31*x47;
     const REAL x262 = x131*x22;
     const REAL x263 = tool_3*x118;
-    const REAL numerator_2_5_1 = -x252*(x149 + x159 + x160 + x161 + x202 + x23*x84 + x258 + x260 + x261*x87 + x262*x61 - R*x99 - x150 - x163 - x167 - x174*x19 - x259 - x263);
     const REAL x264 = x113*x22;
     const REAL x265 = tool_3*x194;
     const REAL x266 = R*x113;
@@ -1729,11 +1150,7 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x274 = x113*x117;
     const REAL x275 = R*s_beta;
     const REAL x276 = x116*x169;
-    const REAL numerator_2_5_2 = x129*(R*x207 + tool_3*x194*x8 + x113*x276 + x115*x265 + x14*x264 + x185*x201 + x202*x275 + x209*x77 + x269*x47 + x270 + x273 + x274*x47 - x113*x77 - x135*x166 - x135*x220 - x14*x209*x22 - x209*x64 - x264*x8 - x267*x34 - x268 - x271);
     const REAL x277 = x256 + x29 + x45*x47 + x49;
-    const REAL numerator_2_5_3 = -s_alpha*x218*(c_beta*r*x0 + K(2.0)*s_alpha*s_beta*tool_2 - x162 - x224 - x277);
-    const REAL numerator_2_5_4 = c_alpha*s_alpha*x56*(x181 + x19 - x246);
-    const REAL numerator_2_5_5 = -K(8.0)*s_alpha*x215;
     const REAL x278 = c_beta*x88;
     const REAL x279 = x134*x224;
     const REAL x280 = x115*x170;
@@ -1741,17 +1158,12 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x282 = x28*x31;
     const REAL x283 = x162*x6;
     const REAL x284 = x282 - K(3.0)*x283;
-    const REAL numerator_3_1_1 = x27*(c_beta*x221 + K(2.0)*x1*x10 + K(6.0)*x165 + x225 + x278 + x284 - K(6.0)*tool_1*x65 - x117*x23 - x279 - x281 - x7*x89);
     const REAL x285 = x14*x30;
     const REAL x286 = x114*x8;
     const REAL x287 = c_alpha*x134;
     const REAL x288 = x31*x5;
     const REAL x289 = x115*x126;
     const REAL x290 = x131*x223 + x135*x287 + x196 + x288*x47 + x289*x47 - x130 - x286*x47;
-    const REAL numerator_3_1_2 = x60*(R*x64 + R*x66 + x143 + x16*x40 + x19*x285 + x290 - K(3.0)*c_alpha*x230 - x131*x35 - x162*x23);
-    const REAL numerator_3_1_3 = x68*(s_beta*x174 + x127*x8 + x128 + x134*x216 + x15*x216 + x285 + x40 - x132 - x83);
-    const REAL numerator_3_1_4 = x169*x69;
-    const REAL numerator_3_1_5 = K(0.0);
     const REAL x291 = x6*x61;
     const REAL x292 = x291*x98;
     const REAL x293 = s_beta*x106;
@@ -1762,7 +1174,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x298 = x134*x75;
     const REAL x299 = s_alpha*x71;
     const REAL x300 = x289 + x298 + x299 + x36 + x63 + x64 - x11 - x288;
-    const REAL numerator_3_2_1 = -x93*(x103 + x292 + x293 + x297 + x300 - x294 - x295);
     const REAL x301 = tool_2*x243;
     const REAL x302 = x301*x6;
     const REAL x303 = x219*x81;
@@ -1773,7 +1184,6 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x308 = x238*x73;
     const REAL x309 = tool_3*x308;
     const REAL x310 = tool_3*x132 + x138 + x139 + x142 + x22*x29 + x269 + x290 - tool_3*x40 - x14*x186 - x239*x34 - x47*x64;
-    const REAL numerator_3_2_2 = x60*(x302 + x304 + x305 + x310 - x303 - x306 - x307 - x309);
     const REAL x311 = K(2.0)*x15*x98;
     const REAL x312 = x280*x98;
     const REAL x313 = x115*x73;
@@ -1782,22 +1192,13 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x316 = K(2.0)*x296*x5;
     const REAL x317 = x115*x151;
     const REAL x318 = c_alpha*x49 + x132 + x152 + x287*x47 + x317 - K(2.0)*c_alpha*c_beta*tool_1 - r*x0*x8 - K(2.0)*s_beta*tool_3*x0;
-    const REAL numerator_3_2_3 = -x60*(x308 + x311 - x111 - x312 - x314 - x315 - x316 - x318);
     const REAL x319 = x313 + x74;
     const REAL x320 = c_alpha*x68;
-    const REAL numerator_3_2_4 = -x320*(c_alpha*s_beta - x319);
-    const REAL numerator_3_2_5 = K(0.0);
-    const REAL numerator_3_3_1 = -x93*(x294 + x295 + x300 - x103 - x292 - x293 - x297);
-    const REAL numerator_3_3_2 = x60*(x303 + x306 + x307 + x309 + x310 - x302 - x304 - x305);
-    const REAL numerator_3_3_3 = -x60*(x312 + x314 + x315 + x316 - x308 - x311 - x318 - x86);
-    const REAL numerator_3_3_4 = -x320*(x319 + x61);
-    const REAL numerator_3_3_5 = K(0.0);
     const REAL x321 = x134*x194;
     const REAL x322 = c_beta*x160;
     const REAL x323 = (c_beta*c_beta*c_beta);
     const REAL x324 = x22*x323;
     const REAL x325 = K(2.0)*x10*x137 + x19*x193 + x282*x30 + x37 - K(2.0)*c_alpha*r*s_beta*tool_3*x6 - K(2.0)*c_beta*r*tool_1*x6 - K(2.0)*r*s_alpha*tool_2*x0*x1;
-    const REAL numerator_3_4_1 = x145*(R*c_alpha*c_beta*tool_1*x6*x8 + R*c_beta*tool_1*x8*x9 + R*c_beta*tool_3*x1*x9 + R*tool_1*x0*x115*x8 + R*tool_3*x0*x1*x6 + R*tool_3*x1*x124 + K(2.0)*c_alpha*r*s_beta*tool_3*x115*x6 + K(2.0)*r*s_alpha*s_beta*tool_2*x0*x115 + x321 + x322 + x55 - R*x134*x212 - R*x169*x324 - c_beta*x127*x28 - x1*x123*x20 - x114*x217 - x123*x291*x323 - x127*x204 - x128*x57 - x134*x191 - x14*x43 - x204*x261 - x216*x323*x38 - x251 - x259*x31 - x325 - x56*x90);
     const REAL x326 = tool_1*x61;
     const REAL x327 = x124*x137;
     const REAL x328 = x124*x135;
@@ -1810,306 +1211,122 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
     const REAL x335 = x126*x323;
     const REAL x336 = x47*x5;
     const REAL x337 = R*x6;
-    const REAL numerator_3_4_2 = -x144*(K(4.0)*R*c_alpha*c_beta*r*s_beta*x6 + K(2.0)*R*c_alpha*tool_2*x2*x8 + K(2.0)*R*c_beta*s_alpha*tool_2*x0*x8 + K(2.0)*R*c_beta*tool_2*x2*x8 + K(2.0)*R*s_alpha*tool_2*x8*x9 + K(2.0)*c_alpha*c_beta*r*s_alpha*tool_2*x8 + c_alpha*r*s_alpha*tool_2*x323 + K(3.0)*c_alpha*r*tool_3*x115*x6 + K(5.0)*c_alpha*r*tool_3*x6*x8 + K(5.0)*c_beta*r*s_beta*tool_1*x0 + K(5.0)*c_beta*r*s_beta*tool_1*x6 + c_beta*r*tool_3*x6*x8 + K(3.0)*r*s_alpha*tool_2*x0*x115 + r*tool_3*x323*x6 + K(5.0)*r*tool_3*x8*x9 + K(2.0)*s_beta*x113*x115*x9 + K(2.0)*x1*x113*x9 + x253 - R*x1*x220 - R*x327 - c_beta*x151*x5 - x0*x116*x5 - K(5.0)*x114*x28 - x124*x131*x275 - x127*x331 - x131*x326 - x134*x228 - x134*x336 - x15*x228 - x177*x337 - x190*x6 - x197 - x203 - x22*x317 - K(5.0)*x22*x40 - x255 - x28*x77 - x31*x330 - x326*x332 - x328*x8 - x329*x34 - x333*x334 - x335*x47);
     const REAL x338 = x151*x323;
     const REAL x339 = c_alpha*x35;
-    const REAL numerator_3_4_3 = -x144*(K(5.0)*c_alpha*r*x6*x8 + c_beta*r*x6*x8 + K(2.0)*c_beta*tool_1*x0 + K(4.0)*r*x115*x9 + r*x323*x6 + K(5.0)*r*x8*x9 + K(2.0)*s_beta*tool_3*x9 + K(2.0)*tool_2*x1*x2 - c_beta*x152 - c_beta*x222 - x0*x49 - x1*x339 - x115*x147 - x134*x231 - x14*x49 - x147*x8 - x170*x57 - x173*x30 - x216*x333 - x226 - x279 - x281 - x284 - x338);
     const REAL x340 = x134 + x15;
-    const REAL numerator_3_4_4 = -x209*x61*(x0 - x14 - x340);
-    const REAL numerator_3_4_5 = K(0.0);
     const REAL x341 = x123*x34;
     const REAL x342 = c_beta*x28*x9;
     const REAL x343 = x14*x42;
-    const REAL numerator_3_5_1 = -x145*(c_alpha*x114*x137 + c_beta*x210 + tool_1*x131*x34 + K(4.0)*tool_3*x19*x20 + x1*x201*x23 + x1*x213 + x126*x331 + x14*x154 + x14*x161 + x156*x262 + x164 + x165*x47 + x167*x6 + x192*x22 + x195*x323 + x229*x323*x75 + x23*x64 + x260 - R*x278 - R*x282 - R*x283 - tool_1*x332 - tool_1*x342 - tool_1*x343 - tool_3*x1*x220 - tool_3*x327 - x117*x185 - x131*x46 - x134*x258 - x178*x19 - x22*x276 - x263*x6 - x341*x61);
     const REAL x344 = x22*x28;
-    const REAL numerator_3_5_2 = x47*(c_beta*x189*x47 + r*x323*x334*x34 + tool_1*x115*x329 + tool_3*x322 + x0*x268 + x1*x124*x266 + x113*x286 + x115*x124*x267 + x123*x14*x94 + x131*x141 + x134*x265 + x144*x64 + x151*x262 + x160*x22 + x166*x336 + x166*x341 + x172*x191 + x187*x242 + x188*x275*x323 + x208*x84 + x209*x286 + x209*x299 + x218*x335 + x271 + x274*x337 + x28*x328 + x28*x47*x51 + x35*x41 - c_beta*tool_3*x161 - tool_3*x206*x323 - tool_3*x210 - x11*x209 - x113*x288 - x113*x63*x8 - x114*x29*x47 - x131*x144*x156 - x144*x192 - x15*x265 - x151*x344 - x194*x324 - x209*x288 - x209*x289 - x209*x298 - x209*x5*x65 - x211*x75 - x261*x344 - x270 - x272*x5 - K(6.0)*x273 - x28*x54);
     const REAL x345 = r*x216;
-    const REAL numerator_3_5_3 = -x47*(K(4.0)*c_alpha*c_beta*r*s_alpha*s_beta*tool_2 + c_alpha*x113*x6*x8 + K(4.0)*c_alpha*x115*x26*x6 + K(4.0)*c_alpha*x26*x6*x8 + K(2.0)*c_beta*r*tool_1*x0 + c_beta*x113*x6*x8 + K(2.0)*r*s_beta*tool_3*x9 + K(2.0)*r*tool_2*x1*x2 + x113*x323*x6 + x113*x8*x9 + K(4.0)*x115*x26*x9 + K(4.0)*x26*x8*x9 - c_beta*tool_1*x94 - r*x338 - x131*x147 - x137*x339 - x147*x28 - x162*x30 - x166*x56*x6 - x170*x19*x22 - x321 - x322 - x325 - x33 - x333*x345 - x34*x41 - x342*x56 - x343*x56);
-    const REAL numerator_3_5_4 = x56*(c_alpha*x17 + c_beta*x140 + x12 + x134*x227 + x192 + x200 + x22*x280 + K(2.0)*x288 + x64 - c_alpha*x229 - x171 - K(2.0)*x286 - K(2.0)*x299 - x66);
-    const REAL numerator_3_5_5 = K(8.0)*x216*(x340 + x45);
-    const REAL determinant_1 = -(R*R*R)*x330*(x0*x8 - x20 - x34);
-    const REAL determinant_2 = -x145*(x277 + x99);
-    const REAL determinant_3 = K(4.0)*x92*(x31 + x65 - c_alpha);
-    const REAL determinant_4 = x214;
     const REAL x346 = x113 + x26;
-    const REAL squares_1_1 = x346 - x219*x47;
-    const REAL squares_1_2 = -x155;
-    const REAL squares_1_3 = K(1.0);
     const REAL x347 = K(1.5)*x345;
     const REAL x348 = K(0.5)*R;
     const REAL x349 = x219*x348;
     const REAL x350 = x19*x348*x73;
-    const REAL squares_2_1 = x113 + x26 - x347 - x349 - x350;
-    const REAL squares_2_2 = R*(x61 - x73);
-    const REAL squares_2_3 = K(1.0);
-    const REAL squares_3_1 = x346 + x350 - x347 - x349;
-    const REAL squares_3_2 = R*(x61 + x73);
-    const REAL squares_3_3 = K(1.0);
-    output[0][i] = numerator_1_1_1;
-    output[1][i] = numerator_1_1_2;
-    output[2][i] = numerator_1_1_3;
-    output[3][i] = numerator_1_1_4;
-    output[4][i] = numerator_1_1_5;
-    output[5][i] = numerator_1_2_1;
-    output[6][i] = numerator_1_2_2;
-    output[7][i] = numerator_1_2_3;
-    output[8][i] = numerator_1_2_4;
-    output[9][i] = numerator_1_2_5;
-    output[10][i] = numerator_1_3_1;
-    output[11][i] = numerator_1_3_2;
-    output[12][i] = numerator_1_3_3;
-    output[13][i] = numerator_1_3_4;
-    output[14][i] = numerator_1_3_5;
-    output[15][i] = numerator_1_4_1;
-    output[16][i] = numerator_1_4_2;
-    output[17][i] = numerator_1_4_3;
-    output[18][i] = numerator_1_4_4;
-    output[19][i] = numerator_1_4_5;
-    output[20][i] = numerator_1_5_1;
-    output[21][i] = numerator_1_5_2;
-    output[22][i] = numerator_1_5_3;
-    output[23][i] = numerator_1_5_4;
-    output[24][i] = numerator_1_5_5;
-    output[25][i] = numerator_2_1_1;
-    output[26][i] = numerator_2_1_2;
-    output[27][i] = numerator_2_1_3;
-    output[28][i] = numerator_2_1_4;
-    output[29][i] = numerator_2_1_5;
-    output[30][i] = numerator_2_2_1;
-    output[31][i] = numerator_2_2_2;
-    output[32][i] = numerator_2_2_3;
-    output[33][i] = numerator_2_2_4;
-    output[34][i] = numerator_2_2_5;
-    output[35][i] = numerator_2_3_1;
-    output[36][i] = numerator_2_3_2;
-    output[37][i] = numerator_2_3_3;
-    output[38][i] = numerator_2_3_4;
-    output[39][i] = numerator_2_3_5;
-    output[40][i] = numerator_2_4_1;
-    output[41][i] = numerator_2_4_2;
-    output[42][i] = numerator_2_4_3;
-    output[43][i] = numerator_2_4_4;
-    output[44][i] = numerator_2_4_5;
-    output[45][i] = numerator_2_5_1;
-    output[46][i] = numerator_2_5_2;
-    output[47][i] = numerator_2_5_3;
-    output[48][i] = numerator_2_5_4;
-    output[49][i] = numerator_2_5_5;
-    output[50][i] = numerator_3_1_1;
-    output[51][i] = numerator_3_1_2;
-    output[52][i] = numerator_3_1_3;
-    output[53][i] = numerator_3_1_4;
-    output[54][i] = numerator_3_1_5;
-    output[55][i] = numerator_3_2_1;
-    output[56][i] = numerator_3_2_2;
-    output[57][i] = numerator_3_2_3;
-    output[58][i] = numerator_3_2_4;
-    output[59][i] = numerator_3_2_5;
-    output[60][i] = numerator_3_3_1;
-    output[61][i] = numerator_3_3_2;
-    output[62][i] = numerator_3_3_3;
-    output[63][i] = numerator_3_3_4;
-    output[64][i] = numerator_3_3_5;
-    output[65][i] = numerator_3_4_1;
-    output[66][i] = numerator_3_4_2;
-    output[67][i] = numerator_3_4_3;
-    output[68][i] = numerator_3_4_4;
-    output[69][i] = numerator_3_4_5;
-    output[70][i] = numerator_3_5_1;
-    output[71][i] = numerator_3_5_2;
-    output[72][i] = numerator_3_5_3;
-    output[73][i] = numerator_3_5_4;
-    output[74][i] = numerator_3_5_5;
-    output[75][i] = determinant_1;
-    output[76][i] = determinant_2;
-    output[77][i] = determinant_3;
-    output[78][i] = determinant_4;
-    output[79][i] = squares_1_1;
-    output[80][i] = squares_1_2;
-    output[81][i] = squares_1_3;
-    output[82][i] = squares_2_1;
-    output[83][i] = squares_2_2;
-    output[84][i] = squares_2_3;
-    output[85][i] = squares_3_1;
-    output[86][i] = squares_3_2;
-    output[87][i] = squares_3_3;
+    output[0][i] = x27*(K(6.0)*c_alpha*c_beta*tool_3*x6 + r*x0*x1 + K(2.0)*tool_1*x0*x1 - x13 - x18 - K(3.0)*x21 - x25 - K(6.0)*x4 - x5*x7);
+    output[1][i] = x60*(K(3.0)*R*x39 + x29*x30 + x37 + x44 + x59 - x33);
+    output[2][i] = -x67*x68;
+    output[3][i] = -x31*x69;
+    output[4][i] = K(0.0);
+    output[5][i] = -x93*(x72 + x76 + x78 + x86 + x91 - x80 - x82);
+    output[6][i] = -x60*(R*x94 + tool_1*x29 + x104 + x40*x47 + x53 - x48 - x50 - x55 - x58 - x95 - x96);
+    output[7][i] = x60*(x109 + x67);
+    output[8][i] = x110;
+    output[9][i] = K(0.0);
+    output[10][i] = -x93*(x111 + x80 + x82 + x91 - x72 - x76 - x78);
+    output[11][i] = -x60*(K(2.0)*R*r*x0*x8 + K(2.0)*R*r*x6*x8 + c_alpha*r*tool_1*x8 - x104 - x59 - x95 - x96);
+    output[12][i] = x60*(c_beta*r*s_beta*x0 + K(2.0)*c_beta*tool_3*x0 + x66 - x109 - x62 - x63);
+    output[13][i] = x110;
+    output[14][i] = K(0.0);
+    output[15][i] = x145*(R*c_alpha*c_beta*tool_2*x2*x8 + R*c_alpha*tool_1*x1*x6 + K(2.0)*R*c_alpha*tool_3*x115*x6 + R*c_beta*tool_1*x0*x1 + R*tool_1*x1*x9 + K(2.0)*c_alpha*c_beta*r*tool_3*x6*x8 + c_alpha*c_beta*s_beta*x113*x6 + K(2.0)*c_beta*r*tool_2*x2 + K(2.0)*c_beta*r*tool_3*x8*x9 + K(2.0)*r*s_beta*tool_1*x6 + K(2.0)*r*tool_3*x6*x8 + x0*x1*x113 - c_alpha*x120 - tool_3*x128*x8 - x102*x35 - x114*x116 - x118*x30 - x122*x126 - x122*x6*x75 - x123*x125*x8 - x123*x134*x24 - x130 - x133*x61 - x136*x31 - x143);
+    output[16][i] = x144*(R*x162*x34 + c_alpha*x50 + c_beta*x50 + tool_1*x146 + tool_1*x152 + x115*x169*x22*x56 + x116*x165 + K(5.0)*x150 + x155*x4 + x156*x157*x56 + x158*x19 + K(2.0)*x160 + K(2.0)*x161 + x164 - c_beta*x147*x87 - s_beta*x10*x116 - x113*x14*x34 - x132*x87 - x149 - x151*x28 - x153*x40 - x153*x42 - x154 - K(8.0)*x159 - x163*x34 - x167 - K(5.0)*x19*x4);
+    output[17][i] = x144*x182;
+    output[18][i] = x184*(c_alpha - c_beta);
+    output[19][i] = K(0.0);
+    output[20][i] = -x145*(c_beta*x187 + r*x121*x126 + tool_3*x125*x28 + x1*x195 + x11*x131 + x117*x191 + x121*x38*x75 + x123*x176 + x131*x193 + x15*x198 + x189 + x199*x34 + x202*x61 + x23*x40 + x77*x94 - R*x21 - tool_1*x192 - tool_1*x200 - x114*x146 - x136 - x141 - x175*x201 - x185*x24 - x190 - x197 - x198*x34 - x203 - x54);
+    output[21][i] = x47*(K(2.0)*R*c_alpha*c_beta*r*s_beta*tool_2*x2 + K(2.0)*R*c_alpha*r*tool_1*x6*x8 + K(2.0)*R*c_alpha*x113*x115*x6 + K(4.0)*R*c_beta*r*s_alpha*s_beta*tool_2*x9 + K(2.0)*R*c_beta*r*tool_1*x0*x8 + K(2.0)*R*c_beta*r*tool_1*x6*x8 + K(4.0)*R*r*s_alpha*s_beta*tool_2*x0*x115 + K(2.0)*R*r*s_beta*tool_2*x115*x2 + K(2.0)*R*r*tool_1*x8*x9 + R*x113*x121*x9 + K(2.0)*c_alpha*c_beta*s_beta*tool_3*x113*x6 + c_alpha*c_beta*tool_1*x113*x8 + c_beta*s_beta*tool_3*x113*x9 + K(4.0)*c_beta*s_beta*tool_3*x26*x9 + K(2.0)*r*x0*x26*x8 + K(2.0)*r*x26*x6*x8 - s_beta*x131*x213 - s_beta*x209*x4 - tool_1*x161 - tool_1*x211 - tool_3*x207 - x102*x208 - x113*x115*x212 - x113*x46 - x125*x135*x19 - x15*x194*x56 - x161*x215 - x194*x204 - x202*x87 - x205*x4 - x209*x46 - x210*x47 - x214*x57);
+    output[22][i] = x218*(s_beta*x215*x34 + x1*x151 + x117*x30 + x158 + x182 + x217*x34 + x25 - x13 - x140 - x178 - x18);
+    output[23][i] = -x56*(c_alpha*c_beta*r*x6*x8 + c_beta*r*x8*x9 + K(2.0)*c_beta*s_beta*tool_3*x9 + r*x0*x115 + r*x6*x8 - s_beta*x178 - x220 - x221 - x222 - K(4.0)*x31*x57 - x39);
+    output[24][i] = -K(8.0)*c_beta*x223;
+    output[25][i] = s_alpha*x27*(x105*x22 + x226 + x29 - x224 - K(3.0)*x99);
+    output[26][i] = c_beta*s_alpha*x60*(r*x227 + x148*x47 + x19*x231 + x230 - r*x23 - x228);
+    output[27][i] = x232*x68;
+    output[28][i] = K(0.0);
+    output[29][i] = K(0.0);
+    output[30][i] = -x93*(s_alpha*x84 + x107 + x237 + x79 - x233 - x234);
+    output[31][i] = x60*(x100 + x107*x242 + x129*x64 + x2*x239 + x244 - x240 - x241);
+    output[32][i] = -x249*(x245 + x247 - x243 - x248);
+    output[33][i] = -x250;
+    output[34][i] = K(0.0);
+    output[35][i] = -x93*(c_alpha*c_beta*tool_2*x6 + c_alpha*r*s_alpha*s_beta + K(2.0)*tool_2*x6 - x233 - x234 - x237);
+    output[36][i] = x60*(K(2.0)*R*c_alpha*c_beta*tool_2*x6 + K(2.0)*R*c_beta*r*s_alpha*s_beta*x0 + R*c_beta*r*s_beta*x2 + c_beta*r*tool_2*x6 - x240 - x241 - x244);
+    output[37][i] = -x249*(x243 + x245 + x248 - x247);
+    output[38][i] = x250;
+    output[39][i] = K(0.0);
+    output[40][i] = x252*(R*c_beta*s_beta*tool_3*x9 + R*s_beta*tool_3*x0*x115 + K(2.0)*R*s_beta*tool_3*x0 + R*tool_3*x0*x1 + c_alpha*x113*x8 + c_beta*x113*x6 + K(2.0)*r*s_alpha*s_beta*tool_2 - R*x115*x22*x61 - x133 - x155*x22 - x19*x227 - x204*x216 - x215*x57 - x251 - x33 - x44);
+    output[41][i] = -x257*(K(2.0)*R*c_beta*tool_3*x9 + K(2.0)*R*tool_3*x0*x115 + K(3.0)*c_alpha*c_beta*r*s_alpha*tool_2 + K(4.0)*c_beta*s_beta*x0*x113 + r*s_alpha*tool_2*x115 + r*s_alpha*tool_2*x8 + x255 - R*x179 - K(3.0)*tool_3*x201 - x120 - x173*x185 - x177*x47 - x185*x31 - x19*x256 - x190 - x198 - x199 - x253);
+    output[42][i] = -c_alpha*x257*(c_alpha*c_beta*r + K(2.0)*c_alpha*c_beta*s_beta*tool_3 - x105*x157 - x131 - x28);
+    output[43][i] = -s_alpha*s_beta*x184;
+    output[44][i] = K(0.0);
+    output[45][i] = -x252*(x149 + x159 + x160 + x161 + x202 + x23*x84 + x258 + x260 + x261*x87 + x262*x61 - R*x99 - x150 - x163 - x167 - x174*x19 - x259 - x263);
+    output[46][i] = x129*(R*x207 + tool_3*x194*x8 + x113*x276 + x115*x265 + x14*x264 + x185*x201 + x202*x275 + x209*x77 + x269*x47 + x270 + x273 + x274*x47 - x113*x77 - x135*x166 - x135*x220 - x14*x209*x22 - x209*x64 - x264*x8 - x267*x34 - x268 - x271);
+    output[47][i] = -s_alpha*x218*(c_beta*r*x0 + K(2.0)*s_alpha*s_beta*tool_2 - x162 - x224 - x277);
+    output[48][i] = c_alpha*s_alpha*x56*(x181 + x19 - x246);
+    output[49][i] = -K(8.0)*s_alpha*x215;
+    output[50][i] = x27*(c_beta*x221 + K(2.0)*x1*x10 + K(6.0)*x165 + x225 + x278 + x284 - K(6.0)*tool_1*x65 - x117*x23 - x279 - x281 - x7*x89);
+    output[51][i] = x60*(R*x64 + R*x66 + x143 + x16*x40 + x19*x285 + x290 - K(3.0)*c_alpha*x230 - x131*x35 - x162*x23);
+    output[52][i] = x68*(s_beta*x174 + x127*x8 + x128 + x134*x216 + x15*x216 + x285 + x40 - x132 - x83);
+    output[53][i] = x169*x69;
+    output[54][i] = K(0.0);
+    output[55][i] = -x93*(x103 + x292 + x293 + x297 + x300 - x294 - x295);
+    output[56][i] = x60*(x302 + x304 + x305 + x310 - x303 - x306 - x307 - x309);
+    output[57][i] = -x60*(x308 + x311 - x111 - x312 - x314 - x315 - x316 - x318);
+    output[58][i] = -x320*(c_alpha*s_beta - x319);
+    output[59][i] = K(0.0);
+    output[60][i] = -x93*(x294 + x295 + x300 - x103 - x292 - x293 - x297);
+    output[61][i] = x60*(x303 + x306 + x307 + x309 + x310 - x302 - x304 - x305);
+    output[62][i] = -x60*(x312 + x314 + x315 + x316 - x308 - x311 - x318 - x86);
+    output[63][i] = -x320*(x319 + x61);
+    output[64][i] = K(0.0);
+    output[65][i] = x145*(R*c_alpha*c_beta*tool_1*x6*x8 + R*c_beta*tool_1*x8*x9 + R*c_beta*tool_3*x1*x9 + R*tool_1*x0*x115*x8 + R*tool_3*x0*x1*x6 + R*tool_3*x1*x124 + K(2.0)*c_alpha*r*s_beta*tool_3*x115*x6 + K(2.0)*r*s_alpha*s_beta*tool_2*x0*x115 + x321 + x322 + x55 - R*x134*x212 - R*x169*x324 - c_beta*x127*x28 - x1*x123*x20 - x114*x217 - x123*x291*x323 - x127*x204 - x128*x57 - x134*x191 - x14*x43 - x204*x261 - x216*x323*x38 - x251 - x259*x31 - x325 - x56*x90);
+    output[66][i] = -x144*(K(4.0)*R*c_alpha*c_beta*r*s_beta*x6 + K(2.0)*R*c_alpha*tool_2*x2*x8 + K(2.0)*R*c_beta*s_alpha*tool_2*x0*x8 + K(2.0)*R*c_beta*tool_2*x2*x8 + K(2.0)*R*s_alpha*tool_2*x8*x9 + K(2.0)*c_alpha*c_beta*r*s_alpha*tool_2*x8 + c_alpha*r*s_alpha*tool_2*x323 + K(3.0)*c_alpha*r*tool_3*x115*x6 + K(5.0)*c_alpha*r*tool_3*x6*x8 + K(5.0)*c_beta*r*s_beta*tool_1*x0 + K(5.0)*c_beta*r*s_beta*tool_1*x6 + c_beta*r*tool_3*x6*x8 + K(3.0)*r*s_alpha*tool_2*x0*x115 + r*tool_3*x323*x6 + K(5.0)*r*tool_3*x8*x9 + K(2.0)*s_beta*x113*x115*x9 + K(2.0)*x1*x113*x9 + x253 - R*x1*x220 - R*x327 - c_beta*x151*x5 - x0*x116*x5 - K(5.0)*x114*x28 - x124*x131*x275 - x127*x331 - x131*x326 - x134*x228 - x134*x336 - x15*x228 - x177*x337 - x190*x6 - x197 - x203 - x22*x317 - K(5.0)*x22*x40 - x255 - x28*x77 - x31*x330 - x326*x332 - x328*x8 - x329*x34 - x333*x334 - x335*x47);
+    output[67][i] = -x144*(K(5.0)*c_alpha*r*x6*x8 + c_beta*r*x6*x8 + K(2.0)*c_beta*tool_1*x0 + K(4.0)*r*x115*x9 + r*x323*x6 + K(5.0)*r*x8*x9 + K(2.0)*s_beta*tool_3*x9 + K(2.0)*tool_2*x1*x2 - c_beta*x152 - c_beta*x222 - x0*x49 - x1*x339 - x115*x147 - x134*x231 - x14*x49 - x147*x8 - x170*x57 - x173*x30 - x216*x333 - x226 - x279 - x281 - x284 - x338);
+    output[68][i] = -x209*x61*(x0 - x14 - x340);
+    output[69][i] = K(0.0);
+    output[70][i] = -x145*(c_alpha*x114*x137 + c_beta*x210 + tool_1*x131*x34 + K(4.0)*tool_3*x19*x20 + x1*x201*x23 + x1*x213 + x126*x331 + x14*x154 + x14*x161 + x156*x262 + x164 + x165*x47 + x167*x6 + x192*x22 + x195*x323 + x229*x323*x75 + x23*x64 + x260 - R*x278 - R*x282 - R*x283 - tool_1*x332 - tool_1*x342 - tool_1*x343 - tool_3*x1*x220 - tool_3*x327 - x117*x185 - x131*x46 - x134*x258 - x178*x19 - x22*x276 - x263*x6 - x341*x61);
+    output[71][i] = x47*(c_beta*x189*x47 + r*x323*x334*x34 + tool_1*x115*x329 + tool_3*x322 + x0*x268 + x1*x124*x266 + x113*x286 + x115*x124*x267 + x123*x14*x94 + x131*x141 + x134*x265 + x144*x64 + x151*x262 + x160*x22 + x166*x336 + x166*x341 + x172*x191 + x187*x242 + x188*x275*x323 + x208*x84 + x209*x286 + x209*x299 + x218*x335 + x271 + x274*x337 + x28*x328 + x28*x47*x51 + x35*x41 - c_beta*tool_3*x161 - tool_3*x206*x323 - tool_3*x210 - x11*x209 - x113*x288 - x113*x63*x8 - x114*x29*x47 - x131*x144*x156 - x144*x192 - x15*x265 - x151*x344 - x194*x324 - x209*x288 - x209*x289 - x209*x298 - x209*x5*x65 - x211*x75 - x261*x344 - x270 - x272*x5 - K(6.0)*x273 - x28*x54);
+    output[72][i] = -x47*(K(4.0)*c_alpha*c_beta*r*s_alpha*s_beta*tool_2 + c_alpha*x113*x6*x8 + K(4.0)*c_alpha*x115*x26*x6 + K(4.0)*c_alpha*x26*x6*x8 + K(2.0)*c_beta*r*tool_1*x0 + c_beta*x113*x6*x8 + K(2.0)*r*s_beta*tool_3*x9 + K(2.0)*r*tool_2*x1*x2 + x113*x323*x6 + x113*x8*x9 + K(4.0)*x115*x26*x9 + K(4.0)*x26*x8*x9 - c_beta*tool_1*x94 - r*x338 - x131*x147 - x137*x339 - x147*x28 - x162*x30 - x166*x56*x6 - x170*x19*x22 - x321 - x322 - x325 - x33 - x333*x345 - x34*x41 - x342*x56 - x343*x56);
+    output[73][i] = x56*(c_alpha*x17 + c_beta*x140 + x12 + x134*x227 + x192 + x200 + x22*x280 + K(2.0)*x288 + x64 - c_alpha*x229 - x171 - K(2.0)*x286 - K(2.0)*x299 - x66);
+    output[74][i] = K(8.0)*x216*(x340 + x45);
+    output[75][i] = -(R*R*R)*x330*(x0*x8 - x20 - x34);
+    output[76][i] = -x145*(x277 + x99);
+    output[77][i] = K(4.0)*x92*(x31 + x65 - c_alpha);
+    output[78][i] = x214;
+    output[79][i] = x346 - x219*x47;
+    output[80][i] = -x155;
+    output[81][i] = K(1.0);
+    output[82][i] = x113 + x26 - x347 - x349 - x350;
+    output[83][i] = R*(x61 - x73);
+    output[84][i] = K(1.0);
+    output[85][i] = x346 + x350 - x347 - x349;
+    output[86][i] = R*(x61 + x73);
+    output[87][i] = K(1.0);
     output[88][i] = FABS(alpha);
     output[89][i] = FABS(beta);
   }
-}
-
-/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
-static void TYPED(tricept_beam_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[88][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[89][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const REAL alpha = input[0][i];
-    const REAL beta = input[1][i];
-    const REAL R = input[2][i];
-    const REAL r = input[3][i];
-    const REAL tool[3] = {input[4][i], input[5][i], input[6][i]};
-    REAL numerator[75];
-    REAL determinant[4];
-    REAL squares[9];
-    TYPED(tricept_uncertainty_tricept_beam)(alpha, beta, R, r, tool, numerator, determinant, squares);
-    for (int k = 0; k < 75; ++k)
-      output[0 + k][i] = numerator[k];
-    for (int k = 0; k < 4; ++k)
-      output[75 + k][i] = determinant[k];
-    for (int k = 0; k < 9; ++k)
-      output[79 + k][i] = squares[k];
-  }
-}
-
-SHARED void TYPED(tricept_beam_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  TYPED(tricept_beam)(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[88][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[89][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    TYPED(tricept_beam_beyond)(input, output);
+  return is_beyond(output + 88, 2);
 }
 #endif
+
+static void TYPED(tricept_beam_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(tricept_uncertainty_tricept_beam)(x[0], x[1], x[2], x[3], x + 4, y + 0, y + 75, y + 79);
+}
 
 void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_0[k] = 0;
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_5[75];
-  for (int k = 0; k < 75; ++k)
-    offsets_5[k] = (k / 25) % 3 * core[1] + (k / 5) % 5 * core[2] + (k / 1) % 5 * core[3];
-  ptrdiff_t offsets_6[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_6[k] = (k / 1) % 4 * core[4];
-  ptrdiff_t offsets_7[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_7[k] = (k / 3) % 3 * core[5] + (k / 1) % 3 * core[6];
-#ifndef ROW_BY_ROW
-  REAL input[7][BLOCK], output[90][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 75, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 9, steps[7], width) & is_aligned(args[7], width));
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[4], steps[4]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-      TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(gather)(input + 3, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-      TYPED(gather)(input + 4, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-      TYPED(tricept_beam_block)(input, output);
-      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 75, count, output + 0);
-      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 75);
-      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 9, count, output + 79);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[5] + start * 75 * width, (total - start) * 75 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[6] + start * 4 * width, (total - start) * 4 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[7] + start * 9 * width, (total - start) * 9 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 1);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 1, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 2, args[2], 1);
-    if (steps[3] == 0)
-      TYPED(fill)(input + 3, args[3], 1);
-    if (steps[4] == 0)
-      TYPED(fill)(input + 4, args[4], 3);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_1)(input + 0, args[0] + start * 1 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 1, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 2, args[2] + start * 1 * width);
-      if (steps[3] != 0)
-        TYPED(load_1)(input + 3, args[3] + start * 1 * width);
-      if (steps[4] != 0)
-        TYPED(load_3)(input + 4, args[4] + start * 3 * width);
-      TYPED(tricept_beam_block)(input, output);
-      {
-        REAL staged[75 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 75);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      {
-        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
-        TYPED(interleave)(rows, output + 75, 4);
-        write_block(&writer_1, rows, sizeof staged);
-      }
-      {
-        REAL staged[9 * BLOCK], *rows = block_rows(&writer_2, staged);
-        TYPED(interleave)(rows, output + 79, 9);
-        write_block(&writer_2, rows, sizeof staged);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL alpha[1];
-    for (int k = 0; k < 1; ++k)
-      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL beta[1];
-    for (int k = 0; k < 1; ++k)
-      beta[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
-    REAL tool[3];
-    for (int k = 0; k < 3; ++k)
-      tool[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
-    REAL numerator[75];
-    REAL determinant[4];
-    REAL squares[9];
-    TYPED(tricept_uncertainty_tricept_beam)(alpha[0], beta[0], R[0], r[0], tool, numerator, determinant, squares);
-    for (int k = 0; k < 75; ++k)
-      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], numerator[k]);
-    for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], determinant[k]);
-    for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], squares[k]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {75, 0, 3, {3, 5, 5}}, {4, 0, 1, {4}}, {9, 0, 2, {3, 3}}};
+  static const struct kernel kernel = {ports, 5, 3, 7, 88, 2, BLOCKWISE(tricept_beam), TYPED(tricept_beam_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

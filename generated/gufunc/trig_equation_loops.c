@@ -12,27 +12,53 @@
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif
-#include <fenv.h>
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-
 #include "../c/trig_equation.h"
-#include "real.h"
-#include "vector.h"
-
-#ifndef LOOP_ISA
-#define LOOP_ISA baseline
-#endif
-#define JOIN_(a, b, c) a##_##b##_##c
-#define JOIN(a, b, c) JOIN_(a, b, c)
-#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
-
-enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
+#include "loop.h"
 
 /* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
-static inline void TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+/* The usual case: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2. Returns whether all elements are usual. */
+SHARED REAL_MASK TYPED(trig_solve_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  REAL_MASK all_usual = -1;
+  VECTORISE_ALL(all_usual)
+  for (int i = 0; i < BLOCK; ++i) {
+    const REAL A = input[0][i];
+    const REAL B = input[1][i];
+    const REAL D = input[2][i];
+    const REAL x11 = FABS(A);
+    const REAL x12 = FABS(B);
+    const REAL size = K(0.25)*x11 + K(0.25)*x12 + K(0.25)*FABS(D);
+    const REAL x0 = x12;
+    const REAL x1 = x11;
+    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
+    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
+    const REAL x2 = (smaller*smaller);
+    const REAL square = x2 + (larger - D)*(D + larger);
+    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+    const REAL w = SQRT(square);
+    const REAL x3 = A*D;
+    const REAL x4 = B*w;
+    const REAL x5 = x3 + x4;
+    const REAL cosine_plus = TYPED(blend)(TYPED(mask)(x5 == K(0.0)), K(0.0), -x5);
+    const REAL x6 = A*w;
+    const REAL x7 = B*D;
+    const REAL x8 = x6 - x7;
+    const REAL sine_plus = TYPED(blend)(TYPED(mask)(x8 == K(0.0)), K(0.0), x8);
+    const REAL x9 = x3 - x4;
+    const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
+    const REAL x10 = x6 + x7;
+    const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
+    const REAL_MASK is_usual = (TYPED(mask)(size > REAL_EPSILON)) & (TYPED(mask)(square > bound)) & (TYPED(mask)(size < K(1.0)/REAL_EPSILON));
+    output[0][i] = TYPED(vector_atan2)(sine_plus, cosine_plus);
+    output[1][i] = TYPED(vector_atan2)(sine_minus, cosine_minus);
+    output[2][i] = K(0.0);
+    all_usual &= is_usual;
+  }
+  return all_usual;
+}
+SHARED int TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  if (TYPED(trig_solve_usual)(input, output))
+    return 0;
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
     const REAL A = input[0][i];
@@ -68,157 +94,22 @@ static inline void TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
     const REAL x10 = x6 + x7;
     const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
-    const REAL theta_1 = TYPED(blend)(there, TYPED(vector_atan2)(sine_plus, cosine_plus), (REAL)NAN);
-    const REAL theta_2 = TYPED(blend)(there, TYPED(vector_atan2)(sine_minus, cosine_minus), (REAL)NAN);
-    const REAL status = TYPED(blend)(~(valid), K(5.0), TYPED(blend)((empty) & (TYPED(mask)(FABS(d) > K(0.0))), K(4.0), TYPED(blend)(empty, K(3.0), TYPED(blend)(is_double, K(1.0), TYPED(blend)(two, K(0.0), K(2.0))))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = status;
+    output[0][i] = TYPED(blend)(there, TYPED(vector_atan2)(sine_plus, cosine_plus), (REAL)NAN);
+    output[1][i] = TYPED(blend)(there, TYPED(vector_atan2)(sine_minus, cosine_minus), (REAL)NAN);
+    output[2][i] = TYPED(blend)(~(valid), K(5.0), TYPED(blend)((empty) & (TYPED(mask)(FABS(d) > K(0.0))), K(4.0), TYPED(blend)(empty, K(3.0), TYPED(blend)(is_double, K(1.0), TYPED(blend)(two, K(0.0), K(2.0))))));
   }
-}
-
-/* The usual case: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2. Returns whether all elements are usual. */
-static inline REAL_MASK TYPED(trig_solve_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  REAL_MASK all_usual = -1;
-  VECTORISE_ALL(all_usual)
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL A = input[0][i];
-    const REAL B = input[1][i];
-    const REAL D = input[2][i];
-    const REAL x11 = FABS(A);
-    const REAL x12 = FABS(B);
-    const REAL size = K(0.25)*x11 + K(0.25)*x12 + K(0.25)*FABS(D);
-    const REAL x0 = x12;
-    const REAL x1 = x11;
-    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
-    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
-    const REAL x2 = (smaller*smaller);
-    const REAL square = x2 + (larger - D)*(D + larger);
-    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
-    const REAL w = SQRT(square);
-    const REAL x3 = A*D;
-    const REAL x4 = B*w;
-    const REAL x5 = x3 + x4;
-    const REAL cosine_plus = TYPED(blend)(TYPED(mask)(x5 == K(0.0)), K(0.0), -x5);
-    const REAL x6 = A*w;
-    const REAL x7 = B*D;
-    const REAL x8 = x6 - x7;
-    const REAL sine_plus = TYPED(blend)(TYPED(mask)(x8 == K(0.0)), K(0.0), x8);
-    const REAL x9 = x3 - x4;
-    const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
-    const REAL x10 = x6 + x7;
-    const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
-    const REAL theta_1 = TYPED(vector_atan2)(sine_plus, cosine_plus);
-    const REAL theta_2 = TYPED(vector_atan2)(sine_minus, cosine_minus);
-    const REAL status = K(0.0);
-    const REAL_MASK is_usual = (TYPED(mask)(size > REAL_EPSILON)) & (TYPED(mask)(square > bound)) & (TYPED(mask)(size < K(1.0)/REAL_EPSILON));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = status;
-    all_usual &= is_usual;
-  }
-  return all_usual;
-}
-
-SHARED void TYPED(trig_solve_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  if (TYPED(trig_solve_usual)(input, output))
-    return;
-  TYPED(trig_solve)(input, output);
+  return 0;
 }
 #endif
+
+static void TYPED(trig_solve_row)(const REAL *x, REAL *y, int8_t *codes) {
+  (void)codes;
+  TYPED(trig_equation_trig_solve)(x[0], x[1], x[2], y + 0, codes + 2);
+}
 
 void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
-  ptrdiff_t start = 0;
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_0[k] = 0;
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[0];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-#ifndef ROW_BY_ROW
-  REAL input[3][BLOCK], output[3][BLOCK];
-
-  /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = total > FEW;
-  packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  ptrdiff_t stop = total > FEW ? total : 0;
-  if (packed && total >= ALIGNED_FROM * BLOCK)
-    stop = rows_before_line(args[2], steps[2]);
-  else if (packed)
-    stop = 0;
-  for (;; stop = total) {
-    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
-    for (ptrdiff_t count; start < stop; start += count) {
-      count = stop - start < BLOCK ? stop - start : BLOCK;
-      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-      TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-      TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-      TYPED(trig_solve_block)(input, output);
-      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
-      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
-    }
-    if (!packed)
-      break;
-    packed = 0;
-    struct writer writer_0;
-    open_writer(&writer_0, args[3] + start * 2 * width, (total - start) * 2 * width);
-    if (steps[0] == 0)
-      TYPED(fill)(input + 0, args[0], 1);
-    if (steps[1] == 0)
-      TYPED(fill)(input + 1, args[1], 1);
-    if (steps[2] == 0)
-      TYPED(fill)(input + 2, args[2], 1);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        TYPED(load_1)(input + 0, args[0] + start * 1 * width);
-      if (steps[1] != 0)
-        TYPED(load_1)(input + 1, args[1] + start * 1 * width);
-      if (steps[2] != 0)
-        TYPED(load_1)(input + 2, args[2] + start * 1 * width);
-      TYPED(trig_solve_block)(input, output);
-      {
-        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
-        TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof staged);
-      }
-      TYPED(store_codes)((int8_t *)args[4] + start, output[2]);
-    }
-    close_writer(&writer_0);
-  }
-#endif
-  for (; start < total; ++start) {
-    REAL A[1];
-    for (int k = 0; k < 1; ++k)
-      A[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
-    REAL B[1];
-    for (int k = 0; k < 1; ++k)
-      B[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
-    REAL D[1];
-    for (int k = 0; k < 1; ++k)
-      D[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
-    REAL theta[2];
-    int8_t status[1];
-    TYPED(trig_equation_trig_solve)(A[0], B[0], D[0], theta, status);
-    for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], theta[k]);
-    for (int k = 0; k < 1; ++k)
-      args[4][start * steps[4] + offsets_4[k]] = (char)status[k];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
+  static const struct port ports[] = {{1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {2, 0, 1, {2}}, {1, 1, 0, {0}}};
+  static const struct kernel kernel = {ports, 3, 2, 3, 3, 0, BLOCKWISE(trig_solve), TYPED(trig_solve_row)};
+  (void)data;
+  run(&kernel, args, dimensions[0], steps);
 }

@@ -102,6 +102,7 @@ _MODULES = {
     "tricept_direct": "tricept",
     "tricept_matrices": "tricept",
     "tricept_sensitivity": "tricept",
+    "tricept_at_point": "tricept",
     "tricept_propagate": "tricept",
     "tricept_singularity": "tricept",
     "tricept_parameter_sensitivity": "tricept_uncertainty",

@@ -72,10 +72,6 @@ def solve_axis(rho, rho_prime, angle, length_tolerance, *, out=None):
     )
 
 
-solve_axis.signature = "(3),(3),(),()->(2,3),()"
-solve_axis.types = ["dddd->db", "ffff->fb"]
-
-
 def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
     # 53 add, 110 mul, 6 div, 5 sqrt, 40 select, 41 compare, 19 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
@@ -346,6 +342,11 @@ def _solve_axis_usual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_pri
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 
+solve_axis.signature = "(3),(3),(),()->(2,3),()"
+solve_axis.types = ["dddd->db", "ffff->fb"]
+solve_axis.steps = _solve_axis
+
+
 def length_mismatch(rho, rho_prime, *, out=None):
     """Relative difference of two lengths, |rho_prime| / |rho| - 1.
 
@@ -371,10 +372,6 @@ def length_mismatch(rho, rho_prime, *, out=None):
         (("mismatch", (), False),),
         out,
     )
-
-
-length_mismatch.signature = "(3),(3)->()"
-length_mismatch.types = ["dd->d", "ff->f"]
 
 
 def _length_mismatch(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, eps, largest):
@@ -411,6 +408,11 @@ def _length_mismatch(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     return (mismatch,)
 
 
+length_mismatch.signature = "(3),(3)->()"
+length_mismatch.types = ["dd->d", "ff->f"]
+length_mismatch.steps = _length_mismatch
+
+
 def axis_condition(rho, rho_prime, angle, *, out=None):
     """Condition number of the axis: largest factor from a relative error of a point to the axis.
 
@@ -440,10 +442,6 @@ def axis_condition(rho, rho_prime, angle, *, out=None):
         (("condition", (), False),),
         out,
     )
-
-
-axis_condition.signature = "(3),(3),()->()"
-axis_condition.types = ["ddd->d", "fff->f"]
 
 
 def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
@@ -537,6 +535,11 @@ def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime
     return (condition,)
 
 
+axis_condition.signature = "(3),(3),()->()"
+axis_condition.types = ["ddd->d", "fff->f"]
+axis_condition.steps = _axis_condition
+
+
 def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
     """Derivatives of both axes with respect to both points and the angle.
 
@@ -570,10 +573,6 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
         (("axes_jacobian", (2, 3, 7), False), ("status", (), True)),
         out,
     )
-
-
-axis_jacobian.signature = "(3),(3),(),()->(2,3,7),()"
-axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
@@ -1530,6 +1529,11 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     return (axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, axes_jacobian_1_1_7, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, axes_jacobian_1_2_7, axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, axes_jacobian_2_1_7, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, axes_jacobian_2_2_7, axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, status)
 
 
+axis_jacobian.signature = "(3),(3),(),()->(2,3,7),()"
+axis_jacobian.types = ["dddd->db", "ffff->fb"]
+axis_jacobian.steps = _axis_jacobian
+
+
 def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle, *, out=None):
     """Covariance of both axes from those of the points and the angle, to first order.
 
@@ -1567,10 +1571,6 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
         (("covariance", (2, 3, 3), False), ("axis_status", (), True)),
         out,
     )
-
-
-axis_covariance.signature = "(3),(3),(),(),(3,3),(3,3),()->(2,3,3),()"
-axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
@@ -2609,6 +2609,11 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status)
 
 
+axis_covariance.signature = "(3),(3),(),(),(3,3),(3,3),()->(2,3,3),()"
+axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
+axis_covariance.steps = _axis_covariance
+
+
 def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
     """Derivatives of axis_residual.
 
@@ -2644,10 +2649,6 @@ def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
         (("residual", (3,), False), ("residual_jacobian", (3, 6), False)),
         out,
     )
-
-
-axis_residual.signature = "(3),(3),(),(3),(3)->(3),(3,6)"
-axis_residual.types = ["ddddd->dd", "fffff->ff"]
 
 
 def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
@@ -2774,3 +2775,8 @@ def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     residual_jacobian_3_6 = d_residual_3_d_point_3
     del d_residual_3_d_point_3
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6)
+
+
+axis_residual.signature = "(3),(3),(),(3),(3)->(3),(3,6)"
+axis_residual.types = ["ddddd->dd", "fffff->ff"]
+axis_residual.steps = _axis_residual

@@ -57,10 +57,6 @@ def pair_prepared(first, second, *, out=None):
     )
 
 
-pair_prepared.signature = "(3,3),(3,3)->(3,3),(3,3),()"
-pair_prepared.types = ["dd->ddd", "ff->fff"]
-
-
 def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_2_3, first_3_1, first_3_2, first_3_3, second_1_1, second_1_2, second_1_3, second_2_1, second_2_2, second_2_3, second_3_1, second_3_2, second_3_3, eps, largest):
     # 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale
     size_a = 0.125*xp.abs(first_1_1) + 0.125*xp.abs(first_1_2) + 0.125*xp.abs(first_1_3) + 0.125*xp.abs(first_2_1) + 0.125*xp.abs(first_2_2) + 0.125*xp.abs(first_2_3) + 0.125*xp.abs(first_3_1) + 0.125*xp.abs(first_3_2) + 0.125*xp.abs(first_3_3)
@@ -152,6 +148,11 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     return (one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, loss)
 
 
+pair_prepared.signature = "(3,3),(3,3)->(3,3),(3,3),()"
+pair_prepared.types = ["dd->ddd", "ff->fff"]
+pair_prepared.steps = _pair_prepared
+
+
 def pair_octic(one, two, *, out=None):
     """The octic of two equations in two angles, in the tangent of half the first angle from a turn on.
 
@@ -183,10 +184,6 @@ def pair_octic(one, two, *, out=None):
         (("octic", (9,), False), ("turn", (2,), False), ("size", (), False)),
         out,
     )
-
-
-pair_octic.signature = "(3,3),(3,3)->(9),(2),()"
-pair_octic.types = ["dd->ddd", "ff->fff"]
 
 
 def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, eps, largest):
@@ -432,6 +429,11 @@ def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_
     return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, turn_1, turn_2, size)
 
 
+pair_octic.signature = "(3,3),(3,3)->(9),(2),()"
+pair_octic.types = ["dd->ddd", "ff->fff"]
+pair_octic.steps = _pair_octic
+
+
 def pair_aberth(octic, roots, *, out=None):
     """A step of Ehrlich and Aberth's method for the eight roots of a real octic.
 
@@ -461,10 +463,6 @@ def pair_aberth(octic, roots, *, out=None):
         (("moved", (8, 2), False), ("change", (), False)),
         out,
     )
-
-
-pair_aberth.signature = "(9),(8,2)->(8,2),()"
-pair_aberth.types = ["dd->dd", "ff->ff"]
 
 
 def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
@@ -1130,6 +1128,11 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     return (moved_1_1, moved_1_2, moved_2_1, moved_2_2, moved_3_1, moved_3_2, moved_4_1, moved_4_2, moved_5_1, moved_5_2, moved_6_1, moved_6_2, moved_7_1, moved_7_2, moved_8_1, moved_8_2, change)
 
 
+pair_aberth.signature = "(9),(8,2)->(8,2),()"
+pair_aberth.types = ["dd->dd", "ff->ff"]
+pair_aberth.steps = _pair_aberth
+
+
 def pair_real_roots(octic, size, roots, *, out=None):
     """Which roots of an octic are real, proved by inclusion discs.
 
@@ -1161,10 +1164,6 @@ def pair_real_roots(octic, size, roots, *, out=None):
         (("tangents", (8,), False), ("radii", (8,), False), ("status", (), True)),
         out,
     )
-
-
-pair_real_roots.signature = "(9),(),(8,2)->(8),(8),()"
-pair_real_roots.types = ["ddd->ddb", "fff->ffb"]
 
 
 def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, size, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
@@ -1500,6 +1499,11 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     return (tangents_1, tangents_2, tangents_3, tangents_4, tangents_5, tangents_6, tangents_7, tangents_8, radii_1, radii_2, radii_3, radii_4, radii_5, radii_6, radii_7, radii_8, status)
 
 
+pair_real_roots.signature = "(9),(),(8,2)->(8),(8),()"
+pair_real_roots.types = ["ddd->ddb", "fff->ffb"]
+pair_real_roots.steps = _pair_real_roots
+
+
 def pair_angles(one, two, turn, tangent, *, out=None):
     """Both angles for a real root of the octic of two equations in two angles.
 
@@ -1531,10 +1535,6 @@ def pair_angles(one, two, turn, tangent, *, out=None):
     )
 
 
-pair_angles.signature = "(3,3),(3,3),(2),()->(2)"
-pair_angles.types = ["dddd->d", "ffff->f"]
-
-
 def _pair_angles(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, turn_1, turn_2, tangent, eps, largest):
     # 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2
     by = 1.0/((tangent*tangent) + 1.0)
@@ -1562,6 +1562,11 @@ def _pair_angles(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     angles_2 = xp.atan2(normal_3*sign, normal_2*sign)
     del normal_2, normal_3, sign
     return (angles_1, angles_2)
+
+
+pair_angles.signature = "(3,3),(3,3),(2),()->(2)"
+pair_angles.types = ["dddd->d", "ffff->f"]
+pair_angles.steps = _pair_angles
 
 
 def pair_polish(one, two, angles, *, out=None):
@@ -1599,10 +1604,6 @@ def pair_polish(one, two, angles, *, out=None):
         (("polished", (2,), False), ("residual", (), False), ("condition", (), False), ("determinant", (), False)),
         out,
     )
-
-
-pair_polish.signature = "(3,3),(3,3),(2)->(2),(),(),()"
-pair_polish.types = ["ddd->dddd", "fff->ffff"]
 
 
 def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, angles_1, angles_2, eps, largest):
@@ -1777,3 +1778,8 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     determinant = determinant_end
     del determinant_end
     return (polished_1, polished_2, residual, condition, determinant)
+
+
+pair_polish.signature = "(3,3),(3,3),(2)->(2),(),(),()"
+pair_polish.types = ["ddd->dddd", "fff->ffff"]
+pair_polish.steps = _pair_polish

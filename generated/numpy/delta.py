@@ -64,10 +64,6 @@ def linear_delta_direct(carriage, radius, rod, heading, *, out=None):
     )
 
 
-linear_delta_direct.signature = "(3),(3),(3),(3)->(3),()"
-linear_delta_direct.types = ["dddd->db", "ffff->fb"]
-
-
 def _linear_delta_direct(xp, carriage_1, carriage_2, carriage_3, radius_1, radius_2, radius_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
     # 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin
     joint_1_1 = radius_1*xp.cos(heading_1)
@@ -158,6 +154,11 @@ def _linear_delta_direct(xp, carriage_1, carriage_2, carriage_3, radius_1, radiu
     return (position_1, position_2, position_3, status)
 
 
+linear_delta_direct.signature = "(3),(3),(3),(3)->(3),()"
+linear_delta_direct.types = ["dddd->db", "ffff->fb"]
+linear_delta_direct.steps = _linear_delta_direct
+
+
 def rotary_delta_direct(angle, radius, arm, rod, heading, *, out=None):
     """Where the platform of a rotary delta is, from its arms.
 
@@ -191,10 +192,6 @@ def rotary_delta_direct(angle, radius, arm, rod, heading, *, out=None):
         (("position", (3,), False), ("status", (), True)),
         out,
     )
-
-
-rotary_delta_direct.signature = "(3),(3),(3),(3),(3)->(3),()"
-rotary_delta_direct.types = ["ddddd->db", "fffff->fb"]
 
 
 def _rotary_delta_direct(xp, angle_1, angle_2, angle_3, radius_1, radius_2, radius_3, arm_1, arm_2, arm_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
@@ -293,6 +290,11 @@ def _rotary_delta_direct(xp, angle_1, angle_2, angle_3, radius_1, radius_2, radi
     return (position_1, position_2, position_3, status)
 
 
+rotary_delta_direct.signature = "(3),(3),(3),(3),(3)->(3),()"
+rotary_delta_direct.types = ["ddddd->db", "fffff->fb"]
+rotary_delta_direct.steps = _rotary_delta_direct
+
+
 def linear_delta_inverse(position, radius, rod, heading, *, out=None):
     """Heights of the carriages of a linear delta.
 
@@ -324,10 +326,6 @@ def linear_delta_inverse(position, radius, rod, heading, *, out=None):
         (("carriage", (3,), False), ("status", (), True)),
         out,
     )
-
-
-linear_delta_inverse.signature = "(3),(3),(3),(3)->(3),()"
-linear_delta_inverse.types = ["dddd->db", "ffff->fb"]
 
 
 def _linear_delta_inverse(xp, position_1, position_2, position_3, radius_1, radius_2, radius_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
@@ -379,6 +377,11 @@ def _linear_delta_inverse(xp, position_1, position_2, position_3, radius_1, radi
     return (carriage_1, carriage_2, carriage_3, status)
 
 
+linear_delta_inverse.signature = "(3),(3),(3),(3)->(3),()"
+linear_delta_inverse.types = ["dddd->db", "ffff->fb"]
+linear_delta_inverse.steps = _linear_delta_inverse
+
+
 def rotary_delta_equations(position, radius, arm, rod, heading, *, out=None):
     """Coefficients of the equations a cos(angle) + b sin(angle) + c = 0 of the arms of a rotary delta.
 
@@ -418,10 +421,6 @@ def rotary_delta_equations(position, radius, arm, rod, heading, *, out=None):
     )
 
 
-rotary_delta_equations.signature = "(3),(3),(3),(3),(3)->(3),(3),(3)"
-rotary_delta_equations.types = ["ddddd->ddd", "fffff->fff"]
-
-
 def _rotary_delta_equations(xp, position_1, position_2, position_3, radius_1, radius_2, radius_3, arm_1, arm_2, arm_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
     # 24 add, 26 mul, 3 div, 3 cos, 3 sin
     cosine_1 = xp.cos(heading_1)
@@ -455,3 +454,8 @@ def _rotary_delta_equations(xp, position_1, position_2, position_3, radius_1, ra
     c_3 = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3
     del across_3, along_3, x1
     return (a_1, a_2, a_3, b_1, b_2, b_3, c_1, c_2, c_3)
+
+
+rotary_delta_equations.signature = "(3),(3),(3),(3),(3)->(3),(3),(3)"
+rotary_delta_equations.types = ["ddddd->ddd", "fffff->fff"]
+rotary_delta_equations.steps = _rotary_delta_equations

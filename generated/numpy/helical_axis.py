@@ -50,10 +50,6 @@ def screw_residual(before, reading, angle, slide, axis, point, *, out=None):
     )
 
 
-screw_residual.signature = "(3),(3),(),(),(3),(3)->(3),(3,11)"
-screw_residual.types = ["dddddd->dd", "ffffff->ff"]
-
-
 def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, reading_3, angle, slide, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
     # 63 add, 115 mul, 1 cos, 1 sin
     half_angle = 0.5*angle
@@ -264,6 +260,11 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_1_7, residual_jacobian_1_8, residual_jacobian_1_9, residual_jacobian_1_10, residual_jacobian_1_11, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_2_7, residual_jacobian_2_8, residual_jacobian_2_9, residual_jacobian_2_10, residual_jacobian_2_11, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6, residual_jacobian_3_7, residual_jacobian_3_8, residual_jacobian_3_9, residual_jacobian_3_10, residual_jacobian_3_11)
 
 
+screw_residual.signature = "(3),(3),(),(),(3),(3)->(3),(3,11)"
+screw_residual.types = ["dddddd->dd", "ffffff->ff"]
+screw_residual.steps = _screw_residual
+
+
 def velocity_axis(omega, velocity, position, origin, *, out=None):
     """Derivatives of velocity_axis.
 
@@ -297,10 +298,6 @@ def velocity_axis(omega, velocity, position, origin, *, out=None):
         (("helical", (9,), False), ("helical_jacobian", (9, 9), False)),
         out,
     )
-
-
-velocity_axis.signature = "(3),(3),(3),(3)->(9),(9,9)"
-velocity_axis.types = ["dddd->dd", "ffff->ff"]
 
 
 def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, velocity_3, position_1, position_2, position_3, origin_1, origin_2, origin_3, eps, largest):
@@ -570,3 +567,8 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     helical_jacobian_9_8 = 0.0
     helical_jacobian_9_9 = 0.0
     return (helical_1, helical_2, helical_3, helical_4, helical_5, helical_6, helical_7, helical_8, helical_9, helical_jacobian_1_1, helical_jacobian_1_2, helical_jacobian_1_3, helical_jacobian_1_4, helical_jacobian_1_5, helical_jacobian_1_6, helical_jacobian_1_7, helical_jacobian_1_8, helical_jacobian_1_9, helical_jacobian_2_1, helical_jacobian_2_2, helical_jacobian_2_3, helical_jacobian_2_4, helical_jacobian_2_5, helical_jacobian_2_6, helical_jacobian_2_7, helical_jacobian_2_8, helical_jacobian_2_9, helical_jacobian_3_1, helical_jacobian_3_2, helical_jacobian_3_3, helical_jacobian_3_4, helical_jacobian_3_5, helical_jacobian_3_6, helical_jacobian_3_7, helical_jacobian_3_8, helical_jacobian_3_9, helical_jacobian_4_1, helical_jacobian_4_2, helical_jacobian_4_3, helical_jacobian_4_4, helical_jacobian_4_5, helical_jacobian_4_6, helical_jacobian_4_7, helical_jacobian_4_8, helical_jacobian_4_9, helical_jacobian_5_1, helical_jacobian_5_2, helical_jacobian_5_3, helical_jacobian_5_4, helical_jacobian_5_5, helical_jacobian_5_6, helical_jacobian_5_7, helical_jacobian_5_8, helical_jacobian_5_9, helical_jacobian_6_1, helical_jacobian_6_2, helical_jacobian_6_3, helical_jacobian_6_4, helical_jacobian_6_5, helical_jacobian_6_6, helical_jacobian_6_7, helical_jacobian_6_8, helical_jacobian_6_9, helical_jacobian_7_1, helical_jacobian_7_2, helical_jacobian_7_3, helical_jacobian_7_4, helical_jacobian_7_5, helical_jacobian_7_6, helical_jacobian_7_7, helical_jacobian_7_8, helical_jacobian_7_9, helical_jacobian_8_1, helical_jacobian_8_2, helical_jacobian_8_3, helical_jacobian_8_4, helical_jacobian_8_5, helical_jacobian_8_6, helical_jacobian_8_7, helical_jacobian_8_8, helical_jacobian_8_9, helical_jacobian_9_1, helical_jacobian_9_2, helical_jacobian_9_3, helical_jacobian_9_4, helical_jacobian_9_5, helical_jacobian_9_6, helical_jacobian_9_7, helical_jacobian_9_8, helical_jacobian_9_9)
+
+
+velocity_axis.signature = "(3),(3),(3),(3)->(9),(9,9)"
+velocity_axis.types = ["dddd->dd", "ffff->ff"]
+velocity_axis.steps = _velocity_axis

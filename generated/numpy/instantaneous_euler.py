@@ -57,10 +57,6 @@ def chi_from_quaternion(quaternion, *, out=None):
     )
 
 
-chi_from_quaternion.signature = "(4)->(3),()"
-chi_from_quaternion.types = ["d->db", "f->fb"]
-
-
 def _chi_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
@@ -132,6 +128,11 @@ def _chi_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternio
     return (chi_1, chi_2, chi_3, status)
 
 
+chi_from_quaternion.signature = "(4)->(3),()"
+chi_from_quaternion.types = ["d->db", "f->fb"]
+chi_from_quaternion.steps = _chi_from_quaternion
+
+
 def chi_from_matrix(matrix, *, out=None):
     """Instantaneous Euler angles of a rotation matrix.
 
@@ -157,10 +158,6 @@ def chi_from_matrix(matrix, *, out=None):
         (("chi", (3,), False), ("status", (), True)),
         out,
     )
-
-
-chi_from_matrix.signature = "(3,3)->(3),()"
-chi_from_matrix.types = ["d->db", "f->fb"]
 
 
 def _chi_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
@@ -288,6 +285,11 @@ def _chi_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     return (chi_1, chi_2, chi_3, status)
 
 
+chi_from_matrix.signature = "(3,3)->(3),()"
+chi_from_matrix.types = ["d->db", "f->fb"]
+chi_from_matrix.steps = _chi_from_matrix
+
+
 def chi_from_zyx(angles, *, out=None):
     """Instantaneous Euler angles of intrinsic Z-Y-X angles.
 
@@ -313,10 +315,6 @@ def chi_from_zyx(angles, *, out=None):
         (("chi", (3,), False), ("status", (), True)),
         out,
     )
-
-
-chi_from_zyx.signature = "(3)->(3),()"
-chi_from_zyx.types = ["d->db", "f->fb"]
 
 
 def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
@@ -400,6 +398,11 @@ def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
     return (chi_1, chi_2, chi_3, status)
 
 
+chi_from_zyx.signature = "(3)->(3),()"
+chi_from_zyx.types = ["d->db", "f->fb"]
+chi_from_zyx.steps = _chi_from_zyx
+
+
 def chi_from_zyz(angles, *, out=None):
     """Instantaneous Euler angles of intrinsic Z-Y-Z angles.
 
@@ -425,10 +428,6 @@ def chi_from_zyz(angles, *, out=None):
         (("chi", (3,), False), ("status", (), True)),
         out,
     )
-
-
-chi_from_zyz.signature = "(3)->(3),()"
-chi_from_zyz.types = ["d->db", "f->fb"]
 
 
 def _chi_from_zyz(xp, angles_1, angles_2, angles_3, eps, largest):
@@ -490,3 +489,8 @@ def _chi_from_zyz(xp, angles_1, angles_2, angles_3, eps, largest):
     status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
     del cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
+
+
+chi_from_zyz.signature = "(3)->(3),()"
+chi_from_zyz.types = ["d->db", "f->fb"]
+chi_from_zyz.steps = _chi_from_zyz

@@ -42,10 +42,6 @@ def chi_arm_pose(joints, lengths, *, out=None):
     )
 
 
-chi_arm_pose.signature = "(6),(4)->(3,3),(3),(3)"
-chi_arm_pose.types = ["dd->ddd", "ff->fff"]
-
-
 def _chi_arm_pose(xp, joints_1, joints_2, joints_3, joints_4, joints_5, joints_6, lengths_1, lengths_2, lengths_3, lengths_4, eps, largest):
     # 32 add, 65 mul, 6 cos, 6 sin
     x0 = xp.sin(joints_1)
@@ -130,3 +126,8 @@ def _chi_arm_pose(xp, joints_1, joints_2, joints_3, joints_4, joints_5, joints_6
     wrist_3 = x39
     del x39
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, wrist_1, wrist_2, wrist_3)
+
+
+chi_arm_pose.signature = "(6),(4)->(3,3),(3),(3)"
+chi_arm_pose.types = ["dd->ddd", "ff->fff"]
+chi_arm_pose.steps = _chi_arm_pose

@@ -67,10 +67,6 @@ def chi_rotations(chi, tolerance, *, out=None):
     )
 
 
-chi_rotations.signature = "(3),()->(8,4),(),(3),()"
-chi_rotations.types = ["dd->dddb", "ff->fffb"]
-
-
 def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     # 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
     x22 = 3.141592653589793*(4.0*eps + 1.0)
@@ -264,3 +260,8 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     status = xp.where(~(good), 5.0, xp.where(outside, 4.0, xp.where(freedom > 2.5, 0.0, xp.where(freedom > 1.5, 1.0, xp.where(freedom > 0.5, 2.0, 3.0)))))
     del freedom, good, outside
     return (quaternions_1_1, quaternions_1_2, quaternions_1_3, quaternions_1_4, quaternions_2_1, quaternions_2_2, quaternions_2_3, quaternions_2_4, quaternions_3_1, quaternions_3_2, quaternions_3_3, quaternions_3_4, quaternions_4_1, quaternions_4_2, quaternions_4_3, quaternions_4_4, quaternions_5_1, quaternions_5_2, quaternions_5_3, quaternions_5_4, quaternions_6_1, quaternions_6_2, quaternions_6_3, quaternions_6_4, quaternions_7_1, quaternions_7_2, quaternions_7_3, quaternions_7_4, quaternions_8_1, quaternions_8_2, quaternions_8_3, quaternions_8_4, distance, nearest_1, nearest_2, nearest_3, status)
+
+
+chi_rotations.signature = "(3),()->(8,4),(),(3),()"
+chi_rotations.types = ["dd->dddb", "ff->fffb"]
+chi_rotations.steps = _chi_rotations

@@ -66,10 +66,6 @@ def chi_rates(matrix, omega, *, out=None):
     )
 
 
-chi_rates.signature = "(3,3),(3)->(3),(),()"
-chi_rates.types = ["dd->ddb", "ff->ffb"]
-
-
 def _chi_rates(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3, eps, largest):
     # 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
@@ -120,6 +116,11 @@ def _chi_rates(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, m
     return (rate_1, rate_2, rate_3, determinant, status)
 
 
+chi_rates.signature = "(3,3),(3)->(3),(),()"
+chi_rates.types = ["dd->ddb", "ff->ffb"]
+chi_rates.steps = _chi_rates
+
+
 def chi_angular_velocity(matrix, rate, *, out=None):
     """Angular velocity of a body whose instantaneous Euler angles change at given rates.
 
@@ -147,10 +148,6 @@ def chi_angular_velocity(matrix, rate, *, out=None):
         (("omega", (3,), False), ("status", (), True)),
         out,
     )
-
-
-chi_angular_velocity.signature = "(3,3),(3)->(3),()"
-chi_angular_velocity.types = ["dd->db", "ff->fb"]
 
 
 def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, rate_1, rate_2, rate_3, eps, largest):
@@ -209,6 +206,11 @@ def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, ma
     return (omega_1, omega_2, omega_3, status)
 
 
+chi_angular_velocity.signature = "(3,3),(3)->(3),()"
+chi_angular_velocity.types = ["dd->db", "ff->fb"]
+chi_angular_velocity.steps = _chi_angular_velocity
+
+
 def chi_motion_from_zyx(angles, angle_rates, *, out=None):
     """Rotation matrix and angular velocity of intrinsic Z-Y-X angles and their rates.
 
@@ -236,10 +238,6 @@ def chi_motion_from_zyx(angles, angle_rates, *, out=None):
         (("matrix", (3, 3), False), ("omega", (3,), False)),
         out,
     )
-
-
-chi_motion_from_zyx.signature = "(3),(3)->(3,3),(3)"
-chi_motion_from_zyx.types = ["dd->dd", "ff->ff"]
 
 
 def _chi_motion_from_zyx(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
@@ -276,6 +274,11 @@ def _chi_motion_from_zyx(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3)
 
 
+chi_motion_from_zyx.signature = "(3),(3)->(3,3),(3)"
+chi_motion_from_zyx.types = ["dd->dd", "ff->ff"]
+chi_motion_from_zyx.steps = _chi_motion_from_zyx
+
+
 def chi_motion_from_zyz(angles, angle_rates, *, out=None):
     """Rotation matrix and angular velocity of intrinsic Z-Y-Z angles and their rates.
 
@@ -303,10 +306,6 @@ def chi_motion_from_zyz(angles, angle_rates, *, out=None):
         (("matrix", (3, 3), False), ("omega", (3,), False)),
         out,
     )
-
-
-chi_motion_from_zyz.signature = "(3),(3)->(3,3),(3)"
-chi_motion_from_zyz.types = ["dd->dd", "ff->ff"]
 
 
 def _chi_motion_from_zyz(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
@@ -343,6 +342,11 @@ def _chi_motion_from_zyz(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3)
 
 
+chi_motion_from_zyz.signature = "(3),(3)->(3,3),(3)"
+chi_motion_from_zyz.types = ["dd->dd", "ff->ff"]
+chi_motion_from_zyz.steps = _chi_motion_from_zyz
+
+
 def chi_zyx_from_quaternion(quaternion, *, out=None):
     """Intrinsic Z-Y-X angles of a unit quaternion.
 
@@ -368,10 +372,6 @@ def chi_zyx_from_quaternion(quaternion, *, out=None):
         (("angles", (3,), False), ("status", (), True)),
         out,
     )
-
-
-chi_zyx_from_quaternion.signature = "(4)->(3),()"
-chi_zyx_from_quaternion.types = ["d->db", "f->fb"]
 
 
 def _chi_zyx_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
@@ -440,6 +440,11 @@ def _chi_zyx_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quate
     return (angles_1, angles_2, angles_3, status)
 
 
+chi_zyx_from_quaternion.signature = "(4)->(3),()"
+chi_zyx_from_quaternion.types = ["d->db", "f->fb"]
+chi_zyx_from_quaternion.steps = _chi_zyx_from_quaternion
+
+
 def chi_zyz_from_quaternion(quaternion, *, out=None):
     """Intrinsic Z-Y-Z angles of a unit quaternion.
 
@@ -465,10 +470,6 @@ def chi_zyz_from_quaternion(quaternion, *, out=None):
         (("angles", (3,), False), ("status", (), True)),
         out,
     )
-
-
-chi_zyz_from_quaternion.signature = "(4)->(3),()"
-chi_zyz_from_quaternion.types = ["d->db", "f->fb"]
 
 
 def _chi_zyz_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
@@ -529,3 +530,8 @@ def _chi_zyz_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quate
     status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
     del good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
+
+
+chi_zyz_from_quaternion.signature = "(4)->(3),()"
+chi_zyz_from_quaternion.types = ["d->db", "f->fb"]
+chi_zyz_from_quaternion.steps = _chi_zyz_from_quaternion

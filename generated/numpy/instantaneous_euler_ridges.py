@@ -65,10 +65,6 @@ def chi_ridge_lines(matrix, point, *, out=None):
     )
 
 
-chi_ridge_lines.signature = "(3,3),(3)->(3,6),(),(),()"
-chi_ridge_lines.types = ["dd->dbbb", "ff->fbbb"]
-
-
 def _chi_ridge_lines(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, eps, largest):
     # 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
@@ -142,3 +138,8 @@ def _chi_ridge_lines(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     status_z = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_z) & (xp.abs(height_z) <= x10), 1.0, xp.where(flat_z, 2.0, 0.0))))
     del abnormal, flat_z, good, height_z, x10
     return (lines_1_1, lines_1_2, lines_1_3, lines_1_4, lines_1_5, lines_1_6, lines_2_1, lines_2_2, lines_2_3, lines_2_4, lines_2_5, lines_2_6, lines_3_1, lines_3_2, lines_3_3, lines_3_4, lines_3_5, lines_3_6, status_x, status_y, status_z)
+
+
+chi_ridge_lines.signature = "(3,3),(3)->(3,6),(),(),()"
+chi_ridge_lines.types = ["dd->dbbb", "ff->fbbb"]
+chi_ridge_lines.steps = _chi_ridge_lines

@@ -40,10 +40,6 @@ def rotation_from_vector(w, *, out=None):
     )
 
 
-rotation_from_vector.signature = "(3)->(3,3),(3,3)"
-rotation_from_vector.types = ["d->dd", "f->ff"]
-
-
 def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
     # 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
     x0 = (w_1*w_1)
@@ -110,6 +106,11 @@ def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, left_jacobian_1_1, left_jacobian_1_2, left_jacobian_1_3, left_jacobian_2_1, left_jacobian_2_2, left_jacobian_2_3, left_jacobian_3_1, left_jacobian_3_2, left_jacobian_3_3)
 
 
+rotation_from_vector.signature = "(3)->(3,3),(3,3)"
+rotation_from_vector.types = ["d->dd", "f->ff"]
+rotation_from_vector.steps = _rotation_from_vector
+
+
 def tilted_axis(axis, u, v, tilt, *, out=None):
     """An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.
 
@@ -143,10 +144,6 @@ def tilted_axis(axis, u, v, tilt, *, out=None):
         (("tilted", (3,), False), ("tilted_jacobian", (3, 2), False)),
         out,
     )
-
-
-tilted_axis.signature = "(3),(3),(3),(2)->(3),(3,2)"
-tilted_axis.types = ["dddd->dd", "ffff->ff"]
 
 
 def _tilted_axis(xp, axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_1, tilt_2, eps, largest):
@@ -204,3 +201,8 @@ def _tilted_axis(xp, axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_
     tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4
     del turned_axis_1, turned_axis_2, x4, x6
     return (tilted_1, tilted_2, tilted_3, tilted_jacobian_1_1, tilted_jacobian_1_2, tilted_jacobian_2_1, tilted_jacobian_2_2, tilted_jacobian_3_1, tilted_jacobian_3_2)
+
+
+tilted_axis.signature = "(3),(3),(3),(2)->(3),(3,2)"
+tilted_axis.types = ["dddd->dd", "ffff->ff"]
+tilted_axis.steps = _tilted_axis

@@ -67,10 +67,6 @@ def robot_wrist_reverse(pose, a, cosine, sine, offset, *, out=None):
     )
 
 
-robot_wrist_reverse.signature = "(4,4),(5),(5),(5),(6)->(8,6),(8)"
-robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
-
-
 def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
     # 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
     rough = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + xp.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + xp.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + xp.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
@@ -1644,6 +1640,11 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
+robot_wrist_reverse.signature = "(4,4),(5),(5),(5),(6)->(8,6),(8)"
+robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
+robot_wrist_reverse.steps = _robot_wrist_reverse
+
+
 def robot_parallel_reverse(pose, a, cosine, sine, offset, *, out=None):
     """All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.
 
@@ -1679,10 +1680,6 @@ def robot_parallel_reverse(pose, a, cosine, sine, offset, *, out=None):
         (("angles", (8, 6), False), ("status", (8,), True)),
         out,
     )
-
-
-robot_parallel_reverse.signature = "(4,4),(5),(5),(5),(6)->(8,6),(8)"
-robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
@@ -3145,6 +3142,11 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
+robot_parallel_reverse.signature = "(4,4),(5),(5),(5),(6)->(8,6),(8)"
+robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
+robot_parallel_reverse.steps = _robot_parallel_reverse
+
+
 def robot_pair_456(pose, a, cosine, sine, offset, *, out=None):
     """Two equations in theta2 and theta3 of an arm whose axes 4, 5, 6 meet.
 
@@ -3178,10 +3180,6 @@ def robot_pair_456(pose, a, cosine, sine, offset, *, out=None):
         (("equations", (2, 3, 3), False),),
         out,
     )
-
-
-robot_pair_456.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
-robot_pair_456.types = ["ddddd->d", "fffff->f"]
 
 
 def _robot_pair_456(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
@@ -3234,6 +3232,11 @@ def _robot_pair_456(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
+robot_pair_456.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_456.types = ["ddddd->d", "fffff->f"]
+robot_pair_456.steps = _robot_pair_456
+
+
 def robot_pair_234(pose, a, cosine, sine, offset, *, out=None):
     """Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 meet.
 
@@ -3267,10 +3270,6 @@ def robot_pair_234(pose, a, cosine, sine, offset, *, out=None):
         (("equations", (2, 3, 3), False),),
         out,
     )
-
-
-robot_pair_234.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
-robot_pair_234.types = ["ddddd->d", "fffff->f"]
 
 
 def _robot_pair_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
@@ -3326,6 +3325,11 @@ def _robot_pair_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
+robot_pair_234.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_234.types = ["ddddd->d", "fffff->f"]
+robot_pair_234.steps = _robot_pair_234
+
+
 def robot_pair_parallel_234(pose, a, cosine, sine, offset, *, out=None):
     """Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 are parallel.
 
@@ -3359,10 +3363,6 @@ def robot_pair_parallel_234(pose, a, cosine, sine, offset, *, out=None):
         (("equations", (2, 3, 3), False),),
         out,
     )
-
-
-robot_pair_parallel_234.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
-robot_pair_parallel_234.types = ["ddddd->d", "fffff->f"]
 
 
 def _robot_pair_parallel_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
@@ -3402,6 +3402,11 @@ def _robot_pair_parallel_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
+robot_pair_parallel_234.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_parallel_234.types = ["ddddd->d", "fffff->f"]
+robot_pair_parallel_234.steps = _robot_pair_parallel_234
+
+
 def robot_pair_parallel_123(pose, a, cosine, sine, offset, *, out=None):
     """Two equations in theta5 and theta6 of an arm whose axes 1, 2, 3 are parallel.
 
@@ -3437,10 +3442,6 @@ def robot_pair_parallel_123(pose, a, cosine, sine, offset, *, out=None):
     )
 
 
-robot_pair_parallel_123.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
-robot_pair_parallel_123.types = ["ddddd->d", "fffff->f"]
-
-
 def _robot_pair_parallel_123(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
     # 9 add, 26 mul
     equations_1_1_1 = cosine_4*cosine_5*pose_3_3 - cosine_3
@@ -3474,3 +3475,8 @@ def _robot_pair_parallel_123(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_
     equations_2_3_3 = -cosine_5*x4
     del x4
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
+
+
+robot_pair_parallel_123.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_parallel_123.types = ["ddddd->d", "fffff->f"]
+robot_pair_parallel_123.steps = _robot_pair_parallel_123

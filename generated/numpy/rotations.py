@@ -59,10 +59,6 @@ def rotate(rho, theta, *, out=None):
     )
 
 
-rotate.signature = "(3),(3)->(3)"
-rotate.types = ["dd->d", "ff->f"]
-
-
 def _rotate(xp, rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
     # 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale
     factor = _power_of_two_scale(0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0)
@@ -86,6 +82,11 @@ def _rotate(xp, rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
     rotated_3 = rho_3 + x1*(2.0*inner_2*turn_1 - 2.0*inner_1*turn_2)
     del inner_1, inner_2, turn_1, turn_2, x1
     return (rotated_1, rotated_2, rotated_3)
+
+
+rotate.signature = "(3),(3)->(3)"
+rotate.types = ["dd->d", "ff->f"]
+rotate.steps = _rotate
 
 
 def rodrigues_vector_from_axis_angle(axis, angle, *, out=None):
@@ -115,10 +116,6 @@ def rodrigues_vector_from_axis_angle(axis, angle, *, out=None):
         (("theta", (3,), False), ("status", (), True)),
         out,
     )
-
-
-rodrigues_vector_from_axis_angle.signature = "(3),()->(3),()"
-rodrigues_vector_from_axis_angle.types = ["dd->db", "ff->fb"]
 
 
 def _rodrigues_vector_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
@@ -172,6 +169,11 @@ def _rodrigues_vector_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, la
     return (theta_1, theta_2, theta_3, status)
 
 
+rodrigues_vector_from_axis_angle.signature = "(3),()->(3),()"
+rodrigues_vector_from_axis_angle.types = ["dd->db", "ff->fb"]
+rodrigues_vector_from_axis_angle.steps = _rodrigues_vector_from_axis_angle
+
+
 def matrix_from_axis_angle(axis, angle, *, out=None):
     """Convert a rotation from axis and angle to matrix.
 
@@ -199,10 +201,6 @@ def matrix_from_axis_angle(axis, angle, *, out=None):
         (("matrix", (3, 3), False), ("status", (), True)),
         out,
     )
-
-
-matrix_from_axis_angle.signature = "(3),()->(3,3),()"
-matrix_from_axis_angle.types = ["dd->db", "ff->fb"]
 
 
 def _matrix_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
@@ -276,6 +274,11 @@ def _matrix_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
+matrix_from_axis_angle.signature = "(3),()->(3,3),()"
+matrix_from_axis_angle.types = ["dd->db", "ff->fb"]
+matrix_from_axis_angle.steps = _matrix_from_axis_angle
+
+
 def quaternion_from_axis_angle(axis, angle, *, out=None):
     """Convert a rotation from axis and angle to quaternion.
 
@@ -303,10 +306,6 @@ def quaternion_from_axis_angle(axis, angle, *, out=None):
         (("quaternion", (4,), False), ("status", (), True)),
         out,
     )
-
-
-quaternion_from_axis_angle.signature = "(3),()->(4),()"
-quaternion_from_axis_angle.types = ["dd->db", "ff->fb"]
 
 
 def _quaternion_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
@@ -360,6 +359,11 @@ def _quaternion_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest)
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
+quaternion_from_axis_angle.signature = "(3),()->(4),()"
+quaternion_from_axis_angle.types = ["dd->db", "ff->fb"]
+quaternion_from_axis_angle.steps = _quaternion_from_axis_angle
+
+
 def axis_angle_from_rodrigues_vector(theta, *, out=None):
     """Convert a rotation from rodrigues vector to axis and angle.
 
@@ -387,10 +391,6 @@ def axis_angle_from_rodrigues_vector(theta, *, out=None):
         (("axis", (3,), False), ("angle", (), False), ("status", (), True)),
         out,
     )
-
-
-axis_angle_from_rodrigues_vector.signature = "(3)->(3),(),()"
-axis_angle_from_rodrigues_vector.types = ["d->ddb", "f->ffb"]
 
 
 def _axis_angle_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
@@ -439,6 +439,11 @@ def _axis_angle_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, larges
     return (axis_1, axis_2, axis_3, angle, status)
 
 
+axis_angle_from_rodrigues_vector.signature = "(3)->(3),(),()"
+axis_angle_from_rodrigues_vector.types = ["d->ddb", "f->ffb"]
+axis_angle_from_rodrigues_vector.steps = _axis_angle_from_rodrigues_vector
+
+
 def matrix_from_rodrigues_vector(theta, *, out=None):
     """Convert a rotation from rodrigues vector to matrix.
 
@@ -464,10 +469,6 @@ def matrix_from_rodrigues_vector(theta, *, out=None):
         (("matrix", (3, 3), False), ("status", (), True)),
         out,
     )
-
-
-matrix_from_rodrigues_vector.signature = "(3)->(3,3),()"
-matrix_from_rodrigues_vector.types = ["d->db", "f->fb"]
 
 
 def _matrix_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
@@ -530,6 +531,11 @@ def _matrix_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
+matrix_from_rodrigues_vector.signature = "(3)->(3,3),()"
+matrix_from_rodrigues_vector.types = ["d->db", "f->fb"]
+matrix_from_rodrigues_vector.steps = _matrix_from_rodrigues_vector
+
+
 def quaternion_from_rodrigues_vector(theta, *, out=None):
     """Convert a rotation from rodrigues vector to quaternion.
 
@@ -555,10 +561,6 @@ def quaternion_from_rodrigues_vector(theta, *, out=None):
         (("quaternion", (4,), False), ("status", (), True)),
         out,
     )
-
-
-quaternion_from_rodrigues_vector.signature = "(3)->(4),()"
-quaternion_from_rodrigues_vector.types = ["d->db", "f->fb"]
 
 
 def _quaternion_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
@@ -601,6 +603,11 @@ def _quaternion_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, larges
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
+quaternion_from_rodrigues_vector.signature = "(3)->(4),()"
+quaternion_from_rodrigues_vector.types = ["d->db", "f->fb"]
+quaternion_from_rodrigues_vector.steps = _quaternion_from_rodrigues_vector
+
+
 def axis_angle_from_matrix(matrix, *, out=None):
     """Convert a rotation from matrix to axis and angle.
 
@@ -628,10 +635,6 @@ def axis_angle_from_matrix(matrix, *, out=None):
         (("axis", (3,), False), ("angle", (), False), ("status", (), True)),
         out,
     )
-
-
-axis_angle_from_matrix.signature = "(3,3)->(3),(),()"
-axis_angle_from_matrix.types = ["d->ddb", "f->ffb"]
 
 
 def _axis_angle_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
@@ -740,6 +743,11 @@ def _axis_angle_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, 
     return (axis_1, axis_2, axis_3, angle, status)
 
 
+axis_angle_from_matrix.signature = "(3,3)->(3),(),()"
+axis_angle_from_matrix.types = ["d->ddb", "f->ffb"]
+axis_angle_from_matrix.steps = _axis_angle_from_matrix
+
+
 def rodrigues_vector_from_matrix(matrix, *, out=None):
     """Convert a rotation from matrix to rodrigues vector.
 
@@ -765,10 +773,6 @@ def rodrigues_vector_from_matrix(matrix, *, out=None):
         (("theta", (3,), False), ("status", (), True)),
         out,
     )
-
-
-rodrigues_vector_from_matrix.signature = "(3,3)->(3),()"
-rodrigues_vector_from_matrix.types = ["d->db", "f->fb"]
 
 
 def _rodrigues_vector_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
@@ -871,6 +875,11 @@ def _rodrigues_vector_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix
     return (theta_1, theta_2, theta_3, status)
 
 
+rodrigues_vector_from_matrix.signature = "(3,3)->(3),()"
+rodrigues_vector_from_matrix.types = ["d->db", "f->fb"]
+rodrigues_vector_from_matrix.steps = _rodrigues_vector_from_matrix
+
+
 def quaternion_from_matrix(matrix, *, out=None):
     """Convert a rotation from matrix to quaternion.
 
@@ -896,10 +905,6 @@ def quaternion_from_matrix(matrix, *, out=None):
         (("quaternion", (4,), False), ("status", (), True)),
         out,
     )
-
-
-quaternion_from_matrix.signature = "(3,3)->(4),()"
-quaternion_from_matrix.types = ["d->db", "f->fb"]
 
 
 def _quaternion_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
@@ -1002,6 +1007,11 @@ def _quaternion_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, 
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
+quaternion_from_matrix.signature = "(3,3)->(4),()"
+quaternion_from_matrix.types = ["d->db", "f->fb"]
+quaternion_from_matrix.steps = _quaternion_from_matrix
+
+
 def axis_angle_from_quaternion(quaternion, *, out=None):
     """Convert a rotation from quaternion to axis and angle.
 
@@ -1029,10 +1039,6 @@ def axis_angle_from_quaternion(quaternion, *, out=None):
         (("axis", (3,), False), ("angle", (), False), ("status", (), True)),
         out,
     )
-
-
-axis_angle_from_quaternion.signature = "(4)->(3),(),()"
-axis_angle_from_quaternion.types = ["d->ddb", "f->ffb"]
 
 
 def _axis_angle_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
@@ -1091,6 +1097,11 @@ def _axis_angle_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, qu
     return (axis_1, axis_2, axis_3, angle, status)
 
 
+axis_angle_from_quaternion.signature = "(4)->(3),(),()"
+axis_angle_from_quaternion.types = ["d->ddb", "f->ffb"]
+axis_angle_from_quaternion.steps = _axis_angle_from_quaternion
+
+
 def rodrigues_vector_from_quaternion(quaternion, *, out=None):
     """Convert a rotation from quaternion to rodrigues vector.
 
@@ -1116,10 +1127,6 @@ def rodrigues_vector_from_quaternion(quaternion, *, out=None):
         (("theta", (3,), False), ("status", (), True)),
         out,
     )
-
-
-rodrigues_vector_from_quaternion.signature = "(4)->(3),()"
-rodrigues_vector_from_quaternion.types = ["d->db", "f->fb"]
 
 
 def _rodrigues_vector_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
@@ -1172,6 +1179,11 @@ def _rodrigues_vector_from_quaternion(xp, quaternion_1, quaternion_2, quaternion
     return (theta_1, theta_2, theta_3, status)
 
 
+rodrigues_vector_from_quaternion.signature = "(4)->(3),()"
+rodrigues_vector_from_quaternion.types = ["d->db", "f->fb"]
+rodrigues_vector_from_quaternion.steps = _rodrigues_vector_from_quaternion
+
+
 def matrix_from_quaternion(quaternion, *, out=None):
     """Convert a rotation from quaternion to matrix.
 
@@ -1197,10 +1209,6 @@ def matrix_from_quaternion(quaternion, *, out=None):
         (("matrix", (3, 3), False), ("status", (), True)),
         out,
     )
-
-
-matrix_from_quaternion.signature = "(4)->(3,3),()"
-matrix_from_quaternion.types = ["d->db", "f->fb"]
 
 
 def _matrix_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
@@ -1271,3 +1279,8 @@ def _matrix_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quater
     status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
     del good, quaternion_deviation, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
+
+
+matrix_from_quaternion.signature = "(4)->(3,3),()"
+matrix_from_quaternion.types = ["d->db", "f->fb"]
+matrix_from_quaternion.steps = _matrix_from_quaternion

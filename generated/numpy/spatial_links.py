@@ -63,10 +63,6 @@ def link_step(frame, a, cos_alpha, sin_alpha, offset, angle, *, out=None):
     )
 
 
-link_step.signature = "(4,4),(),(),(),(),()->(4,4)"
-link_step.types = ["dddddd->d", "ffffff->f"]
-
-
 def _link_step(xp, frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_2_2, frame_2_3, frame_2_4, frame_3_1, frame_3_2, frame_3_3, frame_3_4, frame_4_1, frame_4_2, frame_4_3, frame_4_4, a, cos_alpha, sin_alpha, offset, angle, eps, largest):
     # 18 add, 30 mul, 1 cos, 1 sin
     c = xp.cos(angle)
@@ -102,6 +98,11 @@ def _link_step(xp, frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_
     return (next_frame_1_1, next_frame_1_2, next_frame_1_3, next_frame_1_4, next_frame_2_1, next_frame_2_2, next_frame_2_3, next_frame_2_4, next_frame_3_1, next_frame_3_2, next_frame_3_3, next_frame_3_4, next_frame_4_1, next_frame_4_2, next_frame_4_3, next_frame_4_4)
 
 
+link_step.signature = "(4,4),(),(),(),(),()->(4,4)"
+link_step.types = ["dddddd->d", "ffffff->f"]
+link_step.steps = _link_step
+
+
 def link_inverse(transform, *, out=None):
     """Invert a transformation matrix.
 
@@ -127,10 +128,6 @@ def link_inverse(transform, *, out=None):
     )
 
 
-link_inverse.signature = "(4,4)->(4,4)"
-link_inverse.types = ["d->d", "f->f"]
-
-
 def _link_inverse(xp, transform_1_1, transform_1_2, transform_1_3, transform_1_4, transform_2_1, transform_2_2, transform_2_3, transform_2_4, transform_3_1, transform_3_2, transform_3_3, transform_3_4, transform_4_1, transform_4_2, transform_4_3, transform_4_4, eps, largest):
     # 6 add, 9 mul
     inverse_1_1 = transform_1_1
@@ -150,6 +147,11 @@ def _link_inverse(xp, transform_1_1, transform_1_2, transform_1_3, transform_1_4
     inverse_4_3 = 0.0
     inverse_4_4 = 1.0
     return (inverse_1_1, inverse_1_2, inverse_1_3, inverse_1_4, inverse_2_1, inverse_2_2, inverse_2_3, inverse_2_4, inverse_3_1, inverse_3_2, inverse_3_3, inverse_3_4, inverse_4_1, inverse_4_2, inverse_4_3, inverse_4_4)
+
+
+link_inverse.signature = "(4,4)->(4,4)"
+link_inverse.types = ["d->d", "f->f"]
+link_inverse.steps = _link_inverse
 
 
 def link_forward_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
@@ -183,10 +185,6 @@ def link_forward_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
         (("pose", (4, 4), False),),
         out,
     )
-
-
-link_forward_6r.signature = "(5),(5),(5),(6),(6)->(4,4)"
-link_forward_6r.types = ["ddddd->d", "fffff->f"]
 
 
 def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
@@ -366,6 +364,11 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     return (pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4)
 
 
+link_forward_6r.signature = "(5),(5),(5),(6),(6)->(4,4)"
+link_forward_6r.types = ["ddddd->d", "fffff->f"]
+link_forward_6r.steps = _link_forward_6r
+
+
 def link_jacobian_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
     """Jacobian of the end frame of six revolute joints.
 
@@ -397,10 +400,6 @@ def link_jacobian_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
         (("jacobian", (6, 6), False),),
         out,
     )
-
-
-link_jacobian_6r.signature = "(5),(5),(5),(6),(6)->(6,6)"
-link_jacobian_6r.types = ["ddddd->d", "fffff->f"]
 
 
 def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
@@ -609,6 +608,11 @@ def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos
     return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_1_4, jacobian_1_5, jacobian_1_6, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_2_4, jacobian_2_5, jacobian_2_6, jacobian_3_1, jacobian_3_2, jacobian_3_3, jacobian_3_4, jacobian_3_5, jacobian_3_6, jacobian_4_1, jacobian_4_2, jacobian_4_3, jacobian_4_4, jacobian_4_5, jacobian_4_6, jacobian_5_1, jacobian_5_2, jacobian_5_3, jacobian_5_4, jacobian_5_5, jacobian_5_6, jacobian_6_1, jacobian_6_2, jacobian_6_3, jacobian_6_4, jacobian_6_5, jacobian_6_6)
 
 
+link_jacobian_6r.signature = "(5),(5),(5),(6),(6)->(6,6)"
+link_jacobian_6r.types = ["ddddd->d", "fffff->f"]
+link_jacobian_6r.steps = _link_jacobian_6r
+
+
 def hypothetical_link(pose, a67, alpha67, tolerance, *, out=None):
     """Close a robot into a loop with a hypothetical link.
 
@@ -650,10 +654,6 @@ def hypothetical_link(pose, a67, alpha67, tolerance, *, out=None):
         (("S7", (), False), ("theta7", (), False), ("a71", (), False), ("alpha71", (), False), ("S1", (), False), ("gamma1", (), False), ("status", (), True)),
         out,
     )
-
-
-hypothetical_link.signature = "(4,4),(),(),()->(),(),(),(),(),(),()"
-hypothetical_link.types = ["dddd->ddddddb", "ffff->ffffffb"]
 
 
 def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a67, alpha67, tolerance, eps, largest):
@@ -709,3 +709,8 @@ def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pos
     status = xp.where(~(good), 3.0, xp.where(skewed, 0.0, xp.where(apart, 1.0, 2.0)))
     del apart, good, skewed
     return (S7, theta7, a71, alpha71, S1, gamma1, status)
+
+
+hypothetical_link.signature = "(4,4),(),(),()->(),(),(),(),(),(),()"
+hypothetical_link.types = ["dddd->ddddddb", "ffff->ffffffb"]
+hypothetical_link.steps = _hypothetical_link

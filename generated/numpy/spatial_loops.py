@@ -65,10 +65,6 @@ def loop_rccc(alpha, a, S_4, theta_4, *, out=None):
     )
 
 
-loop_rccc.signature = "(4),(4),(),()->(2,3),(2,3),()"
-loop_rccc.types = ["dddd->ddb", "ffff->ffb"]
-
-
 def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, theta_4, eps, largest):
     # 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
     cos_alpha_1 = xp.cos(alpha_1)
@@ -211,6 +207,11 @@ def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, 
     return (theta_1_1, theta_1_2, theta_1_3, theta_2_1, theta_2_2, theta_2_3, S_1_1, S_1_2, S_1_3, S_2_1, S_2_2, S_2_3, status)
 
 
+loop_rccc.signature = "(4),(4),(),()->(2,3),(2,3),()"
+loop_rccc.types = ["dddd->ddb", "ffff->ffb"]
+loop_rccc.steps = _loop_rccc
+
+
 def loop_rrrcc_pair(alpha, a, S, theta_5, *, out=None):
     """Write the cosine law and the secondary cosine law of an RRRCC loop as a bilinear pair.
 
@@ -242,10 +243,6 @@ def loop_rrrcc_pair(alpha, a, S, theta_5, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_rrrcc_pair.signature = "(5),(5),(3),()->(2,3,3)"
-loop_rrrcc_pair.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, eps, largest):
@@ -325,6 +322,11 @@ def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
+loop_rrrcc_pair.signature = "(5),(5),(3),()->(2,3,3)"
+loop_rrrcc_pair.types = ["dddd->d", "ffff->f"]
+loop_rrrcc_pair.steps = _loop_rrrcc_pair
+
+
 def loop_rrrcc_back(alpha, a, S, theta_5, theta_1, theta_2, *, out=None):
     """Close an RRRCC loop with a solution of its pair.
 
@@ -360,10 +362,6 @@ def loop_rrrcc_back(alpha, a, S, theta_5, theta_1, theta_2, *, out=None):
         (("angles", (2,), False), ("offsets", (2,), False)),
         out,
     )
-
-
-loop_rrrcc_back.signature = "(5),(5),(3),(),(),()->(2),(2)"
-loop_rrrcc_back.types = ["dddddd->dd", "ffffff->ff"]
 
 
 def _loop_rrrcc_back(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, theta_1, theta_2, eps, largest):
@@ -444,6 +442,11 @@ def _loop_rrrcc_back(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     return (angles_1, angles_2, offsets_1, offsets_2)
 
 
+loop_rrrcc_back.signature = "(5),(5),(3),(),(),()->(2),(2)"
+loop_rrrcc_back.types = ["dddddd->dd", "ffffff->ff"]
+loop_rrrcc_back.steps = _loop_rrrcc_back
+
+
 def loop_pair_12_12(rotation, vector, p, q, *, out=None):
     """Write a ring of four links with two slides, in link 12, as a bilinear pair.
 
@@ -475,10 +478,6 @@ def loop_pair_12_12(rotation, vector, p, q, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_pair_12_12.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
-loop_pair_12_12.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
@@ -563,6 +562,11 @@ def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
+loop_pair_12_12.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
+loop_pair_12_12.types = ["dddd->d", "ffff->f"]
+loop_pair_12_12.steps = _loop_pair_12_12
+
+
 def loop_pair_23_23(rotation, vector, p, q, *, out=None):
     """Write a ring of four links with two slides, in link 23, as a bilinear pair.
 
@@ -594,10 +598,6 @@ def loop_pair_23_23(rotation, vector, p, q, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_pair_23_23.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
-loop_pair_23_23.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
@@ -678,6 +678,11 @@ def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
+loop_pair_23_23.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
+loop_pair_23_23.types = ["dddd->d", "ffff->f"]
+loop_pair_23_23.steps = _loop_pair_23_23
+
+
 def loop_pair_34_34(rotation, vector, p, q, *, out=None):
     """Write a ring of four links with two slides, in link 34, as a bilinear pair.
 
@@ -709,10 +714,6 @@ def loop_pair_34_34(rotation, vector, p, q, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_pair_34_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
-loop_pair_34_34.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
@@ -797,6 +798,11 @@ def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
+loop_pair_34_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
+loop_pair_34_34.types = ["dddd->d", "ffff->f"]
+loop_pair_34_34.steps = _loop_pair_34_34
+
+
 def loop_pair_12_23(rotation, vector, p, q, *, out=None):
     """Write a ring of four links with two slides, in the links 12 and 23, as a bilinear pair.
 
@@ -828,10 +834,6 @@ def loop_pair_12_23(rotation, vector, p, q, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_pair_12_23.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
-loop_pair_12_23.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
@@ -939,6 +941,11 @@ def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
+loop_pair_12_23.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
+loop_pair_12_23.types = ["dddd->d", "ffff->f"]
+loop_pair_12_23.steps = _loop_pair_12_23
+
+
 def loop_pair_12_34(rotation, vector, p, q, *, out=None):
     """Write a ring of four links with two slides, in the links 12 and 34, as a bilinear pair.
 
@@ -970,10 +977,6 @@ def loop_pair_12_34(rotation, vector, p, q, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_pair_12_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
-loop_pair_12_34.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
@@ -1087,6 +1090,11 @@ def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
+loop_pair_12_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
+loop_pair_12_34.types = ["dddd->d", "ffff->f"]
+loop_pair_12_34.steps = _loop_pair_12_34
+
+
 def loop_pair_23_34(rotation, vector, p, q, *, out=None):
     """Write a ring of four links with two slides, in the links 23 and 34, as a bilinear pair.
 
@@ -1118,10 +1126,6 @@ def loop_pair_23_34(rotation, vector, p, q, *, out=None):
         (("pair", (2, 3, 3), False),),
         out,
     )
-
-
-loop_pair_23_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
-loop_pair_23_34.types = ["dddd->d", "ffff->f"]
 
 
 def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
@@ -1233,3 +1237,8 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53
     del part_3, v_12_1, v_12_2, x38, x39, x42, x50, x52, x53, x54, x55
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
+
+
+loop_pair_23_34.signature = "(4,3,3),(4,3),(3),(3)->(2,3,3)"
+loop_pair_23_34.types = ["dddd->d", "ffff->f"]
+loop_pair_23_34.steps = _loop_pair_23_34

@@ -57,10 +57,6 @@ def polygon_notation_1(angles, *, out=None):
     )
 
 
-polygon_notation_1.signature = "(3)->(4)"
-polygon_notation_1.types = ["d->d", "f->f"]
-
-
 def _polygon_notation_1(xp, angles_1, angles_2, angles_3, eps, largest):
     # 2 add, 6 mul, 3 cos, 3 sin
     c_angle_1 = xp.cos(angles_1)
@@ -85,6 +81,11 @@ def _polygon_notation_1(xp, angles_1, angles_2, angles_3, eps, largest):
     values_4 = z_1
     del z_1
     return (values_1, values_2, values_3, values_4)
+
+
+polygon_notation_1.signature = "(3)->(4)"
+polygon_notation_1.types = ["d->d", "f->f"]
+polygon_notation_1.steps = _polygon_notation_1
 
 
 def polygon_notation_2(angles, *, out=None):
@@ -112,10 +113,6 @@ def polygon_notation_2(angles, *, out=None):
         (("values", (4,), False),),
         out,
     )
-
-
-polygon_notation_2.signature = "(5)->(4)"
-polygon_notation_2.types = ["d->d", "f->f"]
 
 
 def _polygon_notation_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, eps, largest):
@@ -154,6 +151,11 @@ def _polygon_notation_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, ep
     return (values_1, values_2, values_3, values_4)
 
 
+polygon_notation_2.signature = "(5)->(4)"
+polygon_notation_2.types = ["d->d", "f->f"]
+polygon_notation_2.steps = _polygon_notation_2
+
+
 def polygon_notation_3(angles, *, out=None):
     """Evaluate X, X*, Y, Z of 3 subscripts.
 
@@ -179,10 +181,6 @@ def polygon_notation_3(angles, *, out=None):
         (("values", (4,), False),),
         out,
     )
-
-
-polygon_notation_3.signature = "(7)->(4)"
-polygon_notation_3.types = ["d->d", "f->f"]
 
 
 def _polygon_notation_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, eps, largest):
@@ -231,6 +229,11 @@ def _polygon_notation_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, an
     return (values_1, values_2, values_3, values_4)
 
 
+polygon_notation_3.signature = "(7)->(4)"
+polygon_notation_3.types = ["d->d", "f->f"]
+polygon_notation_3.steps = _polygon_notation_3
+
+
 def polygon_notation_4(angles, *, out=None):
     """Evaluate X, X*, Y, Z of 4 subscripts.
 
@@ -256,10 +259,6 @@ def polygon_notation_4(angles, *, out=None):
         (("values", (4,), False),),
         out,
     )
-
-
-polygon_notation_4.signature = "(9)->(4)"
-polygon_notation_4.types = ["d->d", "f->f"]
 
 
 def _polygon_notation_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, eps, largest):
@@ -318,6 +317,11 @@ def _polygon_notation_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, an
     return (values_1, values_2, values_3, values_4)
 
 
+polygon_notation_4.signature = "(9)->(4)"
+polygon_notation_4.types = ["d->d", "f->f"]
+polygon_notation_4.steps = _polygon_notation_4
+
+
 def polygon_notation_5(angles, *, out=None):
     """Evaluate X, X*, Y, Z of 5 subscripts.
 
@@ -343,10 +347,6 @@ def polygon_notation_5(angles, *, out=None):
         (("values", (4,), False),),
         out,
     )
-
-
-polygon_notation_5.signature = "(11)->(4)"
-polygon_notation_5.types = ["d->d", "f->f"]
 
 
 def _polygon_notation_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, angles_10, angles_11, eps, largest):
@@ -415,6 +415,11 @@ def _polygon_notation_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, an
     return (values_1, values_2, values_3, values_4)
 
 
+polygon_notation_5.signature = "(11)->(4)"
+polygon_notation_5.types = ["d->d", "f->f"]
+polygon_notation_5.steps = _polygon_notation_5
+
+
 def polygon_secondary_1(angles, lengths, *, out=None):
     """Evaluate X, X*, Y, Z of 1 subscript with their dual parts.
 
@@ -444,10 +449,6 @@ def polygon_secondary_1(angles, lengths, *, out=None):
         (("values", (4,), False), ("secondary", (4,), False)),
         out,
     )
-
-
-polygon_secondary_1.signature = "(3),(3)->(4),(4)"
-polygon_secondary_1.types = ["dd->dd", "ff->ff"]
 
 
 def _polygon_secondary_1(xp, angles_1, angles_2, angles_3, lengths_1, lengths_2, lengths_3, eps, largest):
@@ -492,6 +493,11 @@ def _polygon_secondary_1(xp, angles_1, angles_2, angles_3, lengths_1, lengths_2,
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
+polygon_secondary_1.signature = "(3),(3)->(4),(4)"
+polygon_secondary_1.types = ["dd->dd", "ff->ff"]
+polygon_secondary_1.steps = _polygon_secondary_1
+
+
 def polygon_secondary_2(angles, lengths, *, out=None):
     """Evaluate X, X*, Y, Z of 2 subscripts with their dual parts.
 
@@ -521,10 +527,6 @@ def polygon_secondary_2(angles, lengths, *, out=None):
         (("values", (4,), False), ("secondary", (4,), False)),
         out,
     )
-
-
-polygon_secondary_2.signature = "(5),(5)->(4),(4)"
-polygon_secondary_2.types = ["dd->dd", "ff->ff"]
 
 
 def _polygon_secondary_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, eps, largest):
@@ -585,6 +587,11 @@ def _polygon_secondary_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, l
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
+polygon_secondary_2.signature = "(5),(5)->(4),(4)"
+polygon_secondary_2.types = ["dd->dd", "ff->ff"]
+polygon_secondary_2.steps = _polygon_secondary_2
+
+
 def polygon_secondary_3(angles, lengths, *, out=None):
     """Evaluate X, X*, Y, Z of 3 subscripts with their dual parts.
 
@@ -614,10 +621,6 @@ def polygon_secondary_3(angles, lengths, *, out=None):
         (("values", (4,), False), ("secondary", (4,), False)),
         out,
     )
-
-
-polygon_secondary_3.signature = "(7),(7)->(4),(4)"
-polygon_secondary_3.types = ["dd->dd", "ff->ff"]
 
 
 def _polygon_secondary_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, eps, largest):
@@ -694,6 +697,11 @@ def _polygon_secondary_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
+polygon_secondary_3.signature = "(7),(7)->(4),(4)"
+polygon_secondary_3.types = ["dd->dd", "ff->ff"]
+polygon_secondary_3.steps = _polygon_secondary_3
+
+
 def polygon_secondary_4(angles, lengths, *, out=None):
     """Evaluate X, X*, Y, Z of 4 subscripts with their dual parts.
 
@@ -723,10 +731,6 @@ def polygon_secondary_4(angles, lengths, *, out=None):
         (("values", (4,), False), ("secondary", (4,), False)),
         out,
     )
-
-
-polygon_secondary_4.signature = "(9),(9)->(4),(4)"
-polygon_secondary_4.types = ["dd->dd", "ff->ff"]
 
 
 def _polygon_secondary_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, lengths_8, lengths_9, eps, largest):
@@ -819,6 +823,11 @@ def _polygon_secondary_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
+polygon_secondary_4.signature = "(9),(9)->(4),(4)"
+polygon_secondary_4.types = ["dd->dd", "ff->ff"]
+polygon_secondary_4.steps = _polygon_secondary_4
+
+
 def polygon_secondary_5(angles, lengths, *, out=None):
     """Evaluate X, X*, Y, Z of 5 subscripts with their dual parts.
 
@@ -848,10 +857,6 @@ def polygon_secondary_5(angles, lengths, *, out=None):
         (("values", (4,), False), ("secondary", (4,), False)),
         out,
     )
-
-
-polygon_secondary_5.signature = "(11),(11)->(4),(4)"
-polygon_secondary_5.types = ["dd->dd", "ff->ff"]
 
 
 def _polygon_secondary_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, angles_6, angles_7, angles_8, angles_9, angles_10, angles_11, lengths_1, lengths_2, lengths_3, lengths_4, lengths_5, lengths_6, lengths_7, lengths_8, lengths_9, lengths_10, lengths_11, eps, largest):
@@ -960,6 +965,11 @@ def _polygon_secondary_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
+polygon_secondary_5.signature = "(11),(11)->(4),(4)"
+polygon_secondary_5.types = ["dd->dd", "ff->ff"]
+polygon_secondary_5.steps = _polygon_secondary_5
+
+
 def polygon_quadrilateral(alpha, theta_4, *, out=None):
     """Close a spherical quadrilateral: all joint angles of the twists and the last joint angle.
 
@@ -987,10 +997,6 @@ def polygon_quadrilateral(alpha, theta_4, *, out=None):
         (("theta", (2, 4), False), ("status", (), True)),
         out,
     )
-
-
-polygon_quadrilateral.signature = "(4),()->(2,4),()"
-polygon_quadrilateral.types = ["dd->db", "ff->fb"]
 
 
 def _polygon_quadrilateral(xp, alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, largest):
@@ -1186,6 +1192,11 @@ def _polygon_quadrilateral(xp, alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps,
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_2_1, theta_2_2, theta_2_3, theta_2_4, status)
 
 
+polygon_quadrilateral.signature = "(4),()->(2,4),()"
+polygon_quadrilateral.types = ["dd->db", "ff->fb"]
+polygon_quadrilateral.steps = _polygon_quadrilateral
+
+
 def polygon_pentagon(alpha, theta_45, *, out=None):
     """Close a spherical pentagon: all joint angles of the twists and the last two joint angles.
 
@@ -1213,10 +1224,6 @@ def polygon_pentagon(alpha, theta_45, *, out=None):
         (("theta", (2, 5), False), ("status", (), True)),
         out,
     )
-
-
-polygon_pentagon.signature = "(5),(2)->(2,5),()"
-polygon_pentagon.types = ["dd->db", "ff->fb"]
 
 
 def _polygon_pentagon(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, theta_45_2, eps, largest):
@@ -1428,3 +1435,8 @@ def _polygon_pentagon(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_
     status = xp.where(~(finite), 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
     del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_1_5, theta_2_1, theta_2_2, theta_2_3, theta_2_4, theta_2_5, status)
+
+
+polygon_pentagon.signature = "(5),(2)->(2,5),()"
+polygon_pentagon.types = ["dd->db", "ff->fb"]
+polygon_pentagon.steps = _polygon_pentagon

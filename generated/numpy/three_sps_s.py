@@ -42,10 +42,6 @@ def sps_legs(matrix, base_radius, platform_radius, height, *, out=None):
     )
 
 
-sps_legs.signature = "(3,3),(),(),()->(3)"
-sps_legs.types = ["dddd->d", "ffff->f"]
-
-
 def _sps_legs(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
     # 20 add, 24 mul, 4 sqrt
     x0 = matrix_1_2*platform_radius
@@ -86,6 +82,11 @@ def _sps_legs(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, ma
     return (legs_1, legs_2, legs_3)
 
 
+sps_legs.signature = "(3,3),(),(),()->(3)"
+sps_legs.types = ["dddd->d", "ffff->f"]
+sps_legs.steps = _sps_legs
+
+
 def sps_legs_from_quaternion(quaternion, base_radius, platform_radius, height, *, out=None):
     """Lengths of the three legs of a 3-SPS-S machine, from a quaternion.
 
@@ -115,10 +116,6 @@ def sps_legs_from_quaternion(quaternion, base_radius, platform_radius, height, *
         (("legs", (3,), False),),
         out,
     )
-
-
-sps_legs_from_quaternion.signature = "(4),(),(),()->(3)"
-sps_legs_from_quaternion.types = ["dddd->d", "ffff->f"]
 
 
 def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, base_radius, platform_radius, height, eps, largest):
@@ -189,6 +186,11 @@ def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quat
     return (legs_1, legs_2, legs_3)
 
 
+sps_legs_from_quaternion.signature = "(4),(),(),()->(3)"
+sps_legs_from_quaternion.types = ["dddd->d", "ffff->f"]
+sps_legs_from_quaternion.steps = _sps_legs_from_quaternion
+
+
 def sps_jacobian(matrix, base_radius, platform_radius, height, *, out=None):
     """Leg rates of a 3-SPS-S machine by the platform's angular velocity.
 
@@ -220,10 +222,6 @@ def sps_jacobian(matrix, base_radius, platform_radius, height, *, out=None):
         (("jacobian", (3, 3), False),),
         out,
     )
-
-
-sps_jacobian.signature = "(3,3),(),(),()->(3,3)"
-sps_jacobian.types = ["dddd->d", "ffff->f"]
 
 
 def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
@@ -309,6 +307,11 @@ def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2
     return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_3_1, jacobian_3_2, jacobian_3_3)
 
 
+sps_jacobian.signature = "(3,3),(),(),()->(3,3)"
+sps_jacobian.types = ["dddd->d", "ffff->f"]
+sps_jacobian.steps = _sps_jacobian
+
+
 def sps_singularity(matrix, base_radius, height, *, out=None):
     """Determinant of the normed leg moments of a 3-SPS-S machine: how well the legs hold the platform.
 
@@ -338,10 +341,6 @@ def sps_singularity(matrix, base_radius, height, *, out=None):
         (("determinant", (), False),),
         out,
     )
-
-
-sps_singularity.signature = "(3,3),(),()->()"
-sps_singularity.types = ["ddd->d", "fff->f"]
 
 
 def _sps_singularity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, height, eps, largest):
@@ -390,6 +389,11 @@ def _sps_singularity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     return (determinant,)
 
 
+sps_singularity.signature = "(3,3),(),()->()"
+sps_singularity.types = ["ddd->d", "fff->f"]
+sps_singularity.steps = _sps_singularity
+
+
 def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
     """Invariants of the rotation from the legs of a 3-SPS-S machine: A = r11 + r22, and Z.
 
@@ -423,10 +427,6 @@ def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
     )
 
 
-sps_invariants.signature = "(3),(),(),()->(),(2)"
-sps_invariants.types = ["dddd->dd", "ffff->ff"]
-
-
 def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
     # 7 add, 17 mul, 3 div, 1 sqrt
     x0 = 1.0/(base_radius*base_radius)
@@ -456,6 +456,11 @@ def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, he
     Z_2 = Z_im
     del Z_im
     return (cos_sum, Z_1, Z_2)
+
+
+sps_invariants.signature = "(3),(),(),()->(),(2)"
+sps_invariants.types = ["dddd->dd", "ffff->ff"]
+sps_invariants.steps = _sps_invariants
 
 
 def sps_octic_scaled(legs, base_radius, platform_radius, height, *, out=None):
@@ -495,10 +500,6 @@ def sps_octic_scaled(legs, base_radius, platform_radius, height, *, out=None):
         (("octic", (9,), False), ("quartic", (5,), False), ("phase_sine", (), False), ("size", (), False)),
         out,
     )
-
-
-sps_octic_scaled.signature = "(3),(),(),()->(9),(5),(),()"
-sps_octic_scaled.types = ["dddd->dddd", "ffff->ffff"]
 
 
 def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
@@ -588,6 +589,11 @@ def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, 
     return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, quartic_1, quartic_2, quartic_3, quartic_4, quartic_5, phase_sine, size)
 
 
+sps_octic_scaled.signature = "(3),(),(),()->(9),(5),(),()"
+sps_octic_scaled.types = ["dddd->dddd", "ffff->ffff"]
+sps_octic_scaled.steps = _sps_octic_scaled
+
+
 def sps_mode(legs, base_radius, platform_radius, height, root, sign, *, out=None):
     """Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.
 
@@ -623,10 +629,6 @@ def sps_mode(legs, base_radius, platform_radius, height, root, sign, *, out=None
         (("quaternion", (4,), False),),
         out,
     )
-
-
-sps_mode.signature = "(3),(),(),(),(),()->(4)"
-sps_mode.types = ["dddddd->d", "ffffff->f"]
 
 
 def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, root, sign, eps, largest):
@@ -706,6 +708,11 @@ def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, 
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4)
 
 
+sps_mode.signature = "(3),(),(),(),(),()->(4)"
+sps_mode.types = ["dddddd->d", "ffffff->f"]
+sps_mode.steps = _sps_mode
+
+
 def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *, out=None):
     """Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.
 
@@ -743,10 +750,6 @@ def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *,
         (("polished", (4,), False), ("radius", (), False)),
         out,
     )
-
-
-sps_polish.signature = "(4),(),(3),(),(),()->(4),()"
-sps_polish.types = ["dddddd->dd", "ffffff->ff"]
 
 
 def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
@@ -1487,3 +1490,8 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     radius = trust_4
     del trust_4
     return (polished_1, polished_2, polished_3, polished_4, radius)
+
+
+sps_polish.signature = "(4),(),(3),(),(),()->(4),()"
+sps_polish.types = ["dddddd->dd", "ffffff->ff"]
+sps_polish.steps = _sps_polish

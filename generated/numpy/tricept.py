@@ -10,7 +10,7 @@ from enum import IntEnum
 
 from ._call import _evaluate
 
-__all__ = ["TriceptStatus", "tricept_point", "tricept_legs", "tricept_inverse", "tricept_pose", "tricept_direct", "tricept_matrices", "tricept_sensitivity", "tricept_propagate", "tricept_singularity"]
+__all__ = ["TriceptStatus", "tricept_point", "tricept_legs", "tricept_inverse", "tricept_pose", "tricept_direct", "tricept_matrices", "tricept_sensitivity", "tricept_at_point", "tricept_propagate", "tricept_singularity"]
 
 
 class TriceptStatus(IntEnum):
@@ -69,10 +69,6 @@ def tricept_point(pose, q_x, q_y, q_z, *, out=None):
     )
 
 
-tricept_point.signature = "(3),(),(),()->(3),(3,3)"
-tricept_point.types = ["dddd->dd", "ffff->ff"]
-
-
 def _tricept_point(xp, pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
     # 7 add, 13 mul, 2 cos, 2 sin
     alpha = pose_1
@@ -121,6 +117,11 @@ def _tricept_point(xp, pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
     return (point_1, point_2, point_3, rotation_1_1, rotation_1_2, rotation_1_3, rotation_2_1, rotation_2_2, rotation_2_3, rotation_3_1, rotation_3_2, rotation_3_3)
 
 
+tricept_point.signature = "(3),(),(),()->(3),(3,3)"
+tricept_point.types = ["dddd->dd", "ffff->ff"]
+tricept_point.steps = _tricept_point
+
+
 def tricept_legs(pose, r, R, *, out=None):
     """Lengths of the three rods in a pose.
 
@@ -148,10 +149,6 @@ def tricept_legs(pose, r, R, *, out=None):
         (("legs", (3,), False),),
         out,
     )
-
-
-tricept_legs.signature = "(3),(),()->(3)"
-tricept_legs.types = ["ddd->d", "fff->f"]
 
 
 def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
@@ -213,6 +210,11 @@ def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
     return (legs_1, legs_2, legs_3)
 
 
+tricept_legs.signature = "(3),(),()->(3)"
+tricept_legs.types = ["ddd->d", "fff->f"]
+tricept_legs.steps = _tricept_legs
+
+
 def tricept_inverse(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
     """All four poses in which the platform's point is at a given point, and their rods.
 
@@ -256,10 +258,6 @@ def tricept_inverse(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
         (("poses", (4, 3), False), ("legs", (4, 3), False), ("status", (4,), True)),
         out,
     )
-
-
-tricept_inverse.signature = "(3),(),(),(),(),(),(),()->(4,3),(4,3),(4)"
-tricept_inverse.types = ["dddddddd->ddb", "ffffffff->ffb"]
 
 
 def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
@@ -521,6 +519,11 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_2_3, poses_3_1, poses_3_2, poses_3_3, poses_4_1, poses_4_2, poses_4_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
 
 
+tricept_inverse.signature = "(3),(),(),(),(),(),(),()->(4,3),(4,3),(4)"
+tricept_inverse.types = ["dddddddd->ddb", "ffffffff->ffb"]
+tricept_inverse.steps = _tricept_inverse
+
+
 def tricept_pose(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
     """The physical pose in which the platform's point is at a given point, and its rods.
 
@@ -564,10 +567,6 @@ def tricept_pose(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
         (("pose", (3,), False), ("legs", (3,), False), ("status", (), True)),
         out,
     )
-
-
-tricept_pose.signature = "(3),(),(),(),(),(),(),()->(3),(3),()"
-tricept_pose.types = ["dddddddd->ddb", "ffffffff->ffb"]
 
 
 def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
@@ -660,6 +659,11 @@ def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, 
     return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status)
 
 
+tricept_pose.signature = "(3),(),(),(),(),(),(),()->(3),(3),()"
+tricept_pose.types = ["dddddddd->ddb", "ffffffff->ffb"]
+tricept_pose.steps = _tricept_pose
+
+
 def tricept_direct(legs, r, R, *, out=None):
     """The physical pose of the platform with given rods.
 
@@ -691,10 +695,6 @@ def tricept_direct(legs, r, R, *, out=None):
         (("pose", (3,), False), ("status", (), True)),
         out,
     )
-
-
-tricept_direct.signature = "(3),(),()->(3),()"
-tricept_direct.types = ["ddd->db", "fff->fb"]
 
 
 def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
@@ -1203,6 +1203,11 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     return (pose_1, pose_2, pose_3, status)
 
 
+tricept_direct.signature = "(3),(),()->(3),()"
+tricept_direct.types = ["ddd->db", "fff->fb"]
+tricept_direct.steps = _tricept_direct
+
+
 def tricept_matrices(pose, r, R, q_x, q_y, q_z, *, out=None):
     """The matrices W33, W35, M33, M35 and A35 in a pose.
 
@@ -1244,10 +1249,6 @@ def tricept_matrices(pose, r, R, q_x, q_y, q_z, *, out=None):
         (("W33", (3, 3), False), ("W35", (3, 5), False), ("M33", (3, 3), False), ("M35", (3, 5), False), ("A35", (3, 5), False)),
         out,
     )
-
-
-tricept_matrices.signature = "(3),(),(),(),(),()->(3,3),(3,5),(3,3),(3,5),(3,5)"
-tricept_matrices.types = ["dddddd->ddddd", "ffffff->fffff"]
 
 
 def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
@@ -1538,6 +1539,11 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     return (W33_1_1, W33_1_2, W33_1_3, W33_2_1, W33_2_2, W33_2_3, W33_3_1, W33_3_2, W33_3_3, W35_1_1, W35_1_2, W35_1_3, W35_1_4, W35_1_5, W35_2_1, W35_2_2, W35_2_3, W35_2_4, W35_2_5, W35_3_1, W35_3_2, W35_3_3, W35_3_4, W35_3_5, M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, M33_3_1, M33_3_2, M33_3_3, M35_1_1, M35_1_2, M35_1_3, M35_1_4, M35_1_5, M35_2_1, M35_2_2, M35_2_3, M35_2_4, M35_2_5, M35_3_1, M35_3_2, M35_3_3, M35_3_4, M35_3_5, A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
+tricept_matrices.signature = "(3),(),(),(),(),()->(3,3),(3,5),(3,3),(3,5),(3,5)"
+tricept_matrices.types = ["dddddd->ddddd", "ffffff->fffff"]
+tricept_matrices.steps = _tricept_matrices
+
+
 def tricept_sensitivity(pose, r, R, q_x, q_y, q_z, *, out=None):
     """Derivatives of the point by the rods and the two radii.
 
@@ -1571,10 +1577,6 @@ def tricept_sensitivity(pose, r, R, q_x, q_y, q_z, *, out=None):
         (("A35", (3, 5), False),),
         out,
     )
-
-
-tricept_sensitivity.signature = "(3),(),(),(),(),()->(3,5)"
-tricept_sensitivity.types = ["dddddd->d", "ffffff->f"]
 
 
 def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
@@ -1786,6 +1788,219 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
+tricept_sensitivity.signature = "(3),(),(),(),(),()->(3,5)"
+tricept_sensitivity.types = ["dddddd->d", "ffffff->f"]
+tricept_sensitivity.steps = _tricept_sensitivity
+
+
+def tricept_at_point(point, r, R, q_x, q_y, q_z, *, out=None):
+    """Derivatives of the point by the rods and the two radii, and the rods, where the point is.
+
+    Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4), eqs. (2) to (4) and (20)
+
+    In the physical pose S = K = +1, without angles and case distinctions: NaN or infinite where there is no such pose. Every quantity is used as rarely as possible, so that intervals put into the steps give narrow intervals.
+
+    Parameters
+    ----------
+    point : array (..., 3), length
+        the point, from the base's centre
+    r : array (...), length
+        radius of the joints of the platform
+    R : array (...), length
+        radius of the joints of the base
+    q_x : array (...), length
+        x of the point on the platform
+    q_y : array (...), length
+        y of the point on the platform
+    q_z : array (...), length
+        z of the point on the platform
+
+    Returns
+    -------
+    A35 : array (..., 3, 5), no unit
+        derivatives of Q by A0, A1, A-1, r, R
+    legs : array (..., 3), length
+        A0, A1, A-1
+    """
+    return _evaluate(
+        _tricept_at_point, None,
+        "tricept_at_point",
+        (point, r, R, q_x, q_y, q_z),
+        (("point", (3,)), ("r", ()), ("R", ()), ("q_x", ()), ("q_y", ()), ("q_z", ())),
+        (("A35", (3, 5), False), ("legs", (3,), False)),
+        out,
+    )
+
+
+def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, largest):
+    # 83 add, 161 mul, 3 div, 10 sqrt
+    level_squared = (point_1*point_1) + (point_3*point_3)
+    x0 = level_squared - (q_x*q_x)
+    whole_squared = (point_2*point_2) + x0
+    g = xp.sqrt(x0)
+    del x0
+    by_b = 1.0/xp.sqrt(level_squared)
+    del level_squared
+    sb_point = by_b*point_1
+    cb_point = by_b*point_3
+    sb_less = by_b*q_x
+    del by_b
+    cb_less = xp.sqrt(1.0 - (sb_less*sb_less))
+    sb = cb_less*sb_point - cb_point*sb_less
+    cb = cb_less*cb_point + sb_less*sb_point
+    del cb_less, cb_point, sb_less, sb_point
+    by_a = 1.0/xp.sqrt(whole_squared)
+    sa_point = by_a*point_2
+    ca_point = by_a*g
+    sa_less = by_a*q_y
+    del by_a
+    ca_less = xp.sqrt(1.0 - (sa_less*sa_less))
+    sa = ca_less*sa_point - ca_point*sa_less
+    ca = ca_less*ca_point + sa_less*sa_point
+    del ca_less, ca_point, sa_less, sa_point
+    z = xp.sqrt(whole_squared - (q_y*q_y)) - q_z
+    del whole_squared
+    lean = sb*z
+    x1 = cb*r
+    middle = ca*(0.75*r - 0.5*lean) + 0.25*x1
+    x2 = 1.7320508075688772
+    x3 = r*sb
+    side = 0.5*sa*x2*(0.5*x3 + z)
+    shared = (R*R) + (r*r) + (z*z)
+    along = ca*lean + x1
+    x5 = 2.0*R
+    rod_length_1 = xp.sqrt(shared - along*x5)
+    del along
+    rod_length_2 = xp.sqrt(shared - x5*(middle + side))
+    rod_length_3 = xp.sqrt(shared - x5*(middle - side))
+    del middle, shared, side
+    x6 = R*sa
+    W33_1_1 = r*x6
+    W33_1_2 = R*x3
+    x7 = 2.0*z
+    del z
+    W33_1_3 = x7
+    x8 = x3 + x7
+    W33_2_1 = R*ca*x8
+    W33_2_2 = x1*x6
+    W33_2_3 = sa*x5
+    x9 = 2.0*lean - r
+    del lean
+    W33_3_1 = -x6*x9
+    x10 = ca*cb
+    W33_3_2 = R*(x10*x7 - x3)
+    del x3, x7
+    x11 = ca*sb
+    W33_3_3 = x11*x5
+    adjugate_1_1 = W33_2_2*W33_3_3 - W33_2_3*W33_3_2
+    adjugate_1_2 = W33_1_3*W33_3_2 - W33_1_2*W33_3_3
+    adjugate_1_3 = W33_1_2*W33_2_3 - W33_1_3*W33_2_2
+    adjugate_2_1 = W33_2_3*W33_3_1 - W33_2_1*W33_3_3
+    adjugate_2_2 = W33_1_1*W33_3_3 - W33_1_3*W33_3_1
+    del W33_3_3
+    adjugate_2_3 = W33_1_3*W33_2_1 - W33_1_1*W33_2_3
+    del W33_2_3
+    adjugate_3_1 = W33_2_1*W33_3_2 - W33_2_2*W33_3_1
+    adjugate_3_2 = W33_1_2*W33_3_1 - W33_1_1*W33_3_2
+    del W33_3_1, W33_3_2
+    adjugate_3_3 = W33_1_1*W33_2_2 - W33_1_2*W33_2_1
+    del W33_2_1, W33_2_2
+    inverse_determinant = 1.0/(W33_1_1*adjugate_1_1 + W33_1_2*adjugate_2_1 + W33_1_3*adjugate_3_1)
+    del W33_1_1, W33_1_2, W33_1_3
+    M33_1_1 = -point_2*sb
+    M33_1_2 = point_3
+    M33_1_3 = x11
+    del x11
+    M33_2_1 = g
+    del g
+    M33_2_2 = 0.0
+    M33_2_3 = sa
+    M33_3_1 = -cb*point_2
+    M33_3_2 = -point_1
+    M33_3_3 = x10
+    del x10
+    N_1_1 = M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1
+    N_1_2 = M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2
+    N_1_3 = M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3
+    del M33_1_1, M33_1_2, M33_1_3
+    N_2_1 = M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1
+    N_2_2 = M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2
+    N_2_3 = M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3
+    del M33_2_1, M33_2_2, M33_2_3
+    N_3_1 = M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1
+    del adjugate_1_1, adjugate_2_1, adjugate_3_1
+    N_3_2 = M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2
+    del adjugate_1_2, adjugate_2_2, adjugate_3_2
+    N_3_3 = M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3
+    del M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3
+    x12 = ca + cb
+    W35_radii_1_1 = 2.0*r - R*x12
+    W35_radii_1_2 = x5 - r*x12
+    del x12, x5
+    W35_radii_2_1 = sb*x6
+    del sb, x6
+    W35_radii_2_2 = sa*x8
+    del sa, x8
+    W35_radii_3_1 = R*(cb - ca)
+    del cb
+    W35_radii_3_2 = ca*x9 + x1
+    del ca, x1, x9
+    x13 = 2.0*N_1_1/3.0
+    x14 = inverse_determinant*rod_length_1
+    A35_1_1 = x14*(x13 - 4.0*N_1_3/3.0)
+    x15 = 2.0*x2/3.0
+    del x2
+    x16 = N_1_2*x15
+    x17 = 2.0*N_1_3/3.0 + x13
+    del x13
+    x18 = inverse_determinant*rod_length_2
+    A35_1_2 = x18*(x17 - x16)
+    x19 = inverse_determinant*rod_length_3
+    A35_1_3 = x19*(x16 + x17)
+    del x16, x17
+    A35_1_4 = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1)
+    A35_1_5 = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2)
+    del N_1_1, N_1_2, N_1_3
+    x20 = 2.0*N_2_1/3.0
+    A35_2_1 = x14*(x20 - 4.0*N_2_3/3.0)
+    x21 = N_2_2*x15
+    x22 = 2.0*N_2_3/3.0 + x20
+    del x20
+    A35_2_2 = x18*(x22 - x21)
+    A35_2_3 = x19*(x21 + x22)
+    del x21, x22
+    A35_2_4 = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1)
+    A35_2_5 = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2)
+    del N_2_1, N_2_2, N_2_3
+    x23 = 2.0*N_3_1/3.0
+    A35_3_1 = x14*(x23 - 4.0*N_3_3/3.0)
+    del x14
+    x24 = N_3_2*x15
+    del x15
+    x25 = 2.0*N_3_3/3.0 + x23
+    del x23
+    A35_3_2 = x18*(x25 - x24)
+    del x18
+    A35_3_3 = x19*(x24 + x25)
+    del x19, x24, x25
+    A35_3_4 = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1)
+    del W35_radii_1_1, W35_radii_2_1, W35_radii_3_1
+    A35_3_5 = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2)
+    del N_3_1, N_3_2, N_3_3, W35_radii_1_2, W35_radii_2_2, W35_radii_3_2, inverse_determinant
+    legs_1 = rod_length_1
+    del rod_length_1
+    legs_2 = rod_length_2
+    del rod_length_2
+    legs_3 = rod_length_3
+    del rod_length_3
+    return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5, legs_1, legs_2, legs_3)
+
+
+tricept_at_point.signature = "(3),(),(),(),(),()->(3,5),(3)"
+tricept_at_point.types = ["dddddd->dd", "ffffff->ff"]
+tricept_at_point.steps = _tricept_at_point
+
+
 def tricept_propagate(point, r, R, q_x, q_y, q_z, shortest, longest, U_x, *, out=None):
     """Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.
 
@@ -1827,10 +2042,6 @@ def tricept_propagate(point, r, R, q_x, q_y, q_z, shortest, longest, U_x, *, out
         (("U_y", (3, 3), False), ("status", (), True)),
         out,
     )
-
-
-tricept_propagate.signature = "(3),(),(),(),(),(),(),(),(5,5)->(3,3),()"
-tricept_propagate.types = ["ddddddddd->db", "fffffffff->fb"]
 
 
 def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
@@ -2187,6 +2398,11 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     return (U_y_1_1, U_y_1_2, U_y_1_3, U_y_2_1, U_y_2_2, U_y_2_3, U_y_3_1, U_y_3_2, U_y_3_3, status)
 
 
+tricept_propagate.signature = "(3),(),(),(),(),(),(),(),(5,5)->(3,3),()"
+tricept_propagate.types = ["ddddddddd->db", "fffffffff->fb"]
+tricept_propagate.steps = _tricept_propagate
+
+
 def tricept_singularity(pose, r, R, q_x, q_y, q_z, *, out=None):
     """Determinants that vanish in singular poses.
 
@@ -2224,10 +2440,6 @@ def tricept_singularity(pose, r, R, q_x, q_y, q_z, *, out=None):
         (("det_W33", (), False), ("ratio", (), False), ("det_M33", (), False)),
         out,
     )
-
-
-tricept_singularity.signature = "(3),(),(),(),(),()->(),(),()"
-tricept_singularity.types = ["dddddd->ddd", "ffffff->fff"]
 
 
 def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
@@ -2299,3 +2511,8 @@ def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     det_M33 = -h*(ca*h - q_y*sa)
     del ca, h, sa
     return (det_W33, ratio, det_M33)
+
+
+tricept_singularity.signature = "(3),(),(),(),(),()->(),(),()"
+tricept_singularity.types = ["dddddd->ddd", "ffffff->fff"]
+tricept_singularity.steps = _tricept_singularity

@@ -50,10 +50,6 @@ def tricept_parameter_sensitivity(pose, fixed, moving, tool, *, out=None):
     )
 
 
-tricept_parameter_sensitivity.signature = "(3),(3,3),(3,3),(3)->(3),(3),(3,43),()"
-tricept_parameter_sensitivity.types = ["dddd->dddd", "ffff->ffff"]
-
-
 def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_1_2, fixed_1_3, fixed_2_1, fixed_2_2, fixed_2_3, fixed_3_1, fixed_3_2, fixed_3_3, moving_1_1, moving_1_2, moving_1_3, moving_2_1, moving_2_2, moving_2_3, moving_3_1, moving_3_2, moving_3_3, tool_1, tool_2, tool_3, eps, largest):
     # 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin
     c_alpha = xp.cos(pose_1)
@@ -785,6 +781,11 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     return (place_1, place_2, place_3, rods_1, rods_2, rods_3, sensitivity_1_1, sensitivity_1_2, sensitivity_1_3, sensitivity_1_4, sensitivity_1_5, sensitivity_1_6, sensitivity_1_7, sensitivity_1_8, sensitivity_1_9, sensitivity_1_10, sensitivity_1_11, sensitivity_1_12, sensitivity_1_13, sensitivity_1_14, sensitivity_1_15, sensitivity_1_16, sensitivity_1_17, sensitivity_1_18, sensitivity_1_19, sensitivity_1_20, sensitivity_1_21, sensitivity_1_22, sensitivity_1_23, sensitivity_1_24, sensitivity_1_25, sensitivity_1_26, sensitivity_1_27, sensitivity_1_28, sensitivity_1_29, sensitivity_1_30, sensitivity_1_31, sensitivity_1_32, sensitivity_1_33, sensitivity_1_34, sensitivity_1_35, sensitivity_1_36, sensitivity_1_37, sensitivity_1_38, sensitivity_1_39, sensitivity_1_40, sensitivity_1_41, sensitivity_1_42, sensitivity_1_43, sensitivity_2_1, sensitivity_2_2, sensitivity_2_3, sensitivity_2_4, sensitivity_2_5, sensitivity_2_6, sensitivity_2_7, sensitivity_2_8, sensitivity_2_9, sensitivity_2_10, sensitivity_2_11, sensitivity_2_12, sensitivity_2_13, sensitivity_2_14, sensitivity_2_15, sensitivity_2_16, sensitivity_2_17, sensitivity_2_18, sensitivity_2_19, sensitivity_2_20, sensitivity_2_21, sensitivity_2_22, sensitivity_2_23, sensitivity_2_24, sensitivity_2_25, sensitivity_2_26, sensitivity_2_27, sensitivity_2_28, sensitivity_2_29, sensitivity_2_30, sensitivity_2_31, sensitivity_2_32, sensitivity_2_33, sensitivity_2_34, sensitivity_2_35, sensitivity_2_36, sensitivity_2_37, sensitivity_2_38, sensitivity_2_39, sensitivity_2_40, sensitivity_2_41, sensitivity_2_42, sensitivity_2_43, sensitivity_3_1, sensitivity_3_2, sensitivity_3_3, sensitivity_3_4, sensitivity_3_5, sensitivity_3_6, sensitivity_3_7, sensitivity_3_8, sensitivity_3_9, sensitivity_3_10, sensitivity_3_11, sensitivity_3_12, sensitivity_3_13, sensitivity_3_14, sensitivity_3_15, sensitivity_3_16, sensitivity_3_17, sensitivity_3_18, sensitivity_3_19, sensitivity_3_20, sensitivity_3_21, sensitivity_3_22, sensitivity_3_23, sensitivity_3_24, sensitivity_3_25, sensitivity_3_26, sensitivity_3_27, sensitivity_3_28, sensitivity_3_29, sensitivity_3_30, sensitivity_3_31, sensitivity_3_32, sensitivity_3_33, sensitivity_3_34, sensitivity_3_35, sensitivity_3_36, sensitivity_3_37, sensitivity_3_38, sensitivity_3_39, sensitivity_3_40, sensitivity_3_41, sensitivity_3_42, sensitivity_3_43, regularity)
 
 
+tricept_parameter_sensitivity.signature = "(3),(3,3),(3,3),(3)->(3),(3),(3,43),()"
+tricept_parameter_sensitivity.types = ["dddd->dddd", "ffff->ffff"]
+tricept_parameter_sensitivity.steps = _tricept_parameter_sensitivity
+
+
 def tricept_closure(pose, rods, fixed, moving, tool, guide, *, out=None):
     """Derivatives of tricept_closure_values.
 
@@ -824,10 +825,6 @@ def tricept_closure(pose, rods, fixed, moving, tool, guide, *, out=None):
         (("residual", (3,), False), ("place", (3,), False), ("residual_jacobian", (3, 3), False), ("place_jacobian", (3, 3), False)),
         out,
     )
-
-
-tricept_closure.signature = "(3),(3),(3,3),(3,3),(3),(14)->(3),(3),(3,3),(3,3)"
-tricept_closure.types = ["dddddd->dddd", "ffffff->ffff"]
 
 
 def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1_1, fixed_1_2, fixed_1_3, fixed_2_1, fixed_2_2, fixed_2_3, fixed_3_1, fixed_3_2, fixed_3_3, moving_1_1, moving_1_2, moving_1_3, moving_2_1, moving_2_2, moving_2_3, moving_3_1, moving_3_2, moving_3_3, tool_1, tool_2, tool_3, guide_1, guide_2, guide_3, guide_4, guide_5, guide_6, guide_7, guide_8, guide_9, guide_10, guide_11, guide_12, guide_13, guide_14, eps, largest):
@@ -1125,6 +1122,11 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     return (residual_1, residual_2, residual_3, place_1, place_2, place_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, place_jacobian_1_1, place_jacobian_1_2, place_jacobian_1_3, place_jacobian_2_1, place_jacobian_2_2, place_jacobian_2_3, place_jacobian_3_1, place_jacobian_3_2, place_jacobian_3_3)
 
 
+tricept_closure.signature = "(3),(3),(3,3),(3,3),(3),(14)->(3),(3),(3,3),(3,3)"
+tricept_closure.types = ["dddddd->dddd", "ffffff->ffff"]
+tricept_closure.steps = _tricept_closure
+
+
 def tricept_beam(alpha, beta, R, r, tool, *, out=None):
     """The polynomials in z of which the elements of U_y are made along a beam.
 
@@ -1162,10 +1164,6 @@ def tricept_beam(alpha, beta, R, r, tool, *, out=None):
         (("numerator", (3, 5, 5), False), ("determinant", (4,), False), ("squares", (3, 3), False)),
         out,
     )
-
-
-tricept_beam.signature = "(),(),(),(),(3)->(3,5,5),(4),(3,3)"
-tricept_beam.types = ["ddddd->ddd", "fffff->fff"]
 
 
 def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
@@ -1706,3 +1704,8 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     del x61, x73
     squares_3_3 = 1.0
     return (numerator_1_1_1, numerator_1_1_2, numerator_1_1_3, numerator_1_1_4, numerator_1_1_5, numerator_1_2_1, numerator_1_2_2, numerator_1_2_3, numerator_1_2_4, numerator_1_2_5, numerator_1_3_1, numerator_1_3_2, numerator_1_3_3, numerator_1_3_4, numerator_1_3_5, numerator_1_4_1, numerator_1_4_2, numerator_1_4_3, numerator_1_4_4, numerator_1_4_5, numerator_1_5_1, numerator_1_5_2, numerator_1_5_3, numerator_1_5_4, numerator_1_5_5, numerator_2_1_1, numerator_2_1_2, numerator_2_1_3, numerator_2_1_4, numerator_2_1_5, numerator_2_2_1, numerator_2_2_2, numerator_2_2_3, numerator_2_2_4, numerator_2_2_5, numerator_2_3_1, numerator_2_3_2, numerator_2_3_3, numerator_2_3_4, numerator_2_3_5, numerator_2_4_1, numerator_2_4_2, numerator_2_4_3, numerator_2_4_4, numerator_2_4_5, numerator_2_5_1, numerator_2_5_2, numerator_2_5_3, numerator_2_5_4, numerator_2_5_5, numerator_3_1_1, numerator_3_1_2, numerator_3_1_3, numerator_3_1_4, numerator_3_1_5, numerator_3_2_1, numerator_3_2_2, numerator_3_2_3, numerator_3_2_4, numerator_3_2_5, numerator_3_3_1, numerator_3_3_2, numerator_3_3_3, numerator_3_3_4, numerator_3_3_5, numerator_3_4_1, numerator_3_4_2, numerator_3_4_3, numerator_3_4_4, numerator_3_4_5, numerator_3_5_1, numerator_3_5_2, numerator_3_5_3, numerator_3_5_4, numerator_3_5_5, determinant_1, determinant_2, determinant_3, determinant_4, squares_1_1, squares_1_2, squares_1_3, squares_2_1, squares_2_2, squares_2_3, squares_3_1, squares_3_2, squares_3_3)
+
+
+tricept_beam.signature = "(),(),(),(),(3)->(3,5,5),(4),(3,3)"
+tricept_beam.types = ["ddddd->ddd", "fffff->fff"]
+tricept_beam.steps = _tricept_beam

@@ -65,10 +65,6 @@ def trig_solve(A, B, D, *, out=None):
     )
 
 
-trig_solve.signature = "(),(),()->(2),()"
-trig_solve.types = ["ddd->db", "fff->fb"]
-
-
 def _trig_solve(xp, A, B, D, eps, largest):
     # 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale
     size = 0.25*xp.abs(A) + 0.25*xp.abs(B) + 0.25*xp.abs(D)
@@ -170,3 +166,8 @@ def _trig_solve_usual(xp, A, B, D, eps, largest):
     is_usual = (size > eps) & (square > bound) & (size < 1.0/eps)
     del bound, size, square
     return (theta_1, theta_2, status, is_usual)
+
+
+trig_solve.signature = "(),(),()->(2),()"
+trig_solve.types = ["ddd->db", "fff->fb"]
+trig_solve.steps = _trig_solve

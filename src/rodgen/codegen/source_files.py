@@ -166,7 +166,21 @@ def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
         do_not_edit=DO_NOT_EDIT, template="real.h.j2"
     )
     files["gufunc/vector.h"] = ENVIRONMENT.get_template("vector.h.j2").render(
-        do_not_edit=DO_NOT_EDIT, template="vector.h.j2", scale_functions=scale_functions(), block=BLOCK
+        do_not_edit=DO_NOT_EDIT, template="vector.h.j2", scale_functions=scale_functions()
+    )
+    ports = [(*gufunc["inputs"], *gufunc["outputs"]) for gufunc in gufuncs]
+    files["gufunc/loop.h"] = ENVIRONMENT.get_template("loop.h.j2").render(
+        do_not_edit=DO_NOT_EDIT,
+        template="loop.h.j2",
+        block=BLOCK,
+        most_ports=max(map(len, ports)),
+        input_sizes=sorted({port.size for gufunc in gufuncs for port in gufunc["inputs"]}),
+        output_sizes=sorted({p.size for gufunc in gufuncs for p in gufunc["outputs"] if not p.is_status}),
+        most_axes=max(1, *(len(port.shape) for of_one in ports for port in of_one)),
+        most_numbers=max(
+            max(gufunc["input_count"], gufunc["output_count"] + len(gufunc["trigonometric"]))
+            for gufunc in gufuncs
+        ),
     )
     return files
 
@@ -555,6 +569,8 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         "signature": _gufunc_signature(kernel),
         "inputs": kernel.inputs,
         "outputs": kernel.outputs,
+        "ports": ", ".join(map(_port_initializer, (*kernel.inputs, *kernel.outputs))),
+        "row": _row_arguments(kernel),
         "input_count": sum(p.size for p in kernel.inputs),
         "output_count": sum(p.size for p in kernel.outputs),
         "vectorised": vectorised,
@@ -569,19 +585,45 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
     return result
 
 
+def _port_initializer(port: Port) -> str:
+    """Return a port as the initializer of a ``struct port``."""
+    return f"{{{port.size}, {int(port.is_status)}, {len(port.shape)}, {{{', '.join(map(str, port.shape)) or 0}}}}}"
+
+
+def _row_arguments(kernel: Kernel) -> str:
+    """Return the arguments of the C function where all inputs stand in x, and all outputs in y or, codes, in codes."""
+    arguments, at = [], 0
+    for port in kernel.inputs:
+        arguments.append(f"x + {at}" if port.shape else f"x[{at}]")
+        at += port.size
+    at = 0
+    for port in kernel.outputs:
+        arguments.append(f"{'codes' if port.is_status else 'y'} + {at}")
+        at += port.size
+    return ", ".join(arguments)
+
+
 def _vector_body(kernel: Kernel, suffix: str) -> dict[str, Any]:
     symbols = [s for p in kernel.inputs for s in p.symbols]
     used, printer = symbols_read(kernel), VectorCPrinter()
+    columns = {
+        s: n for n, s in enumerate(s for p in kernel.outputs for s in p.symbols if p.name != "is_usual")
+    }
+    lines, stores = [], []
+    for a in kernel.assignments:
+        text = printer.line(a.value)
+        if a.symbol in used or a.symbol not in columns:
+            kind = printer.mask if a.is_condition else printer.real
+            lines.append(f"const {kind} {a.symbol.name} = {text};")
+            text = a.symbol.name
+        if a.symbol in columns:
+            stores.append(f"output[{columns[a.symbol]}][i] = {text};")
     return {
         "suffix": suffix,
         "operations": operations_text(kernel.operations),
         "inputs": [(n, s.name) for n, s in enumerate(symbols) if s in used],
-        "output_names": [s.name for p in kernel.outputs for s in p.symbols if p.name != "is_usual"],
         "trigonometric": _trigonometric_arguments(kernel),
-        "lines": [
-            f"const {printer.mask if a.is_condition else printer.real} {a.symbol.name} = {printer.line(a.value)};"
-            for a in kernel.assignments
-        ],
+        "lines": lines + stores,
     }
 
 
