@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from mpmath import mp
 from scipy.optimize import minimize
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
-from rodgen.kinematics.tricept._intervals import Jet, certified_extremes, enclose, stack
+from rodgen.kinematics.tricept._intervals import Jet, certified_extremes, enclose, exact, stack
 
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
 LOW, HIGH = np.array([-80.0, -80.0, 605.0]), np.array([80.0, 80.0, 765.0])
@@ -76,8 +78,8 @@ def test_every_operation_encloses_the_exact_result() -> None:
         "square": (a.square(), [p * p for p in x]),
         "inverse": (b.inverse(), [1 / q if q else None for q in y]),
     }
-    for name, (jet, exact) in results.items():
-        for low, high, value in zip(*jet.value, exact, strict=True):
+    for name, (jet, values) in results.items():
+        for low, high, value in zip(*jet.value, values, strict=True):
             if value is None:
                 continue
             assert np.isneginf(low) or Fraction(float(low)) <= value, name
@@ -122,6 +124,63 @@ def test_boxes_enclose_sensitivities_rods_and_slopes(geometry: Geometry, width: 
         slope = np.moveaxis((ends[0] - ends[1]) / (2 * h), 0, -1)
         assert (boxes.A.slope[0][n] <= slope + 1e-9).all()
         assert (boxes.A.slope[1][n] >= slope - 1e-9).all()
+
+
+def test_constants_of_a_program_are_enclosed() -> None:
+    root = Jet((np.array([2.0]), np.array([2.0]))) * float(np.sqrt(3.0))
+    low, high = (Fraction(float(end[0])) / 2 for end in root.value)
+    assert low**2 < 3 < high**2
+    low, high = (Fraction(float(end)) for end in (exact(1.0) * (2.0 * float(np.sqrt(3.0)) / 3.0)).value)
+    assert low**2 < Fraction(4, 3) < high**2
+    low, high = (exact(1.0) - 0.1).value
+    assert Fraction(float(low)) < Fraction(9, 10) < Fraction(float(high))
+    assert exact(0.1).value == (0.1, 0.1)
+
+
+def exactly(point: np.ndarray, geometry: Geometry) -> tuple[Any, Any]:
+    """A35 and the rods by the distances from joint to joint: 50 digits and differences, no formula of the paper."""
+    r, R, *q = (mp.mpf(x) for x in (geometry.r, geometry.R, *geometry.q))
+    directions = [(1, 0), (-mp.mpf(1) / 2, mp.sqrt(3) / 2), (-mp.mpf(1) / 2, -mp.sqrt(3) / 2)]
+
+    def turned(alpha: Any, beta: Any, v: Any) -> list[Any]:
+        y, z = v[1] * mp.cos(alpha) + v[2] * mp.sin(alpha), v[2] * mp.cos(alpha) - v[1] * mp.sin(alpha)
+        return [v[0] * mp.cos(beta) + z * mp.sin(beta), y, z * mp.cos(beta) - v[0] * mp.sin(beta)]
+
+    def place(alpha: Any, beta: Any, z: Any) -> list[Any]:
+        return turned(alpha, beta, (q[0], q[1], q[2] + z))
+
+    def rods(alpha: Any, beta: Any, z: Any, r: Any, R: Any) -> list[Any]:
+        ends = [(turned(alpha, beta, (r * c, r * s, z)), (R * c, R * s, 0)) for c, s in directions]
+        return [mp.norm(mp.matrix(joint) - mp.matrix(base)) for joint, base in ends]
+
+    def derivatives(f: Any, x: Any) -> Any:
+        h = mp.mpf(10) ** -20  # the rest is of the order of 1e-30
+        ends = [[f(*[a + s * h * (j == k) for j, a in enumerate(x)]) for s in (1, -1)] for k in range(len(x))]
+        return mp.matrix([[(a - b) / (2 * h) for a, b in zip(*pair, strict=True)] for pair in ends]).T
+
+    start = tricept.inverse(point, geometry)[0][0]
+    pose = mp.findroot(
+        lambda *x: [a - b for a, b in zip(place(*x), point.tolist(), strict=True)], list(start)
+    )
+    by_rods = derivatives(place, pose) * derivatives(lambda *x: rods(*x, r, R), pose) ** -1
+    by_radii = -by_rods * derivatives(lambda *x: rods(*pose, *x), (r, R))
+    A = [[*by_rods[i, :], *by_radii[i, :]] for i in range(3)]
+    return np.array(A), np.array(rods(*pose, r, R))
+
+
+@pytest.mark.parametrize("geometry", [PAPER, TOOL])
+def test_points_enclose_the_exact_sensitivities_and_rods(geometry: Geometry) -> None:
+    points = np.array([[30.0, -45.0, 700.0], [0.0, 0.0, 650.0], [-79.0, 61.0, 610.0]])
+    boxes = enclose(points.T, points.T, geometry, False)
+    with mp.workdps(50):
+        for n, point in enumerate(points):
+            for (low, high), values in zip(
+                (boxes.A.value, boxes.rods.value), exactly(point, geometry), strict=True
+            ):
+                assert (low[..., n] <= values).all()
+                assert (values <= high[..., n]).all()
+                # some 200 steps, each widened by 2^-50 of numbers that may be 1e3 times as large
+                assert (high - low < 1e-10).all()
 
 
 def test_extremes_of_known_functions_are_found() -> None:

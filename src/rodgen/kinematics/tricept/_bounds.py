@@ -28,6 +28,7 @@ from rodgen.kinematics.tricept._intervals import (
     Jet,
     certified_extremes,
     enclose,
+    exact,
     grid_points,
     halved,
     lattice,
@@ -263,7 +264,7 @@ def _sum(A: Jet, U: Array, k: int, m: int) -> Jet:
     for i in range(5):
         for j in range(i, 5):
             if U[i, j] != 0:
-                part = influence(A, k, m, i, j) * U[i, j]
+                part = influence(A, k, m, i, j) * exact(U[i, j])
                 total = part if total is None else total + part
     return A[0, 0] * 0.0 if total is None else total
 

@@ -5,8 +5,8 @@ the unit roundoff, 2⁻⁵³, and both ends are moved outwards by four times tha
 are NaN or infinite, never too narrow.
 
 Enclosed are every element of A35(Q), its derivatives by Q, and the rods' lengths, while Q is anywhere in an
-axis-aligned box. The pose comes from the conditions below the paper's eq. (4), S = K = 1, as sines and cosines without
-angles, so that only +, −, ·, / and √ occur.
+axis-aligned box. The steps of the kernel `tricept_at_point`, of which the derivation proves that they give these
+matrices and rods, are evaluated on intervals. It has no angles, so that only +, −, ·, / and √ occur.
 
 Extremes are found by branch and bound: every remaining box is enclosed with the derivatives of the functions. Where a
 derivative has one sign, the extreme is on a face, and the box shrinks to it; what remains is bounded from a corner or
@@ -17,20 +17,26 @@ halved.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, Union
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array
+from rodgen.generated.numpy.tricept import tricept_at_point
 from rodgen.kinematics.tricept._geometry import Geometry
+
+Ends = tuple[Array, Array]
+"""Lower and upper ends of intervals."""
 
 _RELATIVE = 2.0**-51
 # Far above the rounding of results that are not normal numbers, 2^-1075.
 _ABSOLUTE = 1e-300
 
 
-def outward(low: Array, high: Array) -> tuple[Array, Array]:
+def outward(low: Array, high: Array) -> Ends:
     """Return both ends moved outwards by more than what rounding to nearest can have moved them inwards.
 
     A result v of one operation is off by at most 2^-53 |v| + 2^-1075; 2^-51 |v| + 1e-300 is taken off, and the rounding
@@ -39,7 +45,11 @@ def outward(low: Array, high: Array) -> tuple[Array, Array]:
     return low - (np.abs(low) * _RELATIVE + _ABSOLUTE), high + (np.abs(high) * _RELATIVE + _ABSOLUTE)
 
 
-def _times(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
+def _times(a: Ends, b: Ends) -> Ends:
+    for interval, number in ((a, b), (b, a)):
+        if number[0] is number[1]:
+            one, two = interval[0] * number[0], interval[1] * number[0]
+            return outward(np.minimum(one, two), np.maximum(one, two))
     one, two, three, four = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     return outward(
         np.minimum(np.minimum(one, two), np.minimum(three, four)),
@@ -47,11 +57,8 @@ def _times(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array
     )
 
 
-def _plus(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
+def _plus(a: Ends, b: Ends) -> Ends:
     return outward(a[0] + b[0], a[1] + b[1])
-
-
-Operand = Union["Jet", float]
 
 
 class Jet:
@@ -62,12 +69,12 @@ class Jet:
     value : pair of ndarray, shape (..., n)
         Lower and upper ends; n boxes.
     slope : pair of ndarray, shape (3, ..., n), or None
-        The same of the derivatives; None for values alone.
+        The same of the derivatives; None for constants, and where no derivatives are wanted.
     """
 
     __slots__ = ("slope", "value")
 
-    def __init__(self, value: tuple[Array, Array], slope: tuple[Array, Array] | None = None) -> None:
+    def __init__(self, value: Ends, slope: Ends | None = None) -> None:
         self.value = value
         self.slope = slope
 
@@ -83,12 +90,9 @@ class Jet:
         return Jet((-self.value[1], -self.value[0]), slope)
 
     def __add__(self, other: Operand) -> Jet:
-        if not isinstance(other, Jet):
-            return Jet(_plus(self.value, (np.float64(other),) * 2), self.slope)  # type: ignore[arg-type]
-        slope = None
-        if self.slope is not None and other.slope is not None:
-            slope = _plus(self.slope, other.slope)
-        return Jet(_plus(self.value, other.value), slope)
+        other = _jet(other)
+        slopes = [jet.slope for jet in (self, other) if jet.slope is not None]
+        return Jet(_plus(self.value, other.value), _sum(slopes))
 
     __radd__ = __add__
 
@@ -99,14 +103,12 @@ class Jet:
         return -self + other
 
     def __mul__(self, other: Operand) -> Jet:
-        if not isinstance(other, Jet):
-            factor = np.float64(other), np.float64(other)
-            slope = None if self.slope is None else _times(self.slope, factor)  # type: ignore[arg-type]
-            return Jet(_times(self.value, factor), slope)  # type: ignore[arg-type]
-        slope = None
-        if self.slope is not None and other.slope is not None:
-            slope = _plus(_times(self.slope, other.value), _times(other.slope, self.value))
-        return Jet(_times(self.value, other.value), slope)
+        if other is self:
+            return self.square()
+        other = _jet(other)
+        pairs = (self.slope, other.value), (other.slope, self.value)
+        slopes = [_times(slope, value) for slope, value in pairs if slope is not None]
+        return Jet(_times(self.value, other.value), _sum(slopes))
 
     __rmul__ = __mul__
 
@@ -116,9 +118,7 @@ class Jet:
         ends = low * low, high * high
         least = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(*ends))
         least, greatest = outward(least, np.maximum(*ends))
-        slope = None
-        if self.slope is not None:
-            slope = _times(_times(self.slope, self.value), (np.float64(2.0),) * 2)  # type: ignore[arg-type]
+        slope = None if self.slope is None else _times(_times(self.slope, self.value), exact(2.0).value)
         return Jet((np.maximum(least, 0.0), greatest), slope)
 
     def inverse(self) -> Jet:
@@ -134,8 +134,11 @@ class Jet:
             slope = _times(self.slope, (-factor[1], -factor[0]))
         return Jet(value, slope)
 
-    def __truediv__(self, other: Jet) -> Jet:
-        return self * other.inverse()
+    def __truediv__(self, other: Operand) -> Jet:
+        return self * _jet(other).inverse()
+
+    def __rtruediv__(self, other: float) -> Jet:
+        return self.inverse() if other == 1 else self.inverse() * other
 
     def sqrt(self) -> Jet:
         """Return the square root; NaN where the argument can be negative."""
@@ -146,6 +149,37 @@ class Jet:
             half = root.inverse() * 0.5
             root.slope = _times(self.slope, half.value)
         return root
+
+
+Operand = Jet | float
+
+
+def exact(number: float) -> Jet:
+    """Return a number as an interval without width."""
+    end = np.float64(number)
+    return Jet((end, end))  # type: ignore[arg-type]
+
+
+@lru_cache
+def _constant(number: float) -> Jet:
+    """Return an enclosure of the constant that a generated program shows as this number.
+
+    One with few binary digits is the constant itself. Any other is it after up to three roundings, as 2*sqrt(3)/3.
+    """
+    if number == round(number * 1024) / 1024 and abs(number) < 2**20:
+        return exact(number)
+    return Jet(outward(np.float64(number), np.float64(number)))  # type: ignore[arg-type]
+
+
+def _jet(operand: Operand) -> Jet:
+    return operand if isinstance(operand, Jet) else _constant(operand)
+
+
+def _sum(slopes: list[Ends]) -> Ends | None:
+    """Return the sum of the slopes that are not zero, at most two."""
+    if len(slopes) == 2:
+        return _plus(*slopes)
+    return slopes[0] if slopes else None
 
 
 def stack(parts: list[Any]) -> Jet:
@@ -159,30 +193,6 @@ def stack(parts: list[Any]) -> Jet:
     return Jet(value, slope)
 
 
-def dot(a: Jet, b: Jet) -> Jet:
-    """Return the scalar product over the first axis."""
-    total = a[0] * b[0]
-    for n in range(1, len(a.value[0])):
-        total = total + a[n] * b[n]
-    return total
-
-
-def matmul(a: Jet, b: Jet) -> Jet:
-    """Return the product of matrices, which stand along the first two axes."""
-    total = a[:, 0, None] * b[None, 0, :]
-    for n in range(1, len(b.value[0])):
-        total = total + a[:, n, None] * b[None, n, :]
-    return total
-
-
-def cross(a: Jet, b: Jet) -> Jet:
-    """Return the vector product over the first axis."""
-    return stack([a[(n + 1) % 3] * b[(n + 2) % 3] - a[(n + 2) % 3] * b[(n + 1) % 3] for n in range(3)])
-
-
-_ROOT = float(np.sqrt(3.0))
-
-
 class Enclosed(NamedTuple):
     """Enclosures over n boxes, of `enclose`."""
 
@@ -192,14 +202,8 @@ class Enclosed(NamedTuple):
     """A0, A1, A-1, (3, n)."""
 
 
-def _constant(value: float, like: Jet) -> Jet:
-    low, high = like.value
-    slope = None if like.slope is None else (np.zeros_like(like.slope[0]), np.zeros_like(like.slope[1]))
-    return Jet((np.full_like(low, value), np.full_like(high, value)), slope)
-
-
 def enclose(low: Array, high: Array, geometry: Geometry, slopes: bool) -> Enclosed:
-    """Return enclosures of A35 and the rods over boxes.
+    """Return enclosures of A35 and the rods over boxes: the steps of the kernel `tricept_at_point` on intervals.
 
     Parameters
     ----------
@@ -210,80 +214,15 @@ def enclose(low: Array, high: Array, geometry: Geometry, slopes: bool) -> Enclos
     slopes : bool
         Whether to enclose the derivatives by Q, too.
     """
-    R, r, (qx, qy, qz) = geometry.R, geometry.r, geometry.q
     unit = np.zeros((3, 3, low.shape[1])) + np.eye(3)[:, :, None]
-    x, y, z = (Jet((low[n], high[n]), (unit[n], unit[n]) if slopes else None) for n in range(3))
-    zero = _constant(0.0, x)
-
-    level = x.square() + z.square()
-    whole = level + y.square()
-    if geometry.q == (0.0, 0.0, 0.0):
-        across, length = level.sqrt(), whole.sqrt()
-        shorter, longer = across.inverse(), length.inverse()
-        sb, cb = x * shorter, z * shorter
-        sa, ca = y * longer, across * longer
-    else:
-        square_x, square_y = Jet((zero.value[0] + qx,) * 2).square(), Jet((zero.value[0] + qy,) * 2).square()
-        if slopes:
-            square_x.slope = square_y.slope = zero.slope
-        under = whole - square_x
-        across, root = (level - square_x).sqrt(), (under - square_y).sqrt()
-        shorter, longer = level.inverse(), under.inverse()
-        sb, cb = (x * across - z * qx) * shorter, (x * qx + z * across) * shorter
-        sa, ca = (y * root - across * qy) * longer, (root * across + y * qy) * longer
-        length = root - qz
-
-    thick = Jet((zero.value[0] + np.nextafter(_ROOT, 0), zero.value[1] + np.nextafter(_ROOT, 2)), zero.slope)
-    rods = _rods(length, ca, sa, cb, sb, R, r, thick)
-    # W33 by rows, and its inverse by their cross products over the determinant
-    Rr = zero + R
-    twice = length * 2.0
-    rows = [
-        stack([sa * r * Rr, sb * r * Rr, twice]),
-        stack([ca * (twice + sb * r) * Rr, sa * cb * r * Rr, sa * 2.0 * Rr]),
-        stack([sa * (r - twice * sb) * Rr, (twice * ca * cb - sb * r) * Rr, ca * sb * 2.0 * Rr]),
-    ]
-    turned = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])]
-    determinant = dot(rows[0], turned[0])
-    adjugate = stack([[turned[column][row] for column in range(3)] for row in range(3)])
-    third = (zero + 1.0) / (zero + 3.0)
-    by_root = thick * third
-    both = ca + cb
-    W35 = stack(
-        [
-            [-third * 2.0] * 3 + [zero + 2 * r - both * Rr, 2.0 * Rr - both * r],
-            [zero, by_root * 2.0, -by_root * 2.0, sa * sb * Rr, sa * (twice + sb * r)],
-            [
-                third * 4.0,
-                -third * 2.0,
-                -third * 2.0,
-                (cb - ca) * Rr,
-                cb * r + ca * (twice * sb - r),
-            ],
-        ]
-    )
-    if geometry.q == (0.0, 0.0, 0.0):
-        M33 = stack([[-sb * y, z, sb * ca], [across, zero, sa], [-cb * y, -x, cb * ca]])
-    else:
-        # dQ/dα = Oy Ox'(q + z e3), dQ/dβ = (Qz, 0, −Qx), dQ/dz = Oy Ox e3
-        up = length + qz
-        turn_y, turn_z = ca * up - sa * qy, -(sa * up + ca * qy)
-        M33 = stack([[sb * turn_z, z, sb * ca], [turn_y, zero, sa], [cb * turn_z, -x, cb * ca]])
-    A = matmul(matmul(-M33, adjugate), W35) * determinant.inverse()[None, None]
-    lengths = stack([rods[0], rods[1], rods[2], zero + 1.0, zero + 1.0])
-    return Enclosed(A * lengths[None], rods)
+    point = [Jet((low[n], high[n]), (unit[n], unit[n]) if slopes else None) for n in range(3)]
+    numbers = map(exact, (geometry.r, geometry.R, *geometry.q))
+    *A, a, b, c = tricept_at_point.steps(_FUNCTIONS, *point, *numbers, 0.0, np.inf)
+    return Enclosed(stack([A[:5], A[5:10], A[10:]]), stack([a, b, c]))
 
 
-def _rods(z: Jet, ca: Jet, sa: Jet, cb: Jet, sb: Jet, R: float, r: float, root: Jet) -> Jet:
-    """Return enclosures of the rods by the paper's (2) to (4)."""
-    like = z * 0.0  # numbers as jets, because the square of one is rounded
-    base = z.square() + (like + r).square() + (like + R).square()
-    straight = (cb * r + z * sb * ca) * (2.0 * R)
-    along = cb * (0.25 * r) + ca * ((like + r) * 0.75 - z * sb * 0.5)
-    side = root * 0.5 * sa * (z + sb * (0.5 * r))
-    squares = [base - straight, base - (along + side) * (2.0 * R), base - (along - side) * (2.0 * R)]
-    return stack(squares).sqrt()
-
+_FUNCTIONS = SimpleNamespace(sqrt=Jet.sqrt)
+"""What the steps call."""
 
 # As many boxes as keep most arrays in the processor's cache; fewer where all functions are wanted of each.
 _BLOCK, _FEW = 2048, 512
