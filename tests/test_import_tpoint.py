@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.effects.formula import Formula
 from rodgen.machines.imports.tpoint_data import read_pointings
 from rodgen.machines.imports.tpoint_model import (
     machine_from_tpoint,
@@ -414,6 +416,16 @@ def test_an_effect_without_a_term_has_no_model(tmp_path):
     found = machine.with_effect(machine.effect("scale", "EL", hold={"k": 1e-4}))
     with pytest.raises(RodgenError, match="scale at EL: no term of TPOINT"):
         terms_of(found, ALTAZ, 0.0)
+
+
+def test_an_effect_of_another_formula_is_no_term_of_that_name(tmp_path):
+    machine = machine_from_tpoint(None, model_file(tmp_path, {"IA": 10.0, "HASA3": 5.0})).machine
+    (term,) = (effect for effect in machine.effects if effect.definition.own)
+    doubled = Formula.parse(f"2*{term.definition.formula.text}", file="", place="")
+    other = replace(term, definition=replace(term.definition, formula=doubled))
+    machine = replace(machine, effects=tuple(other if each is term else each for each in machine.effects))
+    with pytest.raises(RodgenError, match="(?i)hasa3.*: no term of TPOINT"):
+        terms_of(machine, ALTAZ, 0.0)
 
 
 def test_a_fit_comes_back_as_the_terms_that_were_simulated(tmp_path):

@@ -26,7 +26,8 @@ from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError, joined, nearest_name, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.effects.catalogue import TERMS
-from rodgen.machines.effects.symbols import own_term
+from rodgen.machines.effects.formula import Formula
+from rodgen.machines.effects.symbols import OwnTerm, own_term
 from rodgen.machines.files.read import effect_of
 from rodgen.machines.imports.imported import Imported, one_line
 from rodgen.machines.imports.tpoint_data import Pointings, read_pointings
@@ -200,8 +201,22 @@ def _followers(mount: Mount, parameter: str, value: float) -> Iterator[tuple[str
         yield "axis_tilt", name, x, float(tilt @ direction)
 
 
+def _own_term(machine: Machine, term: str) -> OwnTerm | None:
+    return own_term(term, tuple(x.tolist() for x in complete_basis(-np.array(machine.gravity))))
+
+
+def _is_own_term(machine: Machine, effect: Effect) -> bool:
+    """Return whether an effect of a user's is the term of its name, by its formulas."""
+    definition = effect.definition
+    term = _own_term(machine, effect.name) if definition.own else None
+    formulas = {(definition.component, definition.formula), *definition.others}
+    return term is not None and formulas == {
+        (x, Formula.parse(f, file="", place="")) for x, f in term.formulas
+    }
+
+
 def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Effect:
-    own = own_term(term, tuple(x.tolist() for x in complete_basis(-np.array(machine.gravity))))
+    own = _own_term(machine, term)
     names = [*TERMS, "FLOP", "DNP", "HDSH5", "X2HC"]
     if own is None and re.fullmatch(r"P[HDXAESZ](?:[HDAEZ][1-9]?){1,2}", term):
         found, expected = f"{term}, a polynomial of azimuths", "harmonics of azimuths, such as HACA or HASA2"
@@ -307,7 +322,7 @@ def terms_of(machine: Machine, mount: Mount, latitude: float, *, others: bool = 
         ):
             take(term)
     for effect in machine.effects:
-        if effect.definition.own and own_term(effect.name) is not None:
+        if _is_own_term(machine, effect):
             found[effect.name.upper()] = numbers.pop((effect.name, effect.place, "a"), 0.0)
     left = {
         f"{name} at {place}" if place else name
