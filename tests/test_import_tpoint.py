@@ -424,7 +424,7 @@ def test_an_effect_of_another_formula_is_no_term_of_that_name(tmp_path):
     doubled = Formula.parse(f"2*{term.definition.formula.text}", file="", place="")
     other = replace(term, definition=replace(term.definition, formula=doubled))
     machine = replace(machine, effects=tuple(other if each is term else each for each in machine.effects))
-    with pytest.raises(RodgenError, match="(?i)hasa3.*: no term of TPOINT"):
+    with pytest.raises(RodgenError, match=r"(?i)hasa3.*: no term of TPOINT"):
         terms_of(machine, ALTAZ, 0.0)
 
 

@@ -23,19 +23,22 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+import sympy as sp
 from exact_programs import exact
 from machine_cases import ROWS, Case, every, frame, own, several, skyward, unit
 from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.problem import Problem
-from rodgen.codegen import Kernel
+from rodgen.codegen import Kernel, KernelBuilder
 from rodgen.codegen.program import Program
 from rodgen.codegen.rows import row_kernels
+from rodgen.machines.algebra import Algebra
 from rodgen.machines.closed_chain_derivation import pose_of
 from rodgen.machines.derivation import derive_programs, model_kernel
 from rodgen.machines.model import _key
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure
+from rodgen.symbolic import select
 
 KINDS = ["point", "direction", "distance"]
 UNITS = 16
@@ -189,14 +192,37 @@ def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypat
     same_numbers(every(kind), monkeypatch)
 
 
+def with_sympy() -> Algebra:
+    """Return the algebra whose kernels are SymPy's."""
+    names = ("sin", "cos", "tan", "exp", "log", "sqrt")
+    return Algebra(
+        matrix=sp.Matrix,
+        functions={
+            **{name: getattr(sp, name) for name in names},
+            "abs": sp.Abs,
+            # as selects: SymPy's derivative of sign is a delta function
+            "sign": lambda x: select(x > 0, sp.S.One, select(x < 0, -sp.S.One, sp.S.Zero)),
+        },
+        atan2=sp.atan2,
+        select=select,
+        nan=sp.nan,
+        pi=sp.pi,
+        number=lambda x: sp.Rational(x.numerator, x.denominator),
+        circle=lambda degrees: (sp.cos(sp.rad(degrees)), sp.sin(sp.rad(degrees))),
+        is_real=lambda x: not sp.sympify(x).has(sp.I, sp.zoo, sp.nan, sp.oo),
+        builder=lambda name: KernelBuilder(name, summary="A model.", source="rodgen.machines"),
+    )
+
+
 def derive_kernels(structure: Structure) -> dict[str, Kernel]:
     """Return the kernels of a machine by SymPy, by the names of the programs of its fit."""
+    algebra = with_sympy()
     kernels = [
-        model_kernel(ModelSteps(structure, "place", with_residual=False)),
-        model_kernel(ModelSteps(structure, "residual")),
+        model_kernel(ModelSteps(structure, "place", algebra, with_residual=False)),
+        model_kernel(ModelSteps(structure, "residual", algebra)),
     ]
     if structure.kinematics.is_closed:
-        kernels.append(pose_of(ModelSteps(structure, "pose")))
+        kernels.append(pose_of(ModelSteps(structure, "pose", algebra)))
     return {kernel.name: kernel for kernel in kernels}
 
 

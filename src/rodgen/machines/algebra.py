@@ -1,8 +1,4 @@
-"""What a model is written with: SymPy, or the numbers of a tape.
-
-Both have matrices with the same methods. With SymPy the steps keep their names and can be proved, folded and printed; a
-tape becomes the program of a fit in a hundredth of the time.
-"""
+"""What a model is written with: the numbers of a tape; or another algebra, such as SymPy's in the tests."""
 
 from __future__ import annotations
 
@@ -40,33 +36,6 @@ class Algebra:
     """Whether a value may be a real number."""
     builder: Callable[[str], Any]
     """Makes the builder of a kernel of a name."""
-
-
-def with_sympy(summary: str, source: str) -> Algebra:
-    """Return the algebra whose kernels are SymPy's; `summary` and `source` are theirs."""
-    import sympy as sp
-
-    from rodgen.codegen import KernelBuilder
-    from rodgen.symbolic import select
-
-    names = ("sin", "cos", "tan", "exp", "log", "sqrt")
-    return Algebra(
-        matrix=sp.Matrix,
-        functions={
-            **{name: getattr(sp, name) for name in names},
-            "abs": sp.Abs,
-            # as selects: SymPy's derivative of sign is a delta function
-            "sign": lambda x: select(x > 0, sp.S.One, select(x < 0, -sp.S.One, sp.S.Zero)),
-        },
-        atan2=sp.atan2,
-        select=select,
-        nan=sp.nan,
-        pi=sp.pi,
-        number=lambda x: sp.Rational(x.numerator, x.denominator),
-        circle=lambda degrees: (sp.cos(sp.rad(degrees)), sp.sin(sp.rad(degrees))),
-        is_real=lambda x: not sp.sympify(x).has(sp.I, sp.zoo, sp.nan, sp.oo),
-        builder=lambda name: KernelBuilder(name, summary=summary, source=source),
-    )
 
 
 class TapeBuilder:

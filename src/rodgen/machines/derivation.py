@@ -1,4 +1,4 @@
-"""From the steps of a machine's model to its kernels: as SymPy, or as the programs that a fit runs."""
+"""From the steps of a machine's model to the programs that a fit runs."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ class Measurand:
         """Return residuals (n, components) as errors in internal units: lengths or angles; turns times an arm."""
         return residuals
 
-    # as SymPy --------------------------------------------------------------------------------------------------
+    # as steps --------------------------------------------------------------------------------------------------
 
     def seen(self, steps: Steps, place: Any) -> Any:
         """Return where the instrument sees a place, (3, 1)."""

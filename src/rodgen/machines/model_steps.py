@@ -21,7 +21,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rodgen.errors import RodgenError
-from rodgen.machines.algebra import Algebra, with_sympy
+from rodgen.machines.algebra import Algebra
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import TURNS
 from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 Vector: TypeAlias = Any
 """A column of values."""
-SUMMARY = "A machine's model against its measurements."
-SOURCE = "product of exponentials with error motions, derivation/machine_model.py"
 
 
 def cached(function: Any) -> Any:
@@ -55,18 +53,18 @@ class ModelSteps:
     ----------
     name : str
         Of the kernel.
-    algebra : Algebra, optional
-        What it is written with; SymPy when left out.
+    algebra : Algebra
+        What it is written with.
     with_residual : bool
         Whether it ends in the weighted residual; else in the place.
     """
 
     def __init__(
-        self, structure: Structure, name: str, algebra: Algebra | None = None, *, with_residual: bool = True
+        self, structure: Structure, name: str, algebra: Algebra, *, with_residual: bool = True
     ) -> None:
         self.structure = structure
         self.with_residual = with_residual
-        self.algebra = algebra or with_sympy(SUMMARY, SOURCE)
+        self.algebra = algebra
         self.matrix, self.select = self.algebra.matrix, self.algebra.select
         self.sin, self.cos, self.sqrt = (self.algebra.functions[name] for name in ("sin", "cos", "sqrt"))
         self.builder = self.algebra.builder(name)

@@ -71,7 +71,7 @@ def inverse(a: Algebra, matrix: Any) -> Any:
     return a.let("inverse", adjugate / determinant)
 
 
-def solved(let: Callable[[str, Any], Any], matrix: Any, b: Sequence[Any]) -> list[Any]:
+def solved(let: Callable[[str, Any], Any], matrix: Any, b: Any) -> list[Any]:
     """Return the solution of a positive definite system, by its factors L D Lᵀ; `let` names each step (factors)."""
     n = len(b)
     factor: dict[tuple[int, int], Any] = {}
