@@ -213,12 +213,17 @@ class Equal:
     cost: float
 
 
+def _is_listed(evidence: Evidence, c: Candidate) -> bool:
+    """Return whether a candidate may be named beside others: an effect of the catalogue, or one of many curves."""
+    return evidence.curves or not c.effect.definition.own
+
+
 def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> list[Candidate]:
     """Return effects of fewer columns that together may be in the place of one, such as zeros in that of an offset.
 
     As many as it has columns at most: each explains most of what those before it leave.
     """
-    left = [c for c in evidence.candidates if len(c.names) < len(one.names) and not c.effect.definition.own]
+    left = [c for c in evidence.candidates if len(c.names) < len(one.names) and _is_listed(evidence, c)]
     found = list[Candidate]()
     for _ in one.names:
         there = {*(c.key for c in (*rest, *found)), *evidence.refused}
@@ -260,7 +265,7 @@ def _alike(
     rest = [c for c in chosen if c not in replaced]
     certain, choice = any(c.prior.certain for c in replaced), evidence.choice(chosen)
     out, found = {c.key for c in replaced}, dict[frozenset[tuple[str, str | None]], Equal]()
-    tried = [some for some in tried if not any(c.effect.definition.own or c.key in out for c in some)]
+    tried = [some for some in tried if not any(c.key in out or not _is_listed(evidence, c) for c in some)]
     evidence.weighed([*rest, *some] for some in tried)
     for some in tried:
         keys = frozenset(c.key for c in some)
@@ -278,7 +283,7 @@ def ranking(evidence: Evidence) -> tuple[Ranked, ...]:
     """Return every effect of the catalogue, weighed on the model without anything, the most probable first."""
     nothing, total = evidence.cost([]), evidence.models[0].square
     best: dict[tuple[str, str | None], Ranked] = {}
-    for (c,) in evidence.weighed([one] for one in evidence.candidates if not one.effect.definition.own):
+    for (c,) in evidence.weighed([one] for one in evidence.candidates if _is_listed(evidence, one)):
         explains = evidence.explained([c]) / total if total > 0 else 0.0
         one = Ranked(c.effect, log10_of(nothing - evidence.cost([c])), evidence.visible(c), explains)
         if c.key not in best or one.log10_odds > best[c.key].log10_odds:
