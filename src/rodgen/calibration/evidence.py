@@ -441,12 +441,15 @@ class Evidence:
                 values, along = np.maximum(values, 0.0), (force[..., None, :] @ vectors)[..., 0, :]
                 real = values > ROUNDING * values[..., -1:]
                 explained = np.sum(np.where(real, along**2 / np.where(real, values, 1.0), 0.0), axis=-1)
+                variance = np.maximum((square - explained) / max(n - k, 1), floor)
+                # of equal columns no solution of equations is as exact
+                theta = width * (vectors @ (along / (values + variance[..., None]))[..., None])[..., 0]
             else:  # in a tenth of the time
                 largest = np.max(np.diagonal(scaled, axis1=-2, axis2=-1), axis=-1, initial=0.0)
                 rounding = ROUNDING * largest + 1e-300
                 explained = np.sum(force * _ridge(scaled, force, rounding), axis=-1)
-            variance = np.maximum((square - explained) / max(n - k, 1), floor)
-            theta = width * _ridge(scaled, force, variance)
+                variance = np.maximum((square - explained) / max(n - k, 1), floor)
+                theta = width * _ridge(scaled, force, variance)
             ratio = np.abs(theta) / np.where(usual > 0, usual, np.inf)
             ratio = np.max(np.where(same, ratio[..., None, :], 0.0), axis=-1, initial=0.0)
             times = np.clip(ratio, narrow, WIDEST)
