@@ -110,6 +110,22 @@ def test_the_catalogue_holds_exactly_these_effects():
     assert sum(len(d.at) for d in CATALOGUE) == len(EXPECTED)
 
 
+RUNGS = {
+    0: "zero_offset leg_zero_offset",
+    1: "axis_tilt axis_offset squareness target_offset base_joint_offset platform_joint_offset tower_lean arm_length "
+    "delta_radius delta_angle rod_length",
+    2: "gravity_windup load_windup lateral_windup axis_flexure fork_flexure gravity_sag load_sag guide_windup "
+    "leg_compliance",
+}
+"""Zeros, other dimensions, and what weight or a load does; whatever is not listed is the rest."""
+
+
+def test_every_effect_has_its_place_in_the_ladder_of_a_robot():
+    expected = {name: number for number, names in RUNGS.items() for name in names.split()}
+    assert expected.keys() <= {d.name for d in CATALOGUE}
+    assert {d.name: d.rung for d in CATALOGUE} == {d.name: expected.get(d.name, 3) for d in CATALOGUE}
+
+
 @pytest.mark.parametrize(("at", "name"), EXPECTED)
 def test_an_effect_has_its_component_parameters_and_units(at, name):
     component, units = EXPECTED[at, name]

@@ -168,7 +168,7 @@ class EffectDefinition:
             return 0
         if self.component in DIMENSIONS:
             return 1
-        return 2 if self.formula.names & WEIGHTS else 3
+        return 2 if self.component == "sag" or self.formula.names & WEIGHTS else 3
 
     @property
     def follows_time(self) -> bool:
