@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hidden_effects import hidden
 from real_machines import real
 
 import rodgen
+from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.poses import positions
@@ -62,6 +64,17 @@ def test_an_effect_that_stands_against_a_walk_is_kept_though_the_walk_spoils_its
     steps = {step.effect.title: step for step in found.steps}
     assert steps.keys() == {"thermal_axis_drift at A", "backlash at C"}
     assert steps["thermal_axis_drift at A"].odds > 1e4
+
+
+@pytest.mark.parametrize(("independent", "out"), [(True, "b"), (False, "cb")])
+def test_of_effects_that_are_zero_the_least_significant_goes_first(monkeypatch, independent, out):
+    """It need not be the last: a robot's effects are in physical order."""
+    p_values = {"a": 0.0, "b": 0.9, "c": 0.5}
+    module = sys.modules[diagnose.__module__]
+    monkeypatch.setattr(module, "EffectEstimates", lambda _: SimpleNamespace(significance=p_values.get))
+    chosen = [Candidate(name, (), np.zeros((1, 1, 0)), {}) for name in p_values]
+    final = SimpleNamespace(dependence=SimpleNamespace(independent=independent))
+    assert "".join(c.effect for c in module._zero(chosen, [final])) == out
 
 
 @pytest.mark.thorough

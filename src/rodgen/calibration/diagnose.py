@@ -363,11 +363,12 @@ AS_POSE = (
 def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
     """Return effects that the full fit estimates as zero within their uncertainty.
 
-    The last one alone where readings are independent: another may be determined without it.
+    The least significant alone where readings are independent: another may be determined without it.
     """
     estimates = EffectEstimates(fits[-1])
-    found = [c for c in reversed(chosen) if estimates.significance(c.effect) > VERDICT.zero]
-    return found[:1] if fits[-1].dependence.independent else found
+    p_values = {c: estimates.significance(c.effect) for c in reversed(chosen)}
+    found = [c for c, p_value in p_values.items() if p_value > VERDICT.zero]
+    return [max(found, key=p_values.__getitem__)] if found and fits[-1].dependence.independent else found
 
 
 IDLE = "poses that a fit did not see are predicted no better with {}"
