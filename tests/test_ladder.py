@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +15,9 @@ from diagnosis_checks import loaded
 from real_machines import real
 
 import rodgen
+from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import _poses_to_deal, _postures, held_out
+from rodgen.calibration.held_out import HeldOut, _poses_to_deal, _postures, held_out
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
@@ -189,8 +192,13 @@ def test_postures_that_all_but_alone_tell_of_a_parameter_cannot_be_held_out():
     loaded_group = neighbours(q / np.ptp(q, axis=0), 5) == 4
     columns = {c.text: np.array(c.values) for c in reached(q.copy(), random, 5).columns.values()}
     columns["load [N]"] = np.where(loaded_group, 10.0, 0.03)
-    found = fit(ARM.add("load_windup", joint="J2"), rodgen.Measurements.from_frame(columns)).held_out()
+    found_in = rodgen.Measurements.from_frame(columns)
+    found = fit(ARM.add("load_windup", joint="J2"), found_in).held_out()
     assert (found.rms, found.because, found.unpredicted) == (None, ("J2.load_windup.k",), ())
+    # what cannot be predicted is no better than what was, though no error rises
+    assert not found.rises_from(before := fit(ARM, found_in).held_out())
+    assert found.predicts_no_better_than(before)
+    assert not before.predicts_no_better_than(found)
     assert found.text == found.note
     assert found.note == (
         "The poses cannot be held out by posture (5 groups of neighbouring postures): without one of these the others "
@@ -221,6 +229,32 @@ def test_a_pose_that_alone_tells_of_its_set_up_is_left_out_and_said():
     assert "Left out: 4 rows without which nothing determines frame_shift[2]." in found.text
     # 2 µm of noise: the pose that cannot be predicted does not count with an error of any size
     assert 0.0015 < found.rms < 0.004
+    assert found.predicts_no_better_than(fit(TABLE, data).held_out())
+    where = np.flatnonzero(np.isnan(found.squares))
+    assert where.tolist() == [*found.unpredicted]
+    assert np.sqrt(np.nanmean(found.squares)) == pytest.approx(found.rms, rel=1e-12)
+
+
+def test_errors_are_compared_on_the_rows_that_both_fits_predict():
+    """A row that is hard to predict counts in both or in neither."""
+    every = HeldOut(np.sqrt(34.0), "mm", 3, 3, "pose", squares=np.array([1.0, 1.0, 100.0]))
+    some = HeldOut(np.sqrt(2.0), "mm", 3, 3, "pose", (2,), squares=np.array([2.0, 2.0, np.nan]))
+    better = replace(some, squares=some.squares / 4)
+    assert some.rms < every.rms
+    assert some.rises_from(every)
+    assert not every.rises_from(some)
+    assert not every.predicts_no_better_than(some)
+    assert not better.rises_from(every)
+    assert better.predicts_no_better_than(every)  # it no longer predicts one row
+
+
+@pytest.mark.parametrize(("driver", "out"), [("T_room", 1), ("", 0)])
+def test_a_form_by_which_rows_cannot_be_predicted_is_refused(driver, out):
+    every = HeldOut(2.0, "mm", 3, 3, "pose", squares=np.array([4.0, 4.0, 4.0]))
+    some = HeldOut(1.0, "mm", 3, 3, "pose", (2,), squares=np.array([1.0, 1.0, np.nan]))
+    fits = [SimpleNamespace(held_out=lambda one=one: one) for one in (every, some)]
+    module = sys.modules[diagnose.__module__]
+    assert len(module._idle_forms([SimpleNamespace(driver=driver)], fits)) == out
 
 
 def test_a_target_seen_once_is_left_out_and_said():

@@ -276,7 +276,8 @@ def _with_geometry(base: Fit) -> Fit | None:
         found = base.refit(machine, outliers=base.outliers)
     except FitError:
         return None
-    return found if found.solution.converged and not found.held_out().rises_from(base.held_out()) else None
+    better = found.solution.converged and not found.held_out().predicts_no_better_than(base.held_out())
+    return found if better else None
 
 
 def _confirmed(state: _State) -> _State:
@@ -377,7 +378,9 @@ IDLE = "poses that a fit did not see are predicted no better with {}"
 def _idle_forms(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
     """Return forms with which poses left out are predicted no better."""
     pairs = zip(chosen, pairwise(fits), strict=True)
-    return [c for c, (one, more) in pairs if c.driver and more.held_out().rises_from(one.held_out())]
+    return [
+        c for c, (one, more) in pairs if c.driver and more.held_out().predicts_no_better_than(one.held_out())
+    ]
 
 
 # The answer ------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ by nothing, and left out.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -77,6 +77,8 @@ class HeldOut(Result):
         Keys of the parameters that this is; where there is no error, of those that others do not hold.
     converged : bool
         Whether every fit ended.
+    squares : ndarray, shape (n,), or None
+        Mean of the squares of each row's readings, in `unit`; NaN of a row that is not predicted, or an outlier.
     """
 
     rms: float | None
@@ -87,6 +89,7 @@ class HeldOut(Result):
     unpredicted: tuple[int, ...] = ()
     because: tuple[str, ...] = ()
     converged: bool = True
+    squares: Array | None = field(default=None, repr=False, compare=False)
 
     _keys = "rms unit folds poses by unpredicted because converged text"
 
@@ -96,9 +99,26 @@ class HeldOut(Result):
         return " ".join(self._sentences())
 
     def rises_from(self, before: HeldOut) -> bool:
-        """Return whether it is no smaller than before; False where one of them is not known, or is that of others."""
-        same = self.unpredicted == before.unpredicted
-        return same and self.rms is not None and before.rms is not None and not self.rms < before.rms
+        """Return whether it is no smaller than before on the rows that both predict; False where these are none."""
+        now, earlier = self._with(before)
+        return now is not None and earlier is not None and not now < earlier
+
+    def predicts_no_better_than(self, before: HeldOut) -> bool:
+        """Return whether it rises from before, or does not predict rows that were predicted before."""
+        lost = before.rms is not None and (
+            self.rms is None or bool({*self.unpredicted} - {*before.unpredicted})
+        )
+        return lost or self.rises_from(before)
+
+    def _with(self, before: HeldOut) -> tuple[float | None, float | None]:
+        """Return this error and the one before on the rows that both predict; None where that is not known."""
+        if self.squares is None or before.squares is None or len(self.squares) != len(before.squares):
+            same = self.unpredicted == before.unpredicted
+            return (self.rms, before.rms) if same else (None, None)
+        rows = np.isfinite(self.squares + before.squares)
+        if not rows.any():
+            return None, None
+        return float(np.sqrt(self.squares[rows].mean())), float(np.sqrt(before.squares[rows].mean()))
 
     @property
     def how(self) -> str:
@@ -213,7 +233,10 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
     if o.blocks is not None:  # it rises from the rms as in the sample
         some = fit.refit(observations=replace(o, blocks=None), outliers=fit.outliers)
         found = held_out(some, folds=folds)
-        return replace(found, rms=found.rms and found.rms * fit.rms / some.rms)
+        if not found.rms or found.squares is None:
+            return found
+        factor = fit.rms / some.rms
+        return replace(found, rms=found.rms * factor, squares=found.squares * factor**2)
     places = _postures(o)
     by, pose, poses = (
         ("pose", *_poses_to_deal(o)) if places is None else ("posture", places[0], len(places[1]))
@@ -227,7 +250,7 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         return HeldOut(None, fit.unit, 0, poses, by)
     fold = (deal(poses, folds) if places is None else neighbours(places[1], folds))[pose]
     problem = Problem(fit.problem.model, o)
-    squares, converged = 0.0, True
+    squares, converged = np.full(o.n, np.nan), True
     with one_thread_in_blas():
         without = _Without(fit, fold, folds)
         if without.unheld:
@@ -239,10 +262,10 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
             solution = without.fitted(problem, k)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals
-            squares += float(np.sum(residuals[wanted & (fold == k)] ** 2))
-    count = int(wanted.sum()) * problem.components
+            rows = wanted & (fold == k)
+            squares[rows] = np.sum(residuals[rows] ** 2, axis=1) / problem.components
     return HeldOut(
-        float(np.sqrt(squares / count)) if count else None,
+        float(np.sqrt(squares[wanted].mean())) if wanted.any() else None,
         fit.unit,
         folds,
         poses,
@@ -250,6 +273,7 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         tuple(fit.observations.given(np.flatnonzero(without.unpredicted)).tolist()),
         without.because,
         converged,
+        squares,
     )
 
 
