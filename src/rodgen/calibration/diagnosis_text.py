@@ -154,12 +154,10 @@ def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
 
 def only_together(diagnosis: Diagnosis) -> str:
     """Return a sentence on effects with which poses held out are predicted no better; empty where there are none."""
-    steps = diagnosis.steps
-    held_out = [rung.rms_held_out for rung in rungs(diagnosis)][-len(diagnosis.found) - 1 :]
     alone = [
         step.effect.title
-        for step, (before, after) in zip(steps, pairwise(held_out[: len(steps) + 1]), strict=True)
-        if before is not None and after is not None and after >= before
+        for step, (before, after) in zip(diagnosis.steps, pairwise(diagnosis.fits), strict=True)
+        if after.held_out().rises_from(before.held_out())
     ]
     others = [form.effect.title for form in diagnosis.unexplained]
     others = others or [s.effect.title for s in diagnosis.steps if s.effect.title not in alone]
