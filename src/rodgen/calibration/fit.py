@@ -237,7 +237,8 @@ def extended(fit: Fit, effect: Effect, start: Mapping[str, float]) -> Fit:
     free = [
         i
         for i, p in enumerate(parameters)
-        if p.key in there or (p.hold is None and not p.optional and effect.owns(p.key))
+        if p.key in there
+        or (p.hold is None and effect.owns(p.key) and (not p.optional or machine.values.get(p.key)))
     ]
     with one_thread_in_blas():
         solution = minimise(problem, problem.model.start(), fit.solution.frame, free, creeps=False)
