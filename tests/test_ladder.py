@@ -21,6 +21,8 @@ from rodgen.calibration.held_out import HeldOut, _poses_to_deal, _postures, held
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.simulate import simulate
+from rodgen.calibration.solve import least_squares
 from rodgen.calibration.steps import odds_of_steps
 from rodgen.calibration.validation import validation_error
 from rodgen.errors import InputFileError, RodgenError
@@ -164,6 +166,58 @@ def reached(q, random, bad):
         places.append(p + 0.005 * random.normal(size=3))
     names = (*(f"J{k + 1} [deg]" for k in range(6)), "x [mm]", "y [mm]", "z [mm]")
     return rodgen.Measurements.from_frame(dict(zip(names, np.hstack([q, places]).T, strict=True)))
+
+
+def wound_up() -> rodgen.Measurements:
+    """Measurements of the arm, whose second joint winds up by its own weight and by that of what the fourth carries."""
+    q = np.random.default_rng(1).uniform(-100, 100, (60, 6))
+    design = rodgen.Measurements.from_frame({f"J{k + 1} [deg]": q[:, k] for k in range(6)})
+    windup = "gravity_windup@J2:k=0.3arcsec/mm,k_J4=0.3arcsec/mm"
+    return simulate(replace(ARM, estimate=("target",)), design, [windup], noise="20um", seed=1).data
+
+
+@pytest.mark.parametrize("few_steps", [False, True])
+def test_the_last_fit_of_a_diagnosis_is_that_of_the_file_it_writes(tmp_path, monkeypatch, few_steps):
+    """With all parameters, weights at later joints too; and where its trials end early, as along a narrow valley."""
+    machine, data = replace(ARM, estimate=("target",)), wound_up()
+    crept = []
+    with monkeypatch.context() as patch:
+        if few_steps:  # each trial ends after one step
+            patch.setattr(least_squares, "PATIENCE", 0)
+            patch.setattr(least_squares, "CREEPING", 1e12)
+        extended = sys.modules["rodgen.calibration.fit"].extended
+
+        def watched(*given, **options):
+            found = extended(*given, **options)
+            crept.append(found.solution.crept)
+            return found
+
+        patch.setattr(sys.modules["rodgen.calibration.fit"], "extended", watched)
+        last = diagnose(machine, data).final
+    assert crept
+    assert any(crept) == few_steps
+    last.machine.save(tmp_path / "machine.toml")
+    again = Machine.load(tmp_path / "machine.toml").fit(data)
+    assert "J2.gravity_windup.k_J4" in {last.parameters[i].key for i in last.free}
+    assert last.estimates.keys() == again.estimates.keys()
+    for key, one in again.estimates.items():
+        assert last.estimates[key].held == one.held
+        if one.std:
+            assert abs(last.estimates[key].value - one.value) < 1e-3 * one.std
+            assert last.estimates[key].std == pytest.approx(one.std, rel=1e-3)
+
+
+def test_a_plain_fit_goes_on_along_any_valley(monkeypatch):
+    machine, data = replace(ARM, estimate=("target",)).add("gravity_windup", joint="J2"), wound_up()
+    expected = fit(machine, data)
+    assert "J2.gravity_windup.k_J4" in {expected.parameters[i].key for i in expected.free}
+    monkeypatch.setattr(least_squares, "PATIENCE", 0)
+    monkeypatch.setattr(least_squares, "CREEPING", 1e12)
+    found = fit(machine, data)
+    assert not found.solution.crept
+    # steps of either end below 1e-3 standard deviations
+    for key, one in expected.estimates.items():
+        assert abs(found.estimates[key].value - one.value) <= 1e-3 * (one.std or 0.0)
 
 
 @pytest.mark.thorough

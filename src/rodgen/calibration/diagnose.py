@@ -35,7 +35,7 @@ from rodgen.calibration.diagnosis import (
 from rodgen.calibration.displaced_stretch import DisplacedStretch
 from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
-from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.fit import Fit, ended, fit
 from rodgen.calibration.forms import propose, sharpened
 from rodgen.calibration.geometry import SEVERAL, gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
@@ -293,6 +293,7 @@ def _confirmed(state: _State) -> _State:
         zero = [] if failed else _zero(chosen, fits)
         idle = [] if failed or zero else _idle_forms(chosen, fits)
         if failed is None and not zero and not idle and not again:
+            fits = [fits[0], *map(ended, fits[1:])]
             return replace(state, evidence=evidence, chosen=chosen, fits=fits, refused=refused)
         refused |= {c.key: ZERO for c in zero} | {c.key: IDLE for c in idle}
         if failed is not None:
@@ -339,7 +340,7 @@ def _with_effects(
         if not c.driver:
             start |= dict(zip(c.names, own.tolist(), strict=True))
         try:
-            fit = fits[-1].extended(c.effect, start)
+            fit = fits[-1].extended(c.effect, start, creeps=False)
             if not fit.solution.converged:  # slow along a narrow valley: once more, from where it ended
                 fit = base.refit(fit.machine, outliers=base.outliers)
         except FitError:

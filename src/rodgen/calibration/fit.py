@@ -29,6 +29,7 @@ __all__ = [
     "Estimate",
     "Fit",
     "FitError",
+    "ended",
     "extended",
     "fit",
     "fitted",
@@ -216,7 +217,7 @@ def with_bodies(fit: Fit, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.isin(pose, pose[rows])
 
 
-def extended(fit: Fit, effect: Effect, start: Mapping[str, float]) -> Fit:
+def extended(fit: Fit, effect: Effect, start: Mapping[str, float], *, creeps: bool = True) -> Fit:
     """Return the fit with a further effect in the model, begun where this one ended.
 
     Where that does not converge, a fit from the beginning.
@@ -225,6 +226,9 @@ def extended(fit: Fit, effect: Effect, start: Mapping[str, float]) -> Fit:
     ----------
     start : mapping of str to float
         Values of the effect's parameters to begin with, by key, internal units.
+    creeps : bool
+        Whether it goes on along a narrow valley; see :func:`rodgen.calibration.solve.least_squares.minimise`. Where
+        not, :func:`ended` brings it to the end.
     """
     machine = fit.machine.with_effect(effect)
     machine = replace(machine, values={**machine.values, **start})
@@ -241,11 +245,20 @@ def extended(fit: Fit, effect: Effect, start: Mapping[str, float]) -> Fit:
         or (p.hold is None and effect.owns(p.key) and (not p.optional or machine.values.get(p.key)))
     ]
     with one_thread_in_blas():
-        solution = minimise(problem, problem.model.start(), fit.solution.frame, free, creeps=False)
+        solution = minimise(problem, problem.model.start(), fit.solution.frame, free, creeps=creeps)
         if not solution.converged:
             return refit(fit, machine, outliers=fit.outliers)
-        solution, free = with_later_weights(problem, solution, free)
+        solution, free = with_later_weights(problem, solution, free, creeps=creeps)
         return _finished(problem, solution, sorted(free), fit.outliers)
+
+
+def ended(fit: Fit) -> Fit:
+    """Return the fit where its cost is least: itself, unless it ended on a way along a narrow valley."""
+    if not fit.solution.crept:
+        return fit
+    with one_thread_in_blas():
+        solution = minimise(fit.problem, fit.solution.theta, fit.solution.frame, fit.free)
+        return _finished(fit.problem, solution, fit.free, fit.outliers)
 
 
 def without_bounds(fit: Fit) -> Fit | None:

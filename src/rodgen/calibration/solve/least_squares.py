@@ -86,6 +86,8 @@ class Solution:
         Sum of squares of the weighted residuals.
     iterations : int
     converged : bool
+    crept : bool
+        Whether the cost still fell a little, and the fit was not to go on; see :func:`minimise`.
     """
 
     theta: Array
@@ -93,6 +95,7 @@ class Solution:
     cost: float
     iterations: int = 0
     converged: bool = True
+    crept: bool = False
 
 
 def minimise(
@@ -241,7 +244,7 @@ def _descended(
         theta, frame, cost = new_theta, new_frame, new_cost
         costs.append(cost)
         if not creeps and iteration > PATIENCE and costs[-1 - PATIENCE] - cost < CREEPING * cost / left:
-            return Solution(theta, frame, cost, iteration)
+            return Solution(theta, frame, cost, iteration, crept=True)
         if problem.follow(theta, frame):
             cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:

@@ -113,14 +113,21 @@ def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
     return [stage for stage in (plain, *later) if stage]
 
 
-def with_later_weights(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
+def with_later_weights(
+    problem: Problem, solution: Solution, free: list[int], *, creeps: bool = True
+) -> tuple[Solution, list[int]]:
     """Return the solution with the weights at later joints that the data call for, added one after the other.
 
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
     stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis, and by what its
     size costs there. Those of fewer effects, with which the fit began, go by the same rule first.
+
+    Parameters
+    ----------
+    creeps : bool
+        As of :func:`rodgen.calibration.solve.least_squares.minimise`.
     """
-    solution, free = _still_called_for(problem, solution, free)
+    solution, free = _still_called_for(problem, solution, free, creeps)
     waiting = _with_an_arm(problem, solution, free)
     while waiting:
         promised = linear_falls(problem, solution, free, waiting)
@@ -128,7 +135,7 @@ def with_later_weights(problem: Problem, solution: Solution, free: list[int]) ->
         parameters = len(free) + 1
         if max(promised) < _needed(problem, solution, parameters):
             break
-        better = minimise(problem, solution.theta, solution.frame, [*free, index], creeps=False)
+        better = minimise(problem, solution.theta, solution.frame, [*free, index], creeps=creeps)
         if solution.cost - better.cost < _needed(problem, solution, parameters, index, better.theta[index]):
             continue
         solution, free = better, [*free, index]
@@ -152,7 +159,9 @@ def _size_cost(model: Model, index: int, value: float) -> float:
     return plausibility(machine, effect).size_cost([key.rpartition(".")[2]], [value])
 
 
-def _still_called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
+def _still_called_for(
+    problem: Problem, solution: Solution, free: list[int], creeps: bool
+) -> tuple[Solution, list[int]]:
     """Return the solution without the weights at later joints without which the cost hardly rises."""
     while weights := [k for k, i in enumerate(free) if problem.model.parameters[i].optional]:
         _, square, _ = problem.normal_equations(solution.theta, solution.frame)
@@ -169,7 +178,7 @@ def _still_called_for(problem: Problem, solution: Solution, free: list[int]) -> 
             break
         theta[index] = 0.0
         fewer = [i for i in free if i != index]
-        without = minimise(problem, theta, solution.frame, fewer, creeps=False)
+        without = minimise(problem, theta, solution.frame, fewer, creeps=creeps)
         if without.cost - solution.cost > needed:
             break
         solution, free = without, fewer
