@@ -151,6 +151,20 @@ def test_no_stretch_of_a_planned_way_turned_round_makes_it_shorter(sides):
     assert not sides or (np.diff([start[0], *found.q[:, 0]]) < 0).sum() <= 1  # back once at most
 
 
+@pytest.mark.parametrize("others", [1, 3])
+def test_positions_planned_from_both_sides_are_taken_from_both(others):
+    """From a start below all of them nothing lies above the highest to come from; all other sides can be had."""
+    places = np.array([[x, y] for x in range(5) for y in range(others)], float)
+    q, n = np.repeat(places, 2, axis=0), 2 * len(places)
+    s, zero = np.stack([np.tile([1, -1], len(places)), np.ones(n)], axis=1), np.zeros(n)
+    some = Rows(q, s.astype(np.int8), zero.astype(int), zero, zero.astype(int))
+    start = np.array([-1.0, 0.0])
+    found = ordered(some, [0], np.array([6.0, 3.0]), start)
+    lost = found.as_moved(start).s[:, 0] != found.s[:, 0]
+    assert found.q[lost].tolist() == [[4.0, y] for y in found.q[lost, 1]]
+    assert lost.sum() == others
+
+
 def test_another_load_is_asked_for(trials):
     found = trials["one_load"].plan(24)
     assert 0.0 in found.rows["load [N]"]

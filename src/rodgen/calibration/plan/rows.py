@@ -155,7 +155,9 @@ def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) ->
     """
     at = np.concatenate([start[None], q])
     moved = np.sign(at[:, sides] - at[:, None, sides])
-    wrong = (moved != 0) & (moved != np.concatenate([s[:1], s])[:, sides])
+    came = np.concatenate([np.zeros_like(s[:1]), s])[:, sides]
+    made = np.where(moved != 0, moved, came[:, None])  # a joint that rests keeps the side from which it came
+    wrong = (made != 0) & (made != came)
     costs = np.abs(at - at[:, None]).max(axis=2, initial=0.0) + WRONG * wrong.sum(axis=2)
     free, nearest = np.where(np.arange(len(at)), 0.0, np.inf), [0]
     while len(nearest) < len(at):
@@ -163,9 +165,17 @@ def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) ->
         free[nearest[-1]] = np.inf
     orders = [np.array(nearest)]
     for j in sides:
-        for first in (1, -1):
-            orders.append(np.append(0, 1 + np.lexsort((s[:, j] * q[:, j], s[:, j] != first))))
-    return _shortened(min(orders, key=lambda order: costs[order[:-1], order[1:]].sum()), costs)[1:] - 1
+        for side in (1, -1):
+            orders.append(np.append(0, 1 + np.lexsort((s[:, j] * q[:, j], s[:, j] != side))))
+
+    def cost(order: Ints) -> float:  # a joint that rests carries a wrong side on, which `costs` does not know
+        way, wanted = at[order], came[order[1:]].T
+        made = np.reshape([approach(column)[1:] for column in way[:, sides].T], wanted.shape)
+        wrong = np.count_nonzero((made != 0) & (made != wanted))
+        return float(np.abs(np.diff(way, axis=0)).max(axis=1, initial=0.0).sum()) + WRONG * wrong
+
+    first = min(orders, key=cost)
+    return min(_shortened(first, costs), first, key=cost)[1:] - 1
 
 
 def _shortened(order: Ints, costs: Array) -> Ints:
