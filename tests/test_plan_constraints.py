@@ -114,6 +114,19 @@ def test_stars_are_neither_low_nor_in_the_zenith_unless_that_is_asked_for(mount,
     assert not found.sky
 
 
+@pytest.mark.parametrize("travel", [[0.05, 0.3], [1.45, 1.55]], ids=["low", "zenith"])
+def test_a_mount_that_sees_no_star_well_is_planned_for_all_the_same(travel, planned):
+    low = fit_of({**MOUNT, "joint": [MOUNT["joint"][0], {**MOUNT["joint"][1], "travel": travel}]})
+    found = planned(low, "[limits]\nAZ = [1, 4]", wanted=["EL.axis", "AZ.axis"])
+    assert found.count == 14
+    assert "No star within the travel and the constraints is at an altitude of 20 to 80 deg" in " ".join(
+        found.notes
+    )
+    assert "Stars are taken at" not in " ".join(found.notes)
+    with pytest.raises(InputFileError, match=r"limits.toml: allowed 'AZ < 0': no reading within the travel"):
+        planned(low, 'allowed = ["AZ < 0"]', wanted=["EL.axis"])
+
+
 def test_a_german_mount_s_stars_have_altitudes_and_both_sides_of_its_pier(planned):
     latitude, random = np.radians(45.0), np.random.default_rng(2)
     built = machine_of(machine_template("equatorial-german", latitude=latitude), "german.toml")

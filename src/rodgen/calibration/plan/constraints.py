@@ -130,9 +130,7 @@ class Constraints:
         stated = any("altitude" in region.formula.names for region in self.regions)
         if stated or mount_of(machine) is None or self.poses is not None or self.places is not None:
             return self
-        return replace(
-            self, file=self.file or machine.file or machine.name, regions=(*self.regions, *WELL_SEEN)
-        )
+        return replace(self, regions=(*self.regions, *WELL_SEEN))
 
     def travel(self, machine: Machine, travel: Array) -> Array:
         """Return the travel within the limits, (J, 2).

@@ -273,6 +273,11 @@ def _notes(found: Planned) -> Iterator[str]:
             "Stars are taken at altitudes of 20 to 80 deg, within the travel of the file; --constraints states others, "
             'such as allowed = ["altitude > 10 deg"].'
         )
+    if pool.badly_seen:
+        yield (
+            "No star within the travel and the constraints is at an altitude of 20 to 80 deg, so all are considered; "
+            "low stars shimmer in the air, and a mount follows high ones badly."
+        )
     if far := pool.out_of_reach:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."

@@ -104,6 +104,8 @@ class Pool:
     rows : Rows
     out_of_reach : list of int
         Numbers, from 1, of given places that no target reaches.
+    badly_seen : bool
+        Whether stars are at any altitude, because none is where a mount sees them well.
 
     Raises
     ------
@@ -115,10 +117,10 @@ class Pool:
         self, fit: Fit, o: Observations, effects: Sequence[Effect], constraints: Constraints
     ) -> None:
         self.fit, self.o, self.machine = fit, o, fit.machine
-        self.constraints = constraints.of_stars(self.machine)
+        self.stated, self.constraints = constraints, constraints.of_stars(self.machine)
         self.travel = constraints.travel(self.machine, fit.problem.model.travel)
         self.surroundings = Surroundings(o)
-        self.out_of_reach: list[int] = []
+        self.out_of_reach, self.badly_seen = list[int](), False
         self._vary(effects)
         self.rows = self._readings()
 
@@ -161,6 +163,9 @@ class Pool:
             found, reason = self._allowed(pool)
             if found.n >= ENOUGH_READINGS or constraints.poses is not None or constraints.places is not None:
                 break
+        if not found.n and constraints is not self.stated:  # no star is well seen
+            self.constraints, self.badly_seen = self.stated, True
+            return self._readings()
         if not found.n:
             within = "the list of poses" if constraints.poses is not None else "the travel and the limits"
             expected = "constraints that some reading meets"
