@@ -301,8 +301,10 @@ def _confirmed(state: _State) -> _State:
         were, out = chosen, failed is not None or bool(zero or idle)
         most, again = 0 if out else MOST_FORMS, out and IDLE not in refused.values()
         if out:
-            # without a form that predicts nothing there is none
-            evidence = (state.evidence if idle else evidence).without(refused)
+            if idle:  # without a form that predicts nothing there is none, but other waves of drives
+                named = [c for c in evidence.candidates if not (c.driver or c in state.evidence.candidates)]
+                evidence = state.evidence.including(named)
+            evidence = evidence.without(refused)
             kept = [c for c in chosen if c in evidence.candidates and c.key not in refused]
             chosen = select(evidence, kept) if len(refused) <= MOST_REFUSED else []
 
