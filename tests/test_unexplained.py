@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -12,8 +14,10 @@ from machine_cases import READINGS, Case, data_for, joint, machine_file, unit
 from machine_simulator import Simulated
 
 from rodgen.calibration.candidates import Candidate
+from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.form_terms import Factor, Term, drivers_of, effect_of, terms
 from rodgen.calibration.forms import propose, sharpened
 from rodgen.calibration.problem import Problem
@@ -369,9 +373,83 @@ def test_two_waves_of_one_screw_are_effects_of_its_drive_and_no_forms() -> None:
     chosen = selected(base)
     assert {c.key for c in chosen} == {("periodic_drive_error", "X"), ("periodic_drive_error_2", "X")}
     assert [c.driver for c in chosen] == ["", ""]
-    periods = sorted(p for c in chosen for p in (*c.searched.values(), *c.effect.hold.values()))
+    periods = sorted(p for c in chosen for p in c.searched.values())
     # a full fit refines them: within a twentieth of a wave over the 17 that the slide has
     assert periods == pytest.approx([31.7, 47.3], rel=0.05 / 17)
+
+
+SCREW = machine_file([joint("X", "prismatic", (1, 0, 0), travel=[0.0, 800.0])], [(100, 0, 0)])
+WAVES = {47.3: (20e-3, 0.0), 31.7: (0.0, 12e-3), 61.3: (8e-3 * np.cos(1), 8e-3 * np.sin(1))}
+"""Periods of a screw, mm, with a and b."""
+
+
+def of_a_screw(seed: int) -> dict[str, Any]:
+    random = np.random.default_rng(seed)
+    q = np.sort(random.uniform(0, 800, 150))
+    change = sum(a * np.sin(2 * np.pi * q / p) + b * np.cos(2 * np.pi * q / p) for p, (a, b) in WAVES.items())
+    reading = np.stack([100 + q + change, 0 * q, 0 * q], axis=1) + 1e-3 * random.normal(size=(len(q), 3))
+    return {"X [mm]": q, **dict(zip(["x [mm]", "y [mm]", "z [mm]"], reading.T, strict=True))}
+
+
+def assert_waves(found: Sequence[Mapping[str, Estimate]]) -> None:
+    """Within four standard deviations, of which nine values are beyond once in 1800 times."""
+    assert len(found) == len(WAVES)
+    for parameters in found:
+        period = min(WAVES, key=lambda p: abs(p - parameters["P"].value))
+        truth = dict(zip("abP", (*WAVES[period], period), strict=True))
+        for name, estimate in parameters.items():
+            assert estimate.std is not None
+            assert abs(estimate.value - truth[name]) < 4 * estimate.std
+
+
+@pytest.mark.thorough
+def test_waves_of_a_screw_are_as_they_are_and_found_again_in_the_saved_file(tmp_path: Any) -> None:
+    machine, data = machine_of(SCREW), Measurements.from_frame(of_a_screw(3))
+    found = diagnose(machine, data)
+    assert_waves([step.parameters for step in found.steps])
+    first, *further = found.to_dict()["steps"]
+    assert "definition" not in first
+    # the file says what, and no number: a fit searches the periods anew
+    machine.save(tmp_path / "machine.toml")
+    text = text_with_effects(tmp_path / "machine.toml", [step.effect for step in found.steps])
+    (tmp_path / "more.toml").write_text(text)
+    blocks = tomllib.loads(text)["effect"]
+    assert [step["definition"] for step in further] == blocks[1:]
+    again = fit(Machine.load(tmp_path / "more.toml"), data)
+    of_effects = [{p: again.estimates[e.key(p)] for p in "abP"} for e in again.machine.effects]
+    assert_waves(of_effects)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("hold", [{}, {"P": 47.3}])
+def test_further_waves_of_a_screw_whose_first_is_in_the_file(hold: dict[str, float]) -> None:
+    there = machine_file(
+        SCREW["joint"], [(100, 0, 0)], effects=[{"name": "periodic_drive_error", "joint": "X", "hold": hold}]
+    )
+    found = diagnose(machine_of(there), Measurements.from_frame(of_a_screw(3)))
+    assert (found.verdict, len(found.steps), found.unexplained) == ("effects_missing", 2, ())
+    first = {p: found.estimates[f"X.periodic_drive_error.{p}"] for p in ("a", "b", *("P" * (not hold)))}
+    if hold:
+        first["P"] = replace(found.steps[0].parameters["P"], value=47.3)
+    assert_waves([first, *(step.parameters for step in found.steps)])
+
+
+@pytest.mark.thorough
+def test_further_waves_stay_without_a_form_that_predicts_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    columns = of_a_screw(3)
+    columns["y [mm]"] = columns["y [mm]"] + 0.02 * np.exp(-(((columns["X [mm]"] - 200) / 60) ** 2))
+    idle = list[str]()
+
+    def idle_forms(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
+        forms = [c for c in chosen if c.driver]
+        idle.extend(c.effect.name for c in forms)
+        return forms
+
+    monkeypatch.setattr("rodgen.calibration.diagnose._idle_forms", idle_forms)
+    found = diagnose(machine_of(SCREW), Measurements.from_frame(columns))
+    assert idle
+    names = [step.effect.name for step in found.steps]
+    assert {"periodic_drive_error", "periodic_drive_error_2", "periodic_drive_error_3"} <= {*names}
 
 
 # the block -------------------------------------------------------------------------------------------------------

@@ -156,6 +156,20 @@ class DiagnosedEffect(HasOdds, Result):
             **plain(self, "odds rms rms_held_out"),
             "parameters": _estimates(self.parameters),
             **plain(self, "indistinguishable_from meaning"),
+            **({"definition": self._definition} if self.effect.definition.own else {}),
+        }
+
+    @property
+    def _definition(self) -> dict[str, Any]:
+        """The keys of an ``[[effect]]`` of a machine file, of an effect that is none of the catalogue."""
+        own = self.effect.definition
+        return {
+            "name": own.name,
+            "joint": self.effect.place,
+            "component": own.component,
+            "formula": own.formula.text,
+            "parameters": dict(own.parameters),
+            "meaning": own.meaning,
         }
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
-from rodgen.calibration.candidates import FEWEST_WAVES, Candidate, with_searched
+from rodgen.calibration.candidates import FEWEST_WAVES, Candidate, number_tried, with_searched
 from rodgen.calibration.evidence import Columns, Evidence
 from rodgen.calibration.form_terms import Term, drivers_of, effect_of, terms, word
 from rodgen.calibration.problem import one_thread_in_blas
@@ -29,7 +29,7 @@ from rodgen.machines.drivers import Driver
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
-from rodgen.machines.plausibility import Plausibility
+from rodgen.machines.plausibility import Plausibility, plausibility
 from rodgen.stages import stage
 from rodgen.statistics.columns import (
     Whiten,
@@ -102,7 +102,7 @@ def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
         turns = itertools.chain.from_iterable(itertools.zip_longest(*of_views))
         forms = list(itertools.islice(filter(None, turns), MOST))
         # of those that are alike, one
-        alike = {(*c.key, *(f"{value:.4g}" for value in _searched(c).values())): c for c in drives}
+        alike = {(*c.key, *(f"{value:.4g}" for value in c.searched.values())): c for c in drives}
         return [*forms, *sharpened(evidence, chosen), *alike.values()]
 
 
@@ -113,7 +113,7 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
     """
     found = list[Candidate]()
     for c in chosen:
-        if len(c.searched) != 1 or c.effect.definition.own or is_direct(c.effect):
+        if len(c.searched) != 1 or is_direct(c.effect):
             continue
         given = _Given.of(evidence, [other for other in chosen if other is not c])
         finer = _sharper(given, c)
@@ -121,11 +121,6 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
         if after - before > LOST * (given.left - after) / given.dof:
             found.append(finer)
     return found
-
-
-def _searched(c: Candidate) -> dict[str, float]:
-    """Return the searched values of an effect, also those that it holds."""
-    return {**c.effect.hold, **c.searched}
 
 
 def _sharper(given: _Given, c: Candidate) -> Candidate:
@@ -143,23 +138,27 @@ def _sharper(given: _Given, c: Candidate) -> Candidate:
     return replace(c, searched={name: value}, columns=columns)
 
 
-def _further_wave(evidence: Evidence, c: Candidate, there: Sequence[Candidate]) -> Candidate:
+def _further_wave(evidence: Evidence, c: Candidate, there: Sequence[Effect]) -> Candidate:
     """Return a wave of a drive that has others already, as an effect that a user could have written."""
     machine, definition, place = evidence.base.machine, c.effect.definition, str(c.effect.place)
-    taken = {one.effect.name for one in there} | {e.name for e in machine.effects}
+    taken = {effect.name for effect in (*there, *machine.effects)}
     own = own_effect(
         next(name for k in itertools.count(2) if (name := f"{DRIVE_ERROR}_{k}") not in taken),
         definition.component,
         definition.formula.text,
         c.effect.units(machine),
-        f"The same drive has a further wave. {definition.meaning}",
+        "A further wave of the same drive: another of its parts runs out, or the same one has a second wave.",
         at=machine.kind_of(place),
         file=machine.file or machine.name,
         place=f"wave at {place}",
     )
-    effect = Effect(own, place, {key: float(f"{value:.12g}") for key, value in c.searched.items()})
-    names, tries = tuple(map(effect.key, c.short_names)), c.tries * math.sqrt(evidence.dof)
-    return replace(c, effect=effect, names=names, searched={}, tries=tries)
+    effect = Effect(own, place)
+    return replace(c, effect=effect, names=tuple(map(effect.key, c.short_names)))
+
+
+def _is_wave_of(joint: str | None, effect: Effect) -> bool:
+    """Return whether an effect is a wave of a joint's drive, also one of a user's own."""
+    return effect.place == joint and [*effect.definition.searched.values()] == [StartSearch.PERIOD]
 
 
 @dataclass(frozen=True)
@@ -232,24 +231,37 @@ class _Search:
 
         One more wave of a drive that has another already is an effect of its own.
         """
-        evidence, known = self.evidence, {c.key: c for c in self.evidence.candidates}
+        evidence, solution = self.evidence, self.evidence.base.solution
         words = evidence.base.machine.quantities.keys() | evidence.base.observations.data.columns.keys()
         terms = [piece.term for cost, piece in scored if cost < 0]
         waves = [term.factors[0] for term in terms if self._reading_wave(term) is not None]
         of_drivers = {wave.driver: wave.values[0] for wave in reversed(waves) if wave.kind == "wave"}
         for number, frequency in of_drivers.items():
             driver = self.drivers[number]
-            c = known.get((DRIVE_ERROR, driver.joint))
+            c = self._drive_error(driver.joint)
             if c is None or c.key in evidence.refused or words & c.effect.definition.parameters.keys():
                 continue
-            every = [one for one in given.chosen if one.effect.place == driver.joint]
-            there = [one for one in every if one.effect.name.startswith(DRIVE_ERROR)]
-            periods = [p for one in there for p in _searched(one).values()]
-            c = _sharper(given, replace(c, searched=dict.fromkeys(c.searched, 2 * math.pi / frequency)))
-            count = driver.span / next(iter(c.searched.values()))
+            ((name, _),) = c.searched.items()
+            found = [one for one in given.chosen if _is_wave_of(driver.joint, one.effect)]
+            fitted = [e for e in evidence.base.machine.effects if _is_wave_of(driver.joint, e)]
+            numbers = [evidence.base.problem.model.keys[e.key(name)] for e in fitted]
+            periods = [*solution.theta[numbers], *(one.searched[name] for one in found)]
+            c = _sharper(given, replace(c, searched={name: 2 * math.pi / frequency}))
+            count, there = driver.span / c.searched[name], [*fitted, *(one.effect for one in found)]
             # half a wave away is what a coarse period leaves
             if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
-                yield c if c.key not in {one.key for one in there} else _further_wave(evidence, c, there)
+                yield c if c.effect.name not in {e.name for e in there} else _further_wave(evidence, c, there)
+
+    def _drive_error(self, joint: str | None) -> Candidate | None:
+        """Return a wave of a joint's drive, at any period; None where the joint can have none."""
+        sensitivities, machine = self.evidence.sensitivities, self.evidence.base.machine
+        every = [c for c in self.evidence.candidates if c.key == (DRIVE_ERROR, joint)]
+        for effect in machine.effects:
+            if effect.identity == (DRIVE_ERROR, joint):  # it is in the model, at a period of its own
+                period = dict.fromkeys(effect.definition.searched, 1.0)
+                prior, tries = plausibility(machine, effect), number_tried(sensitivities, effect)
+                every.append(replace(with_searched(sensitivities, effect, period), tries=tries, prior=prior))
+        return every[-1] if every else None
 
     def _is_variant(self, given: _Given, piece: Piece, others: Sequence[Array]) -> bool:
         """Return whether a piece explains what one of other forms does, given by orthonormal columns."""

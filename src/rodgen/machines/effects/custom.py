@@ -26,6 +26,8 @@ _OF_JOINT = frozenset({"q", "s", "v", "T"})
 WORDS = _OF_JOINT | {"t", "F", "pi"} | FUNCTION_NAMES
 """Words of formulas: no parameter has such a name, nor a joint that a formula names."""
 _MOTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
+WAVE = "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)"
+"""Formula of a wave along a joint's way, of which the period is searched as such."""
 OWN_COMPONENTS = ("reading", *_MOTIONS)
 """What a user's effect may change."""
 
@@ -101,8 +103,11 @@ def own_effect(
         checked.names(one, parameters, key.get(each, each))
         checked.dimension(one, parameters, each, key.get(each, each))
     first, *more = parsed.items()
+    wave = component == "reading" and formula == WAVE and not others
     searched = {
-        p: StartSearch.ANY for p in parameters if any(p in one.inner_names for one in parsed.values())
+        p: StartSearch.PERIOD if wave else StartSearch.ANY
+        for p in parameters
+        if any(p in one.inner_names for one in parsed.values())
     }
     return EffectDefinition(
         name, frozenset({at}), first[0], first[1], dict(parameters), meaning, searched=searched, own=True,
