@@ -17,7 +17,7 @@ from real_machines import real
 import rodgen
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import HeldOut, _poses_to_deal, _postures, held_out
+from rodgen.calibration.held_out import HeldOut, HeldOutGeometry, _poses_to_deal, _postures, held_out
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
@@ -101,6 +101,7 @@ def test_a_fold_whose_absence_leads_far_is_fitted_anew():
     """An arm with all its dimensions estimated, against fits from scratch, which stand elsewhere along what is weak."""
     folder = Path(__file__).parents[1] / "answers" / "field" / "arm_of_dh_table"
     full = fit(rodgen.Machine.load(folder / "b.toml"), rodgen.Measurements.load(folder / "cal.csv"))
+    # 0.0498 by `predicted_alone` of each group, 1.7 % more than this; to first order alone it is 0.0804
     assert full.held_out().rms == pytest.approx(0.0498, rel=2e-2)
 
 
@@ -137,7 +138,6 @@ def test_neighbours_are_equal_parts_that_do_not_interleave(count, folds):
     fold = neighbours(points, folds)
     assert np.ptp(np.bincount(fold, minlength=folds)) <= 1
     # they spread along the first coordinate, so that their order is the folds' but for a turn by 1e-3
-    assert len(set(fold[np.argsort(points[:, 0])].tolist())) == folds
     ends = [(points[fold == k, 0].min(), points[fold == k, 0].max()) for k in range(folds)]
     assert all(low > high - 2e-3 for (_, high), (low, _) in pairwise(sorted(ends)))
     assert np.array_equal(neighbours(points, folds), fold)
@@ -255,9 +255,29 @@ def test_postures_that_all_but_alone_tell_of_a_parameter_cannot_be_held_out():
     assert not before.predicts_no_better_than(found)
     assert found.text == found.note
     assert found.note == (
-        "The poses cannot be held out by posture (5 groups of neighbouring postures): without one of these the others "
-        "do not hold J2.load_windup.k."
+        "The poses cannot be held out by posture (5 groups of neighbouring postures): without one of these groups the "
+        "readings do not determine J2.load_windup.k."
     )
+
+
+def test_neighbours_on_a_line_are_stretches_of_it():
+    assert neighbours(np.array([[5.0], [1.0], [3.0], [0.0], [4.0], [2.0]]), 3).tolist() == [2, 0, 1, 0, 2, 1]
+
+
+def test_as_many_folds_as_postures_are_one_posture_at_a_time():
+    random = np.random.default_rng(2)
+    full = fit(replace(ARM, estimate=("J2.point",)), reached(random.uniform(-100, 100, (5, 6)), random, 5))
+    found = full.held_out()
+    assert (found.by, found.folds, found.poses) == ("posture", 5, 5)
+    assert found.text.startswith("On 5 poses held out one posture at a time the rms is ")
+
+
+def test_an_unknown_error_is_not_said_to_fall():
+    known, unknown = HeldOut(0.003, "mm", 5, 40, "posture"), HeldOut(None, "mm", 5, 40, "posture")
+    text = HeldOutGeometry(unknown, known).text
+    assert text.endswith("falls by that: unknown with it, 3 um without.")
+    assert "nothing tells whether" in text
+    assert HeldOutGeometry(known, known).text.endswith("does not fall by that: 3 um with it, 3 um without.")
 
 
 def test_number_of_folds_keeps_the_cost_bounded():

@@ -74,7 +74,7 @@ class HeldOut(Result):
     unpredicted : tuple of int
         Rows that are left out, because only their own fold determines something that they depend on.
     because : tuple of str
-        Keys of the parameters that this is; where there is no error, of those that others do not hold.
+        Keys of the parameters that this is; where there is no error, of those that need every fold.
     converged : bool
         Whether every fit ended.
     squares : ndarray, shape (n,), or None
@@ -123,9 +123,11 @@ class HeldOut(Result):
     @property
     def how(self) -> str:
         """How the poses were held out."""
+        if self.folds == self.poses:
+            return "one posture at a time" if self.by == "posture" else "one at a time"
         if self.by == "posture":
             return f"by posture ({self.folds} groups of neighbouring postures)"
-        return "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
+        return f"in {self.folds} folds"
 
     @property
     def note(self) -> str:
@@ -142,7 +144,9 @@ class HeldOut(Result):
     def _restrictions(self) -> Iterator[str]:
         names = joined(self.because, most=NAMED)
         if self.rms is None and self.because and not self.unpredicted:
-            yield f"The poses cannot be held out {self.how}: without one of these the others do not hold {names}."
+            parts = "poses" if self.folds == self.poses else "groups" if self.by == "posture" else "folds"
+            without = f"without one of these {parts} the readings do not determine {names}"
+            yield f"The poses cannot be held out {self.how}: {without}."
         elif self.rms is None:
             yield "No pose can be predicted from the others, so that there is no held-out error."
         if self.unpredicted:
@@ -173,11 +177,14 @@ class HeldOutGeometry(Result):
             "unknown" if each.rms is None else sized(each.rms, each.unit, ".3g")
             for each in (self.fitted, self.nominal)
         )
+        estimated = "Axes and points of joints are estimated, and"
+        rms = "the rms on poses that the fit did not see"
+        if self.fitted.rms is None or self.nominal.rms is None:
+            return (
+                f"{estimated} nothing tells whether {rms} falls by that: {with_} with it, {without} without."
+            )
         falls = "falls" if self.lowers else "does not fall"
-        return (
-            f"Axes and points of joints are estimated, and the rms on poses that the fit did not see {falls} by that: "
-            f"{with_} with it, {without} without."
-        )
+        return f"{estimated} {rms} {falls} by that: {with_} with it, {without} without."
 
 
 def held_out_geometry(fit: Fit) -> HeldOutGeometry | None:

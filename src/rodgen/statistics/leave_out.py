@@ -81,7 +81,7 @@ def neighbours(points: Array, folds: int) -> NDArray[np.int_]:
         if count == 1:
             found[some] = first
             continue
-        _, directions = eigh(np.cov(points[some].T, bias=True))
+        _, directions = eigh(np.atleast_2d(np.cov(points[some].T, bias=True)))
         widest = directions[:, -1] * np.sign(directions[np.argmax(np.abs(directions[:, -1])), -1])
         order = some[np.argsort(points[some] @ widest, kind="stable")]
         less = count // 2
