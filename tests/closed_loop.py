@@ -20,7 +20,9 @@ from simulated_fits import measure
 from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.plan import Plan, plan_for
+from rodgen.calibration.plan.constraints import Constraints, Region
 from rodgen.data.measurements import Measurements
+from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Machine
 
 Columns = dict[str, Any]
@@ -44,6 +46,8 @@ class Loop:
     grid : callable
         Commands of a plain even plan with some number of readings.
     noise : float
+    constraints : Constraints, optional
+        Of the plan.
     """
 
     name: str
@@ -54,6 +58,7 @@ class Loop:
     grid: Callable[[int], Columns]
     noise: float
     known: Mapping[str, float] = field(default_factory=dict)
+    constraints: Constraints | None = None
 
 
 @cache
@@ -103,7 +108,7 @@ class Trial:
     def plan(self, n: int = 12) -> Plan:
         machine = self.fit.machine
         effects = [machine.effect(name, place, hold=hold) for name, place, hold in self.loop.effects]
-        return plan_for(self.fit, [effects], n)
+        return plan_for(self.fit, [effects], n, constraints=self.loop.constraints)
 
     def after(self, plan: Plan) -> tuple[Mapping[str, Any], Columns]:
         """Return the machine file and all commands once the planned rows are measured."""
@@ -343,7 +348,9 @@ def low_stars() -> Loop:
         "target": ["p"] * 40,
     }
     effects = [("gravity_windup", "EL", {"k2": 0.0}), ("scale", "EL", {})]
-    return Loop("low stars", file, columns, effects, truth, grid, 1.0 * ARCSEC)
+    altitude = Formula.parse("altitude", file="", place="")
+    low = Constraints("", regions=(Region("altitude > 10 deg", altitude, True, np.radians(10)),))
+    return Loop("low stars", file, columns, effects, truth, grid, 1.0 * ARCSEC, constraints=low)
 
 
 LOOPS = (one_radius, one_side, one_load, short_arc, one_scan, never_moved, low_stars)
