@@ -126,12 +126,13 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
 def _sharper(given: _Given, c: Candidate) -> Candidate:
     """Return an effect with its searched value where it explains most of what a set leaves."""
     sensitivities, ((name, value),) = given.evidence.sensitivities, c.searched.items()
-    reach, columns = math.log(2), c.columns
+    reach, most, columns = math.log(2), math.inf, c.columns
     if c.effect.definition.searched[name] is StartSearch.PERIOD:  # half a wave more or less
         j = sensitivities.fit.machine.number_of(str(c.effect.place))
-        reach = min(reach, value / 2 / float(np.ptp(sensitivities.observations.q[:, j])))
+        span = float(np.ptp(sensitivities.observations.q[:, j]))
+        reach, most = min(reach, value / 2 / span), max(value, span / FEWEST_WAVES)
     for k in range(ROUNDS):
-        values = value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k)
+        values = np.minimum(value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k), most)
         near = [with_searched(sensitivities, c.effect, {name: float(one)}).columns for one in values]
         best = int(np.argmax(given.falls(near)))
         value, columns = float(values[best]), near[best]
