@@ -71,7 +71,16 @@ def parsed(text):
 def test_json_is_all_that_is_printed(diagnosed):
     mount, gantry = (parsed(diagnosed[name]) for name in DATA)
     counted = ["rows", "copies", "set_aside", "odds", "outliers"]
-    assert list(mount) == ["verdict", *counted, "rms", "steps", "unexplained", "dependence", "pointing"]
+    assert list(mount) == [
+        "verdict",
+        *counted,
+        "rms",
+        "steps",
+        "unexplained",
+        "dependence",
+        "held_out_by",
+        "pointing",
+    ]
     assert (mount["verdict"], mount["rows"], mount["rms"]["unit"]) == ("effects_missing", 80, "arcsec")
     assert mount["rms"]["before"] == pytest.approx(2.711, abs=5e-4)
     assert mount["rms"]["after"] <= 0.66

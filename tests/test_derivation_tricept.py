@@ -50,7 +50,7 @@ def test_what_is_said_or_taken_for_granted_is_marked_and_refuted():
 
 def test_nothing_is_open_and_all_kernels_carry_the_prefix():
     assert paper.derivation.open == []
-    assert len(paper.derivation.kernels) == 9
+    assert len(paper.derivation.kernels) == 10
     assert all(name.startswith("tricept_") for name in paper.derivation.kernels)
 
 

@@ -95,7 +95,7 @@ def test_plan_of_a_diagnosis_lets_the_next_one_say_what_is_there(make, seed, tri
     assert not trial.settled(first)
     # a droop and a gain differ little above the horizon, and a scale and a drift soon after one scan
     most = {low_stars: 60, never_moved: 24, one_scan: 36}.get(make, 12)
-    found = first.plan(most, constraints=trial.loop.constraints)
+    found = plan(first, most, constraints=trial.loop.constraints)
     assert trial.settled(trial.diagnosed(*trial.after(found)))
 
 
