@@ -77,6 +77,9 @@ def check_numbers(found: Mapping[str, Any], rows: int) -> None:
     assert found["rows"] == rows
     assert found["outliers"] == sorted({*found["outliers"]} & {*range(rows)})
     assert found["dependence"]["independent"] is (found["dependence"]["factor"] == 1.0)
+    unknown = None in (rms["before_held_out"], rms["after_held_out"])
+    assert ("not_held_out" in found) is unknown
+    assert not unknown or found["not_held_out"]["text"].endswith(".")
     errors = [rms["before"], *(each["rms"] for each in (*steps, *forms))]
     assert all(later <= 1.05 * former for former, later in pairwise(errors))
     assert math.isclose(errors[-1], rms["after"], rel_tol=1e-9)

@@ -166,6 +166,7 @@ def test_cannot_tell_is_an_answer(folder, rodgen_command):
     assert (code, err) == (0, "")
     assert (found["verdict"], found["steps"], found["unexplained"]) == ("cannot_tell", [], [])
     assert found["reason"]
+    assert found["not_held_out"]["reason"] == "undecidable"
     code, out, _ = rodgen_command("diagnose", "mount.toml", "few.csv")
     assert code == 0
     assert f"These data cannot tell: {found['reason'][:30]}" in out

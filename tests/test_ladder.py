@@ -277,6 +277,8 @@ def test_an_unknown_error_is_not_said_to_fall():
     text = HeldOutGeometry(unknown, known).text
     assert text.endswith("falls by that: unknown with it, 3 um without.")
     assert "nothing tells whether" in text
+    found = HeldOutGeometry(known, unknown).to_dict()
+    assert (found["lowers"], found["reason"], found["nominal"]) == (None, "each_pose_needed", None)
     assert HeldOutGeometry(known, known).text.endswith("does not fall by that: 3 um with it, 3 um without.")
 
 
@@ -320,6 +322,9 @@ def test_errors_are_compared_on_the_rows_that_both_fits_predict():
     assert not every.predicts_no_better_than(some)
     assert not better.rises_from(every)
     assert better.predicts_no_better_than(every)  # it no longer predicts one row
+    other = replace(some, squares=np.array([np.nan, np.nan, 1.0]))
+    assert HeldOutGeometry(some, other).to_dict()["reason"] == "no_common_rows"
+    assert HeldOutGeometry(better, every).to_dict()["reason"] is None
 
 
 @pytest.mark.parametrize(("driver", "out"), [("T_room", 1), ("", 0)])

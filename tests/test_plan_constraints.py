@@ -114,6 +114,14 @@ def test_stars_are_neither_low_nor_in_the_zenith_unless_that_is_asked_for(mount,
     assert not found.sky
 
 
+@pytest.mark.parametrize("travel", [[0.1, 0.45], [1.2, 1.5]], ids=["low", "high"])
+def test_stars_are_within_the_travel_of_the_mount_and_well_seen(travel, planned):
+    some = fit_of({**MOUNT, "joint": [MOUNT["joint"][0], {**MOUNT["joint"][1], "travel": travel}]})
+    found = planned(some, wanted=["EL.axis", "AZ.axis"])
+    EL = np.array(found.rows["EL [rad]"])
+    assert ((max(travel[0], np.radians(20)) - 1e-3 < EL) & (min(travel[1], np.radians(80)) + 1e-3 > EL)).all()
+
+
 @pytest.mark.parametrize("travel", [[0.05, 0.3], [1.45, 1.55]], ids=["low", "zenith"])
 def test_a_mount_that_sees_no_star_well_is_planned_for_all_the_same(travel, planned):
     low = fit_of({**MOUNT, "joint": [MOUNT["joint"][0], {**MOUNT["joint"][1], "travel": travel}]})

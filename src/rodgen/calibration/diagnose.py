@@ -61,6 +61,7 @@ from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
 from rodgen.stages import Progress, reporting, stage
 from rodgen.statistics.thresholds import COST, VERDICT
+from rodgen.views import plain
 
 ROUNDS = 3
 """Times that effects are selected at most, with the outliers and the dependence of the readings found before."""
@@ -217,7 +218,12 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     if geometry is None:
         return answer
     verdict = "wrong_geometry" if answer.verdict in {"nothing_missing", "cannot_tell"} else answer.verdict
-    rms = replace(answer.rms, before=geometry.before.rms, before_held_out=geometry.rms_held_out)
+    rms = replace(
+        answer.rms,
+        before=geometry.before.rms,
+        before_held_out=geometry.rms_held_out,
+        not_held_out=_not_held_out(geometry.before.held_out()) or answer.rms.not_held_out,
+    )
     return replace(answer, geometry=geometry, verdict=verdict, rms=rms)
 
 
@@ -392,7 +398,8 @@ def _idle_forms(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candid
 def _undecided(subject: _Subject, base: Fit, reason: str) -> Diagnosis:
     """Return the diagnosis of data that allow no answer, for a reason."""
     # the error on poses left out of a wrong geometry means nothing, and its fits take long
-    rms = Rms(base.rms, base.rms, None, None, base.noise.value, base.unit)
+    why = {"reason": "undecidable", "text": "The data allow no answer, so no poses were held out."}
+    rms = Rms(base.rms, base.rms, None, None, base.noise.value, base.unit, not_held_out=why)
     rms, _ = _tested(subject, rms, [base])
     return Diagnosis(
         "cannot_tell",
@@ -414,6 +421,11 @@ def _on_rows(subject: _Subject) -> list[str]:
     return [sentence for o in known if o is not None for sentence in o.on_rows]
 
 
+def _not_held_out(*fits: HeldOut) -> dict[str, Any] | None:
+    """Return why the first of these has no error that has none."""
+    return next((plain(one, "reason text") for one in fits if one.reason is not None), None)
+
+
 def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     """Return the diagnosis of what full fits confirm."""
     evidence, chosen, fits, last = state.evidence, state.chosen, state.fits, state.last
@@ -421,7 +433,9 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     held_out = [fit.held_out() for fit in fits]
     steps, sets = _steps(state, estimates, held_out)
     forms = _forms(state, estimates, held_out)
-    rms = Rms(fits[0].rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
+    first, final = held_out[0], held_out[-1]
+    why = _not_held_out(first, final)
+    rms = Rms(fits[0].rms, last.rms, first.rms, final.rms, last.noise.value, last.unit, not_held_out=why)
     correlation = evidence.correlation
     if correlation.independent and chosen:
         correlation = evidence.correlation_for(chosen)

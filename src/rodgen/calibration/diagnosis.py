@@ -55,6 +55,8 @@ class Rms(Result):
     unit : str
     before_test, after_test : float or None
         On further measurements.
+    not_held_out : mapping of str to str, or None
+        Where an error on such poses is None: the ``reason``, a word as of `HeldOut` or "undecidable", and a ``text``.
     """
 
     before: float
@@ -65,6 +67,7 @@ class Rms(Result):
     unit: str
     before_test: float | None = None
     after_test: float | None = None
+    not_held_out: Mapping[str, str] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return them as plain data, with the errors on further measurements where there are any."""
@@ -385,6 +388,8 @@ class Diagnosis(HasOdds, Result):
         }
         if self.rms.before_held_out is not None:
             found["held_out_by"] = self.base.held_out().by
+        if self.rms.not_held_out is not None:
+            found["not_held_out"] = dict(self.rms.not_held_out)
         if on_sky := pointing(self.final_with_forms):
             found["pointing"] = on_sky.to_dict()
         if self.geometry is not None:

@@ -159,7 +159,9 @@ class Fit:
         unfinished = "" if self.solution.converged else NotConvergedError.reason
         useless = self.held_out_geometry
         return str(
-            self.check().sentence or unfinished or (useless.text if useless and not useless.lowers else "")
+            self.check().sentence
+            or unfinished
+            or (useless.text if useless and useless.lowers is False else "")
         )
 
     @classmethod

@@ -91,7 +91,16 @@ class HeldOut(Result):
     converged: bool = True
     squares: Array | None = field(default=None, repr=False, compare=False)
 
-    _keys = "rms unit folds poses by unpredicted because converged text"
+    _keys = "rms unit folds poses by unpredicted because converged reason text"
+
+    @property
+    def reason(self) -> str | None:
+        """Why there is no error, or None: "one_pose", "each_fold_needed" or "each_pose_needed"; the text says it."""
+        if self.rms is not None:
+            return None
+        if self.folds < 2:
+            return "one_pose"
+        return "each_pose_needed" if self.unpredicted or not self.because else "each_fold_needed"
 
     @property
     def text(self) -> str:
@@ -102,6 +111,10 @@ class HeldOut(Result):
         """Return whether it is no smaller than before on the rows that both predict; False where these are none."""
         now, earlier = self._with(before)
         return now is not None and earlier is not None and not now < earlier
+
+    def compares_with(self, other: HeldOut) -> bool:
+        """Return whether there are rows that both predict."""
+        return None not in self._with(other)
 
     def predicts_no_better_than(self, before: HeldOut) -> bool:
         """Return whether it rises from before, or does not predict rows that were predicted before."""
@@ -143,11 +156,11 @@ class HeldOut(Result):
 
     def _restrictions(self) -> Iterator[str]:
         names = joined(self.because, most=NAMED)
-        if self.rms is None and self.because and not self.unpredicted:
+        if self.reason == "each_fold_needed":
             parts = "poses" if self.folds == self.poses else "groups" if self.by == "posture" else "folds"
             without = f"without one of these {parts} the readings do not determine {names}"
             yield f"The poses cannot be held out {self.how}: {without}."
-        elif self.rms is None:
+        elif self.reason is not None:
             yield "No pose can be predicted from the others, so that there is no held-out error."
         if self.unpredicted:
             rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
@@ -163,12 +176,18 @@ class HeldOutGeometry(Result):
     fitted: HeldOut
     nominal: HeldOut
 
-    _keys = "fitted=fitted.rms nominal=nominal.rms unit=fitted.unit lowers"
+    _keys = "fitted=fitted.rms nominal=nominal.rms unit=fitted.unit lowers reason text"
 
     @property
-    def lowers(self) -> bool:
-        """Whether it falls by what is estimated, or is not known."""
-        return not self.fitted.rises_from(self.nominal)
+    def lowers(self) -> bool | None:
+        """Whether it falls by what is estimated; None where nothing tells."""
+        return None if self.reason else not self.fitted.rises_from(self.nominal)
+
+    @property
+    def reason(self) -> str | None:
+        """Why nothing tells: that of the fit without an error, or "no_common_rows"; None where it is known."""
+        missing = self.fitted.reason or self.nominal.reason
+        return missing or (None if self.fitted.compares_with(self.nominal) else "no_common_rows")
 
     @property
     def text(self) -> str:
@@ -179,7 +198,7 @@ class HeldOutGeometry(Result):
         )
         estimated = "Axes and points of joints are estimated, and"
         rms = "the rms on poses that the fit did not see"
-        if self.fitted.rms is None or self.nominal.rms is None:
+        if self.reason:
             return (
                 f"{estimated} nothing tells whether {rms} falls by that: {with_} with it, {without} without."
             )

@@ -106,7 +106,7 @@ def _lines(fit: Fit) -> Iterator[str]:
         yield fit.lack_of_fit.text
     if out := on_outliers(fit, fit.outliers):
         yield out
-    if fit.held_out_geometry and not fit.held_out_geometry.lowers:
+    if fit.held_out_geometry and fit.held_out_geometry.lowers is False:
         yield fit.held_out_geometry.text
     yield from _warnings(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
