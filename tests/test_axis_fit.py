@@ -488,7 +488,13 @@ def test_nearest_point_propagates_like_differences() -> None:
     h = 1e-6
     jacobian = np.stack([(moved(h * u) - moved(-h * u)) / (2 * h) for u in np.eye(6)], axis=1)
     assert covariance == pytest.approx(jacobian @ fit.covariance @ jacobian.T, rel=1e-6, abs=1e-12)
-    at_centroid, same = fit.nearest_point(fit.centroid)
+    asked = fit_axis(x, y, a, origin=target)
+    assert asked.point == pytest.approx(place, abs=1e-12)
+    assert asked.point_covariance == pytest.approx(covariance)
+    assert asked.candidate_points[0].tolist() == asked.point.tolist()
+    with pytest.raises(RodgenError, match="origin is for a free point"):
+        fit_axis(x, y, a, point=POINT, origin=target)
+    at_centroid, same = fit.nearest_point(fit.origin)
     assert at_centroid == pytest.approx(fit.point, abs=1e-13)
     assert same == pytest.approx(fit.point_covariance, abs=1e-18)
 
@@ -1073,7 +1079,7 @@ def test_summary_reads_like_a_protocol() -> None:
     text = str(fit_axis(x, y, a, loss="huber", sigma=0.01))
     lines = text.splitlines()
     assert lines[0] == "Axis fitted to 30 pairs (point free, loss huber): DETERMINED"
-    for word in ("direction", "µrad", "point", "centroid", "rms", "noise", "chi-square", "condition"):
+    for word in ("direction", "µrad", "point", "nearest", "rms", "noise", "chi-square", "condition"):
         assert word in text
     assert "  outliers    1: pair 4 (counted from 0)" in lines
     assert "nan" not in str(fit_axis([1, 0, 0], [0, 1, 0], 1.2))
@@ -1084,8 +1090,8 @@ def test_residuals_are_measured_less_predicted() -> None:
     fit = fit_axis(x, y, a)
     assert fit.residuals == pytest.approx(y - turned(x, fit.axis, fit.point, a), abs=1e-13)
     assert fit.rms == pytest.approx(np.sqrt((fit.residuals**2).sum(axis=1).mean()), rel=1e-12)
-    assert fit.point @ fit.axis == pytest.approx(fit.centroid @ fit.axis, abs=1e-12)
-    assert fit.centroid == pytest.approx(np.concatenate([x, y]).mean(axis=0), abs=1e-12)
+    assert fit.point @ fit.axis == pytest.approx(fit.origin @ fit.axis, abs=1e-12)
+    assert fit.origin == pytest.approx(np.concatenate([x, y]).mean(axis=0), abs=1e-12)
 
 
 def test_leading_axes_and_broadcasting() -> None:
@@ -1099,14 +1105,14 @@ def test_leading_axes_and_broadcasting() -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (([[1, 2]], [[1, 2]], 1), r"rho has shape \(1, 2\); expected \(N, 3\)"),
+        (([[1, 2]], [[1, 2]], 1), r"rho has the shape \(1, 2\); expected \(..., 3\)"),
         ((np.ones((3, 3)), np.ones((4, 3)), 1), "do not fit together"),
         ((np.ones((3, 3)), np.ones((3, 3)), [1, 2]), "do not fit together"),
         ((np.ones((0, 3)), np.ones((0, 3)), []), "no pairs"),
         (([[1, 2, 3], [1, math.nan, 3]], np.ones((2, 3)), 1), r"rho, row 1 .*nan.*; expected finite"),
         ((np.ones((2, 3)), [[1, 2, math.inf], [1, 2, math.inf]], 1), r"rho_prime, row 0 .*1 more rows"),
         ((np.ones((2, 3)), np.ones((2, 3)), [1, math.nan]), "angle, row 1"),
-        ((np.ones((2, 3)), np.ones((2, 3)), ["a", "b"]), "angle is not an array of real numbers"),
+        ((np.ones((2, 3)), np.ones((2, 3)), ["a", "b"]), "angle has the type <U1; expected real numbers"),
     ],
 )
 def test_bad_input_is_refused_in_words(arguments: Any, sentence: str) -> None:

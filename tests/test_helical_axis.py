@@ -20,9 +20,8 @@ from scipy.stats import t as student
 
 from rodgen.errors import RodgenError
 from rodgen.generated import numpy as generated
-from rodgen.kinematics.axis_fit import AxisFitStatus
+from rodgen.kinematics.axis_fit import AxisFit, AxisFitStatus, fit_axis, fit_pose_axis, instantaneous_axes
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.helical_axis import HelicalAxis, fit_helical_axis, fit_pose_axis, instantaneous_axes
 from rodgen.kinematics.screws import ScrewStatus
 
 EPS = np.finfo(float).eps
@@ -67,7 +66,7 @@ def poses(
     return place, np.array([r.as_matrix() for r in attitude])
 
 
-def from_line(fit: HelicalAxis) -> float:
+def from_line(fit: AxisFit) -> float:
     return float(np.linalg.norm(np.cross(fit.point - POINT, AXIS)))
 
 
@@ -127,20 +126,20 @@ def test_exact_points_and_poses_give_the_screw(angle: float) -> None:
         10 * 300 * EPS / (100 * chord)
     )  # roundings of coordinates of 300, of arms of 100 that move by the chord
     for fit in (
-        fit_helical_axis(x, y, move=move, sigma=1e-9),
+        fit_axis(x, y, move=move, sigma=1e-9),
         fit_pose_axis(place, attitude, sigma=1e-9, sigma_angle=1e-12),
     ):
         assert fit.axis == pytest.approx(AXIS, abs=lost)
         assert from_line(fit) < lost * (300 + 0.3 / chord)  # the slide goes astray with the axis
-        assert fit.angles == pytest.approx([angle], abs=100 * EPS)
-        assert fit.slides == pytest.approx([0.3], abs=300 * lost)
+        assert fit.motions.angles == pytest.approx([angle], abs=100 * EPS)
+        assert fit.motions.slides == pytest.approx([0.3], abs=300 * lost)
 
 
 def test_agrees_with_scipy_on_shared_readings() -> None:
     """All unknowns, the true places of the balls at rest among them, by another solver from the truth."""
     angles, slides = [0.5, 1.0, 1.6], [0.1, 0.0, -0.2]
     x, y, move = points(angles, slides, noise=0.05)
-    fit = fit_helical_axis(x, y, move=move, sigma=0.05)
+    fit = fit_axis(x, y, move=move, sigma=0.05)
 
     def misses(v: np.ndarray) -> np.ndarray:
         e = unit(AXIS + ACROSS @ v[:2])
@@ -155,11 +154,11 @@ def test_agrees_with_scipy_on_shared_readings() -> None:
     truth = np.concatenate([np.zeros(4), angles, slides, BALLS.ravel()])
     best = least_squares(misses, truth, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     assert fit.chi_square == pytest.approx(2 * best.cost, rel=1e-9)
-    assert fit.angles == pytest.approx(best.x[4:7], abs=1e-8)
-    assert fit.slides == pytest.approx(best.x[7:10], abs=1e-5)
+    assert fit.motions.angles == pytest.approx(best.x[4:7], abs=1e-8)
+    assert fit.motions.slides == pytest.approx(best.x[7:10], abs=1e-5)
     covariance = np.linalg.inv(best.jac.T @ best.jac)
-    assert fit.angle_uncertainty == pytest.approx(np.sqrt(np.diag(covariance)[4:7]), rel=1e-4)
-    assert fit.slide_uncertainty == pytest.approx(np.sqrt(np.diag(covariance)[7:10]), rel=1e-4)
+    assert fit.motions.angle_uncertainty == pytest.approx(np.sqrt(np.diag(covariance)[4:7]), rel=1e-4)
+    assert fit.motions.slide_uncertainty == pytest.approx(np.sqrt(np.diag(covariance)[7:10]), rel=1e-4)
     spread = np.linalg.eigvalsh(covariance[:2, :2])[::-1]
     assert fit.axis_uncertainty == pytest.approx(np.sqrt(spread), rel=1e-4)
     assert fit.dof == len(best.fun) - len(best.x)
@@ -167,9 +166,9 @@ def test_agrees_with_scipy_on_shared_readings() -> None:
 
 def test_point_is_the_one_nearest_to_the_origin_asked_for() -> None:
     x, y, move = points([1.0], [0.3], noise=0.01)
-    fit = fit_helical_axis(x, y, move=move, sigma=0.01, origin=(3, 4, 5))
+    fit = fit_axis(x, y, move=move, sigma=0.01, origin=(3, 4, 5))
     assert (fit.point - fit.origin) @ fit.axis == pytest.approx(0, abs=1e-12)
-    far = fit_helical_axis(x, y, move=move, sigma=0.01, origin=np.array([3, 4, 5]) + 1e4 * fit.axis)
+    far = fit_axis(x, y, move=move, sigma=0.01, origin=np.array([3, 4, 5]) + 1e4 * fit.axis)
     assert far.point_uncertainty.max() > 5 * fit.point_uncertainty.max()
     assert far.axis == pytest.approx(fit.axis, abs=1e-12)
 
@@ -179,30 +178,31 @@ def test_point_is_the_one_nearest_to_the_origin_asked_for() -> None:
 
 def test_without_a_turn_there_is_no_axis() -> None:
     x, y, move = points([0.0], [0.5], noise=0.01)
-    fit = fit_helical_axis(x, y, move=move, sigma=0.01)
+    fit = fit_axis(x, y, move=move, sigma=0.01)
     assert fit.status is AxisFitStatus.ANY_AXIS
     assert "no motion turns" in fit.undetermined[0]
     exact = points([0.0], [0.5])
-    assert fit_helical_axis(exact[0], exact[1]).status is AxisFitStatus.ANY_AXIS
+    assert fit_axis(exact[0], exact[1]).status is AxisFitStatus.ANY_AXIS
 
 
 @pytest.mark.parametrize("kind", ["points", "poses"])
 def test_half_turns_have_an_axis_without_a_sign(kind: str) -> None:
     if kind == "points":
         x, y, move = points([math.pi], [0.5], noise=0.01)
-        fit = fit_helical_axis(x, y, move=move, sigma=0.01)
+        fit = fit_axis(x, y, move=move, sigma=0.01)
     else:
         fit = fit_pose_axis(*poses([math.pi], [0.5], 0.01, 1e-4), sigma=0.01, sigma_angle=1e-4)
     assert fit.status is AxisFitStatus.SIGN_FREE
+    assert fit.candidate_axes.tolist() == [fit.axis.tolist(), (-fit.axis).tolist()]
     assert abs(fit.axis @ AXIS) == pytest.approx(1, abs=1e-6)
-    assert np.abs(fit.slides) == pytest.approx([0.5], abs=0.1)
+    assert np.abs(fit.motions.slides) == pytest.approx([0.5], abs=0.1)
 
 
 def test_the_sign_follows_the_first_motion_that_has_one() -> None:
     fit = fit_pose_axis(*poses([math.pi, 1.0, -2.0], [0, 0, 0], 0.01, 1e-4))
     assert fit.status is AxisFitStatus.DETERMINED
     assert fit.axis == pytest.approx(AXIS, abs=1e-3)
-    assert fit.angles[1:] == pytest.approx([1.0, -2.0], abs=1e-3)
+    assert fit.motions.angles[1:] == pytest.approx([1.0, -2.0], abs=1e-3)
 
 
 # Slides -------------------------------------------------------------------------------------------
@@ -210,24 +210,24 @@ def test_the_sign_follows_the_first_motion_that_has_one() -> None:
 
 def test_a_slide_within_its_uncertainty_is_called_zero() -> None:
     x, y, move = points([1.0], [0.0], noise=0.01)
-    fit = fit_helical_axis(x, y, move=move, sigma=0.01)
-    assert fit.no_slide > 0.05
+    fit = fit_axis(x, y, move=move, sigma=0.01)
+    assert fit.motions.no_slide > 0.05
     assert "zero within its uncertainty" in fit.summary()
     x, y, move = points([1.0], [0.5], noise=0.01)
-    moved = fit_helical_axis(x, y, move=move, sigma=0.01)
-    assert moved.no_slide < 1e-6
+    moved = fit_axis(x, y, move=move, sigma=0.01)
+    assert moved.motions.no_slide < 1e-6
     assert "zero within" not in moved.summary()
-    assert moved.slides == pytest.approx([0.5], abs=4 * moved.slide_uncertainty[0])
+    assert moved.motions.slides == pytest.approx([0.5], abs=4 * moved.motions.slide_uncertainty[0])
 
 
 def test_a_screw_has_one_pitch() -> None:
     angles = np.radians(np.arange(20, 160, 20))
     fit = fit_pose_axis(*poses(angles, 0.8 * angles, 0.02, 1e-4))
-    assert fit.pitch == pytest.approx(0.8, abs=4 * fit.pitch_uncertainty)
-    assert fit.one_pitch > 0.01
+    assert fit.slide == pytest.approx(0.8, abs=4 * fit.slide_uncertainty)
+    assert fit.motions.one_pitch > 0.01
     assert re.search(r"in proportion to the angles: 0\.[78]\d* ± 0\.0\d+ for each radian", fit.summary())
     bent = fit_pose_axis(*poses(angles, np.where(angles > 1, 0.5, 0.0), 0.02, 1e-4))
-    assert bent.one_pitch < 1e-6
+    assert bent.motions.one_pitch < 1e-6
     assert "not in proportion" in bent.summary()
 
 
@@ -235,7 +235,7 @@ def test_a_screw_has_one_pitch() -> None:
 
 
 def coverage(
-    draw: Callable[[int], HelicalAxis], angle: float, slide: float, count: int
+    draw: Callable[[int], AxisFit], angle: float, slide: float, count: int
 ) -> tuple[float, float, float]:
     """Shares of draws whose 95 % regions hold the line, and intervals the second last motion's angle and slide."""
     line, turned, slid = [], [], []
@@ -251,13 +251,16 @@ def coverage(
         line.append(
             error @ np.linalg.solve(T @ fit.covariance @ T.T, error) < 4 * f_distribution.ppf(0.95, 4, dof)
         )
-        off = np.remainder(sign * fit.angles[-1] - angle + math.pi, 2 * math.pi) - math.pi
-        turned.append(abs(off) < student.ppf(0.975, dof) * fit.angle_uncertainty[-1])
-        slid.append(abs(sign * fit.slides[-1] - slide) < student.ppf(0.975, dof) * fit.slide_uncertainty[-1])
+        off = np.remainder(sign * fit.motions.angles[-1] - angle + math.pi, 2 * math.pi) - math.pi
+        turned.append(abs(off) < student.ppf(0.975, dof) * fit.motions.angle_uncertainty[-1])
+        slid.append(
+            abs(sign * fit.motions.slides[-1] - slide)
+            < student.ppf(0.975, dof) * fit.motions.slide_uncertainty[-1]
+        )
     return float(np.mean(line)), float(np.mean(turned)), float(np.mean(slid))
 
 
-CASES: dict[str, Callable[[int], HelicalAxis]] = {
+CASES: dict[str, Callable[[int], AxisFit]] = {
     "points, one motion": lambda s: _of_points([1.0], [0.3], s, sigma=0.02),
     "points, shared rest": lambda s: _of_points([1.0, 1.1, 1.2, 1.3, 1.4], [0.3] * 5, s),
     "points, small angle": lambda s: _of_points([0.02], [0.3], s, sigma=0.02),
@@ -270,15 +273,15 @@ CASES: dict[str, Callable[[int], HelicalAxis]] = {
 }
 
 
-def _of_points(angles: list[float], slides: list[float], seed: int, **options: Any) -> HelicalAxis:
+def _of_points(angles: list[float], slides: list[float], seed: int, **options: Any) -> AxisFit:
     x, y, move = points(angles, slides, 0.02, seed)
-    return fit_helical_axis(x, y, move=move, **options)
+    return fit_axis(x, y, move=move, **options)
 
 
-def _of_read_angles(angles: list[float], seed: int) -> HelicalAxis:
+def _of_read_angles(angles: list[float], seed: int) -> AxisFit:
     x, y, move = points(angles, [0.3] * len(angles), 0.02, seed)
     read = np.array(angles) + 1e-4 * np.random.default_rng(seed + 5000).normal(size=len(angles))
-    return fit_helical_axis(x, y, move=move, sigma=0.02, angle=np.repeat(read, 3), sigma_angle=1e-4)
+    return fit_axis(x, y, move=move, sigma=0.02, angle=np.repeat(read, 3), sigma_angle=1e-4)
 
 
 @pytest.mark.thorough
@@ -295,10 +298,8 @@ def test_a_shared_reading_is_one_unknown() -> None:
     """The same motions with readings of the rest pose of their own know the axis better."""
     angles = np.radians(60 + 2 * np.arange(10))
     x, y, move = points(angles, np.zeros(10), noise=0.02)
-    shared = fit_helical_axis(x, y, move=move, sigma=0.02)
-    apart = fit_helical_axis(
-        x + 1e-9 * np.random.default_rng(1).normal(size=x.shape), y, move=move, sigma=0.02
-    )
+    shared = fit_axis(x, y, move=move, sigma=0.02)
+    apart = fit_axis(x + 1e-9 * np.random.default_rng(1).normal(size=x.shape), y, move=move, sigma=0.02)
     assert shared.axis_uncertainty[0] > 2 * apart.axis_uncertainty[0]
     assert (
         shared.dof == apart.dof
@@ -309,13 +310,13 @@ def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
     """Its error moves all balls of its turn alike: with it exact the points know the axis better than they do."""
     x, y, move = points([1.0, 1.2], [0, 0], noise=0.01)
     angle = np.repeat([1.0 + 2e-4, 1.2 - 1e-4], 3)
-    free = fit_helical_axis(x, y, move=move, sigma=0.01)
-    read = fit_helical_axis(x, y, move=move, sigma=0.01, angle=angle, sigma_angle=1e-6)
-    assert read.angles == pytest.approx(angle[[0, 3]], abs=1e-6)
-    assert read.angle_uncertainty.max() < 1.01e-6 < free.angle_uncertainty.min()
+    free = fit_axis(x, y, move=move, sigma=0.01)
+    read = fit_axis(x, y, move=move, sigma=0.01, angle=angle, sigma_angle=1e-6)
+    assert read.motions.angles == pytest.approx(angle[[0, 3]], abs=1e-6)
+    assert read.motions.angle_uncertainty.max() < 1.01e-6 < free.motions.angle_uncertainty.min()
     assert read.dof == free.dof + 2
-    loose = fit_helical_axis(x, y, move=move, sigma=0.01, angle=angle, sigma_angle=1.0)
-    assert loose.angles == pytest.approx(free.angles, abs=1e-7)
+    loose = fit_axis(x, y, move=move, sigma=0.01, angle=angle, sigma_angle=1.0)
+    assert loose.motions.angles == pytest.approx(free.motions.angles, abs=1e-7)
     assert loose.axis_uncertainty == pytest.approx(free.axis_uncertainty, rel=1e-6)
 
 
@@ -337,7 +338,11 @@ def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
             lambda x, y: ((x, y), {"angle": [1, 1, 2.0], "sigma": 1.0, "sigma_angle": 1.0}),
             "angle, row 2 .* differs",
         ),
-        (lambda x, y: ((x, y), {"angle": [1, 1, 1.0]}), "need their sigma_angle"),
+        (lambda x, y: ((x, y), {"angle": [1, 1, 1.0], "sigma_angle": 1.0}), "the points' sigma to weigh"),
+        (
+            lambda x, y: ((x, y), {"weights": [1, 1, 1.0], "loss": "huber"}),
+            "weights and loss needs exact angles",
+        ),
         (lambda x, y: ((x, y), {"sigma_angle": 1.0}), "there are none"),
         (lambda x, y: ((x, y), {"move": [1, 2]}), "one label a row"),
     ],
@@ -346,7 +351,7 @@ def test_bad_points_are_refused_in_words(change: Any, sentence: str) -> None:
     x, y, _ = points([1.0], [0.0])
     arguments, options = change(x, y)
     with pytest.raises(RodgenError, match=sentence):
-        fit_helical_axis(*arguments, **options)
+        fit_axis(*arguments, **options)
 
 
 def test_bad_poses_are_refused_in_words() -> None:
@@ -389,7 +394,7 @@ def test_the_command_reads_poses(notation: str, tmp_path: Path, rodgen_command: 
     _, printed, _ = rodgen_command("fit-axis", file, "--json", "--sigma", "10um", "--sigma-angle", "0.1mrad")
     found = json.loads(printed)
     assert found["axis"] == pytest.approx(AXIS, abs=1e-3)
-    assert found["slides"] == pytest.approx(0.2 * np.radians([20, 40, 60, 80, 100, 120]), abs=0.1)
+    assert found["motions"]["slides"] == pytest.approx(0.2 * np.radians([20, 40, 60, 80, 100, 120]), abs=0.1)
     assert found["unit"] == "mm"
 
 
@@ -403,7 +408,7 @@ def test_the_command_reads_points_without_an_angle(tmp_path: Path, rodgen_comman
     code, text, _ = rodgen_command("fit-axis", file, "--sigma", "0.01mm")
     assert code == 0
     assert "move 0" in text
-    assert "outliers    line 6 of turns.csv" in text  # the ball that moved
+    assert "outliers    1: line 6 of turns.csv" in text  # the ball that moved
     code, _, error = rodgen_command("fit-axis", file, "--loss", "huber")
     assert (code, error.count("\n")) == (2, 1)
     assert "--loss: a table without known angles" in error
@@ -411,6 +416,42 @@ def test_the_command_reads_points_without_an_angle(tmp_path: Path, rodgen_comman
     code, _, error = rodgen_command("fit-axis", file)
     assert (code, error.count("\n")) == (2, 1)
     assert "no column 'move' (the nearest is 'Move')" in error
+
+
+@pytest.mark.parametrize("kind", ["poses", "points"])
+def test_what_is_drawn_are_the_readings_and_their_residuals(
+    kind: str, tmp_path: Path, rodgen_command: Command
+) -> None:
+    from rodgen.data.tables import read_motions
+    from rodgen.output import figures
+
+    if kind == "poses":
+        file = pose_table(tmp_path / "t.csv", "quaternion", np.radians([20, 40, 60, 80]))
+        table = read_motions(file)
+        fit = fit_pose_axis(*poses([0.3, 0.6, 1.0, 1.4], [0.1] * 4, 0.01, 1e-4))
+        assert fit.residuals.shape == table.position.shape
+        assert fit.turns[0] == 0
+    else:
+        x, y, move = points([0.5, 1.0], [0.3, 0.3], noise=0.01)
+        fit = fit_axis(x, y, move=move)
+        back = [
+            fit.point + Rotation.from_rotvec(a * fit.axis).apply(b - fit.point) + s * fit.axis
+            for a, b, s in zip(fit.turns, x, np.repeat(fit.motions.slides, 3), strict=True)
+        ]
+        assert fit.residuals == pytest.approx(
+            y - np.array(back), abs=1e-12 * 300
+        )  # roundings of lengths of 300
+        heads = ",".join(f"{p}_{c} [mm]" for p in ("rho", "rho_prime") for c in "xyz")
+        rows = [",".join(f"{v:.6f}" for v in (*a, *b)) + f",m{k}" for a, b, k in zip(x, y, move, strict=True)]
+        file = tmp_path / "t.csv"
+        file.write_text("\n".join([f"{heads},move", *rows]) + "\n")
+        table = read_motions(file)
+    drawn = {trace.name: trace for trace in figures.axis_fit(fit, table).data}
+    assert len(drawn["along the axis"].y) == len(fit.residuals)
+    assert drawn["along the axis"].y == pytest.approx(fit.residuals @ fit.axis, abs=1e-9)
+    code, _, error = rodgen_command("fit-axis", file, "--plot", tmp_path / "axis.html")
+    assert (code, error) == (0, "")
+    assert "Residuals [mm]" in (tmp_path / "axis.html").read_text()
 
 
 def test_a_bad_quaternion_is_named_by_its_line(tmp_path: Path, rodgen_command: Command) -> None:

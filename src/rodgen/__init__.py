@@ -17,8 +17,8 @@ if _TYPE_CHECKING:
     from rodgen.errors import RodgenError
     from rodgen.facade import Fit as Fit
     from rodgen.facade import Machine as Machine
+    from rodgen.kinematics import axis_fit as axis_fit
     from rodgen.kinematics import delta as delta
-    from rodgen.kinematics import helical_axis as helical_axis
     from rodgen.kinematics import hexapod as hexapod
     from rodgen.kinematics import instantaneous_euler as instantaneous_euler
     from rodgen.kinematics import screws as screws
@@ -81,8 +81,8 @@ _LATER = {
 }
 _SUBJECTS = {
     "figures": "rodgen.output.figures",
+    "axis_fit": "rodgen.kinematics.axis_fit",
     "delta": "rodgen.kinematics.delta",
-    "helical_axis": "rodgen.kinematics.helical_axis",
     "hexapod": "rodgen.kinematics.hexapod",
     "instantaneous_euler": "rodgen.kinematics.instantaneous_euler",
     "screws": "rodgen.kinematics.screws",

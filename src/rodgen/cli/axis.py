@@ -15,7 +15,7 @@ from rodgen.errors import InputFileError, RodgenError, joined, shown
 if TYPE_CHECKING:
     from rodgen.array_types import Array
     from rodgen.data.tables import Pairs, Poses
-    from rodgen.kinematics.helical_axis import HelicalAxis, InstantaneousAxes
+    from rodgen.kinematics.axis_fit import AxisFit, InstantaneousAxes
 
 _FIT = """\
 Fit one axis to all rows of a table: its direction, a point on it, their uncertainties, and what the data do
@@ -91,7 +91,7 @@ def add_to(command: Command) -> None:
     fit.add_argument(
         "--json", action="store_true", help="print JSON: lengths in the unit of rho_x, angles in rad"
     )
-    add_plot(fit, "the pairs and residuals")
+    add_plot(fit, "the readings and residuals")
 
 
 def _coordinates(text: str) -> tuple[float, ...]:
@@ -114,31 +114,21 @@ def _point(text: str) -> str | tuple[float, ...]:
 
 def _fit_axis(options: argparse.Namespace) -> int:
     from rodgen.data.tables import Pairs, read_motions
-    from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
+    from rodgen.kinematics.axis_fit import AxisFitStatus
 
     figures = figures_for(options.plot)
     table = read_motions(options.pairs)
     sigma = options.sigma.to(table.unit)[0] if options.sigma else None
     if options.instantaneous and (isinstance(table, Pairs) or table.time is None):
         raise InputFileError(table.file, "columns", "no poses with their time", "poses and t [s]")
-    angle = table.angle if isinstance(table, Pairs) and not options.sigma_angle else None
-    _check_options(options, angle is not None)
+    exact = isinstance(table, Pairs) and table.angle is not None and not options.sigma_angle
+    _check_options(options, exact)
     try:
-        if isinstance(table, Pairs) and angle is not None:
-            fit: Any = fit_axis(
-                table.rho,
-                table.rho_prime,
-                angle,
-                point="free" if options.point is None else options.point,
-                loss=options.loss or "linear",
-                sigma=sigma,
-            )
-        else:
-            fit = _helical_axis(table, options, sigma)
-            if options.output:
-                from rodgen.data.tables import write_columns
+        fit: Any = _fit(table, options, sigma)
+        if options.output:
+            from rodgen.data.tables import write_columns
 
-                write_columns(options.output, fit.columns(table.unit))
+            write_columns(options.output, fit.columns(table.unit))
     except InputFileError:
         raise
     except RodgenError as error:
@@ -155,31 +145,30 @@ def _fit_axis(options: argparse.Namespace) -> int:
     return OK if options.instantaneous or fit.status < AxisFitStatus.TWO_AXES else NOT_CONVERGED
 
 
-def _check_options(options: argparse.Namespace, known: bool) -> None:
-    wrong, found, expected = {
-        True: ("near", "a table with known angles", "it with motions whose angle is fitted"),
-        False: (
-            "point loss plot",
-            "a table without known angles",
-            "it with pairs of points and a column angle",
-        ),
-    }[known]
-    for name in wrong.split():
+def _check_options(options: argparse.Namespace, exact: bool) -> None:
+    for name in () if exact else ("point", "loss"):
         if getattr(options, name) is not None:
-            raise InputFileError("command line", f"--{name}", found, expected)
+            raise InputFileError(
+                "command line", f"--{name}", "a table without known angles",
+                "it with pairs of points and a column angle",
+            )  # fmt: skip
+    if options.near is not None and options.point not in (None, "free"):
+        raise InputFileError("command line", "--near", "a known point", "it with a point that is fitted")
+    if options.plot and options.instantaneous:
+        raise InputFileError("command line", "--plot", "--instantaneous", "it with one axis of all rows")
     if options.output and not options.instantaneous:
         raise InputFileError(
             "command line", "--output", "no --instantaneous", "both, for the table of all instants"
         )
 
 
-def _helical_axis(
+def _fit(
     table: Pairs | Poses, options: argparse.Namespace, sigma: float | None
-) -> HelicalAxis | InstantaneousAxes:
+) -> AxisFit | InstantaneousAxes:
     from rodgen.calibration.problem.attitudes import UnfitAttitudeError, matrices
     from rodgen.data.notations import NOTATIONS
     from rodgen.data.tables import Pairs
-    from rodgen.kinematics.helical_axis import fit_helical_axis, fit_pose_axis, instantaneous_axes
+    from rodgen.kinematics.axis_fit import fit_axis, fit_pose_axis, instantaneous_axes
 
     noise = {
         "sigma": sigma,
@@ -187,7 +176,11 @@ def _helical_axis(
         "origin": options.near,
     }
     if isinstance(table, Pairs):
-        return fit_helical_axis(table.rho, table.rho_prime, move=table.move, angle=table.angle, **noise)
+        point = "free" if options.point is None else options.point
+        loss = options.loss or "linear"
+        return fit_axis(
+            table.rho, table.rho_prime, table.angle, move=table.move, point=point, loss=loss, **noise
+        )
     try:
         attitudes = matrices(table.notation, table.attitude)
     except UnfitAttitudeError as error:

@@ -1,4 +1,6 @@
-"""The most likely axis e, and point p on it, of N noisy pairs (ρ, ρ′) with known angles χ.
+"""The most likely axis of pairs of points; where angles are not exact, :mod:`.screws` fits them too.
+
+The most likely axis e, and point p on it, of N noisy pairs (ρ, ρ′) with known angles χ.
 
     minimise  Σ w |ρ′ - p - R(e, χ)(ρ - p)|²  over  |e| = 1 and p
 
@@ -24,7 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array, Mask
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, joined
+from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.axis_fit.common import CHANCE, SharedReadings, Slide, chance_of
 from rodgen.kinematics.axis_fit.determinacy import (
     PairFacts,
     axis_information,
@@ -40,9 +44,8 @@ from rodgen.kinematics.axis_fit.determinacy import (
 )
 from rodgen.kinematics.axis_fit.moments import shown, tangents
 from rodgen.kinematics.axis_fit.pairs import Line, Pairs, blocks
-from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
-from rodgen.kinematics.axis_fit.shared_readings import SharedReadings
-from rodgen.kinematics.axis_fit.slide import CHANCE, Slide, chance_of
+from rodgen.kinematics.axis_fit.result import NO_ACCIDENT, AxisFit, AxisFitStatus, nearest, remarks_on_noise
+from rodgen.kinematics.axis_fit.screws import fit_points
 from rodgen.kinematics.axis_fit.solve import (
     LOSSES,
     MOST_REWEIGHTINGS,
@@ -133,10 +136,6 @@ def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
     return bool(values[0] > _LEAST_INFORMATION * values[-1])
 
 
-# A statistic this many of its standard deviations off is no accident.
-_NO_ACCIDENT = 5.0
-# Below this many degrees of freedom the estimated noise is too uncertain for the usual two sigma.
-FEW_FREEDOMS = 10
 _DEGREES = 4 * math.pi
 
 
@@ -167,14 +166,7 @@ def remarks_on(
             "would limit their influence."
         )
     remarks += contradiction(pairs, loss, noise, line)
-    if determined and pairs.variance is None and 0 < noise.dof < FEW_FREEDOMS:
-        remarks.append(few_freedoms(noise.dof))
-    excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
-    if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
-        remarks.append(
-            f"The residuals are {math.sqrt(1 + excess / noise.dof):.3g} times what sigma leads to expect; "
-            "the reported uncertainties are those of sigma."
-        )
+    remarks += remarks_on_noise(pairs.variance is not None, noise.dof, noise.chi_square, determined)
     if not solution.converged:
         remarks.append(
             f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions."
@@ -182,23 +174,6 @@ def remarks_on(
     if pairs.point is not None:
         remarks += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
     return remarks
-
-
-def few_freedoms(dof: int) -> str:
-    """Return how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
-
-    The direction has two components: the region is where their squares, in units of the uncertainties, sum
-    to less than twice the quantile of F with 2 and `dof` degrees of freedom, dof (0.05^(-2/dof) - 1) in
-    closed form; with a known noise it is -2 log 0.05.
-    """
-    reach = math.sqrt(dof * (0.05 ** (-2 / dof) - 1))
-    known = math.sqrt(-2 * math.log(0.05))
-    degrees = "1 degree" if dof == 1 else f"{dof} degrees"
-    return (
-        f"The noise is estimated with {degrees} of freedom: the region that holds the direction with 95 % "
-        f"probability reaches to {reach:.2g} standard uncertainties, {reach / known:.2g} times as far as "
-        "if the noise were known."
-    )
 
 
 def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> list[str]:
@@ -242,13 +217,13 @@ def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
     if changes[worst] <= 64 * pairs.rounding:
         return []
     if pairs.variance is not None:
-        limit = pairs.variance * (1 + _NO_ACCIDENT * math.sqrt(2 / count))
+        limit = pairs.variance * (1 + NO_ACCIDENT * math.sqrt(2 / count))
     else:
         freedoms = 2 * count - 2
         if freedoms <= 0:
             return []
         across = max(float(pairs.half_squares(line).sum(where=good)) - count * radial, 0.0) / freedoms
-        limit = across * (1 + _NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
+        limit = across * (1 + NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
     if radial <= limit:
         return []
     rms = math.sqrt(squares / count) * pairs.scale
@@ -261,30 +236,43 @@ def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
 def fit_axis(
     rho: ArrayLike,
     rho_prime: ArrayLike,
-    angle: ArrayLike,
+    angle: ArrayLike | None = None,
     *,
+    move: Any = None,
     point: Any = "free",
+    origin: ArrayLike | None = None,
     sigma: ArrayLike | None = None,
+    sigma_angle: float | None = None,
     weights: ArrayLike | None = None,
     loss: str = "linear",
 ) -> AxisFit:
-    """Fit one axis of rotation to many noisy pairs of points with known angles.
+    """Fit one axis to many noisy pairs of points: of rotations by exact angles, else of screws.
 
-    Maximum likelihood for independent isotropic noise on both points of every pair; the global optimum,
-    found without iteration for ``loss="linear"``.
+    Maximum likelihood for independent isotropic noise on every reading. With exact angles it is the global optimum,
+    found without iteration for ``loss="linear"``. Else a motion is a turn about the axis and a slide along it, with an
+    angle and a slide of its own.
 
     Parameters
     ----------
     rho, rho_prime : (N, 3) array_like
-        Points before and after the rotation, any one length unit; leading axes are flattened.
-    angle : (N,) or scalar array_like
-        Angle of rotation of each pair in rad, positive by the right-hand rule about the axis; any size.
+        Points before and after, any one length unit; leading axes are flattened. Without exact angles, (N, 3): three a
+        motion at least, not on one line.
+    angle : (N,) or scalar array_like, optional
+        Angle of rotation of each pair in rad, positive by the right-hand rule about the axis; any size. With
+        `sigma_angle` one reading for all rows of a motion; left out, it is fitted.
+    move : (N,) sequence, optional
+        Label of each row's motion, where angles are not exact; left out, all rows are one motion.
     point : "free" or (3,) array_like
         Whether the point on the axis is fitted too, or is known (``(0, 0, 0)``: vectors from an origin
         on the axis).
+    origin : (3,) array_like, optional
+        The point of a free axis that is nearest to it is returned; left out, nearest to the mean of the readings.
     sigma : float or (N,) array_like, optional
         Standard uncertainty of one coordinate of one reading, of ρ and of ρ′ alike, in the length unit. It
-        gives covariance and chi-square their scale. Left out, it is estimated from the residuals.
+        gives covariance and chi-square their scale. Left out, it is estimated from the residuals. Without exact angles,
+        a number.
+    sigma_angle : float, optional
+        That of a reading of the angle, in rad; goes with `angle` and `sigma`. Left out, angles given are exact.
     weights : (N,) array_like, optional
         Factors on the inverse variances; 0 leaves a pair out (its residual is still reported).
     loss : {"linear", "huber"}
@@ -303,15 +291,19 @@ def fit_axis(
     RodgenError
         (a ValueError) Shapes that do not fit together, no pairs, a number that is not finite (with its
         row), a sigma that is not positive, a negative weight, an unknown loss; with "huber" fewer than
-        four pairs (three for a known point).
+        four pairs (three for a known point). Without exact angles: a motion of fewer than three points or of points on
+        one line, or with two readings of its angle; `point`, `weights` or `loss`; `sigma_angle` without `angle` and
+        `sigma`.
 
     Notes
     -----
     A reading that stands in several pairs, to the last digit, makes their errors dependent: the uncertainties
-    allow for it, and a remark says so. A known point is taken as exact, and so are the angles.
+    allow for it, and a remark says so. A known point is taken as exact. Without exact angles, readings of three points
+    or more that stand in several motions are one reading, whose error is one unknown.
 
     Source: equation (1) of Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling
-    Volumetric Geometric Accuracy of Multi-Coordinate Systems", for many pairs at once.
+    Volumetric Geometric Accuracy of Multi-Coordinate Systems", for many pairs at once; with a slide, derivation
+    ``helical_axis``.
 
     Examples
     --------
@@ -323,16 +315,46 @@ def fit_axis(
     >>> fit = fit_axis(before, after, np.pi / 2)
     >>> fit.status.name, np.allclose(fit.axis, [0, 0, 1], atol=1e-3), fit.point.round(3).tolist()
     ('DETERMINED', True, [1.0, 2.0, 1.0])
+
+    It rises by 3 as well, by an angle that was not read:
+
+    >>> after = [[1, 4, 3], [-2, 2, 4], [-1, 5, 5]]
+    >>> fit = fit_axis(before, after, sigma=0.001, origin=(0, 0, 0))
+    >>> np.degrees(fit.motions.angles).round(3).tolist(), fit.motions.slides.round(6).tolist()
+    ([90.0], [3.0])
     """
+    if angle is None or sigma_angle is not None:
+        given = {
+            "point": not isinstance(point, str) or point != "free",
+            "weights": weights is not None,
+            "loss": loss != "linear",
+        }
+        if named := [name for name, is_given in given.items() if is_given]:
+            raise RodgenError(f"{joined(named)} needs exact angles; there are none")
+        return fit_points(
+            rho, rho_prime, move=move, angle=angle, sigma=sigma, sigma_angle=sigma_angle, origin=origin
+        )
     if loss not in LOSSES:
         raise RodgenError(f"loss is {loss!r}; expected one of {', '.join(map(repr, LOSSES))}")
     pairs, kind = Pairs.of(rho, rho_prime, angle, point, sigma, weights), LOSSES[loss]
+    if origin is not None and pairs.point is not None:
+        raise RodgenError("origin is for a free point; point is known")
     solution = solve(pairs, kind)
     fit = _assess(pairs, kind, solution, Slide(0.0, by_angle=False, line=solution.best))
-    if math.isnan(fit.slide_uncertainty):
-        return fit
-    slid = (_with_slide(pairs, kind, solution, fit.dof, by_angle=by_angle) for by_angle in (False, True))
-    return min((one for one in slid if one is not None), key=_chance, default=fit)
+    if not math.isnan(fit.slide_uncertainty):
+        slid = (_with_slide(pairs, kind, solution, fit.dof, by_angle=by_angle) for by_angle in (False, True))
+        fit = min((one for one in slid if one is not None), key=_chance, default=fit)
+    return fit if origin is None else _seen_from(fit, real_array("origin", origin, (3,)))
+
+
+def _seen_from(fit: AxisFit, origin: Array) -> AxisFit:
+    """Return the fit with the points of its axes that are nearest to another origin."""
+    found = [
+        nearest(axis, point, fit.covariance, origin)
+        for axis, point in zip(fit.candidate_axes, fit.candidate_points, strict=True)
+    ]
+    points = np.array([point for point, _ in found])
+    return replace(fit, point=points[0], covariance=found[0][1], candidate_points=points, origin=origin)
 
 
 def _chance(fit: AxisFit) -> float:
@@ -437,14 +459,16 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution, slide: Slide) -> AxisF
         point=place(best.point),
         covariance=joint_covariance(small, best, centroid, basis, pairs.scale),
         sigma=noise.sigma,
+        sigma_angle=math.nan,
         sigma_given=pairs.variance is not None,
         dof=noise.dof,
         chi_square=noise.chi_square,
         rms=rms[0],
         residuals=residuals[0],
+        turns=pairs.angle,
         weights=solution.share,
         outliers=noise.outliers,
-        centroid=pairs.origin + pairs.scale * centroid,
+        origin=pairs.origin + pairs.scale * centroid,
         condition=condition_number(information, facts.arm) if determined else math.inf,
         status=status,
         undetermined=tuple(sentences(status, freedoms, lines, facts)),
@@ -456,6 +480,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution, slide: Slide) -> AxisF
         point_known=not free,
         loss=loss.name,
         iterations=solution.iterations,
+        motions=None,
         slide=(slide.size + slid) * pairs.scale,
         slide_uncertainty=math.sqrt(slide_variance) * pairs.scale,
         slide_fitted=pairs.slid,

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
-from rodgen.kinematics.arrays import refuse_masked
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.axis_fit.moments import Moments, global_maximum
 from rodgen.kinematics.backend import kernels
 
@@ -187,8 +187,8 @@ class Pairs:
         weights: ArrayLike | None,
     ) -> Pairs:
         """Check, broadcast, flatten, shift and scale."""
-        x, y = _points("rho", rho), _points("rho_prime", rho_prime)
-        a = _numbers("angle", angle)
+        x, y = real_array("rho", rho, (3,)), real_array("rho_prime", rho_prime, (3,))
+        a = real_array("angle", angle)
         try:
             shape = np.broadcast_shapes(x.shape[:-1], y.shape[:-1], a.shape)
         except ValueError:
@@ -202,7 +202,7 @@ class Pairs:
         if len(a) == 0:
             raise RodgenError("rho, rho_prime and angle hold no pairs; at least one is needed")
         for name, values in (("rho", x), ("rho_prime", y), ("angle", a)):
-            _finite(name, values)
+            demand_finite(name, values)
         if (np.abs(np.sin(a / 2)) <= ZERO_TURN).all():
             # No turn at all, rather than a turn about a point that noise puts at infinity.
             a = np.zeros(len(a))
@@ -221,7 +221,7 @@ class Pairs:
         second = _exponent(np.abs(ends - middle))
         if sigma is not None:
             # Lengths that are negligible against sigma must not make its square overflow.
-            second = max(second, _exponent(np.abs(_numbers("sigma", sigma))) - exponent - _WIDEST)
+            second = max(second, _exponent(np.abs(real_array("sigma", sigma))) - exponent - _WIDEST)
         second = min(second, 1023 - exponent)  # so that the scale is a number
         x, y = (_scaled(values, exponent, middle, second) for values in (x, y))
 
@@ -247,24 +247,10 @@ def blocks(array: Array) -> Iterator[slice]:
         yield slice(first, first + BLOCK)
 
 
-def _numbers(name: str, values: ArrayLike) -> Array:
-    refuse_masked(name, values)
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise RodgenError(f"{name} is not an array of real numbers") from None
-
-
-def _points(name: str, values: ArrayLike) -> Array:
-    array = _numbers(name, values)
-    if array.ndim == 0 or array.shape[-1] != 3:
-        raise RodgenError(f"{name} has shape {array.shape}; expected (N, 3), one point a row")
-    return array
-
-
-def _finite(name: str, values: Array) -> None:
+def demand_finite(name: str, values: Array) -> None:
+    """Refuse rows, (n, ...), that have a number that is not finite; the sentence names the first."""
     good = np.isfinite(values)
-    bad = np.flatnonzero(~(good if good.ndim == 1 else good.all(axis=-1)))
+    bad = np.flatnonzero(~(good.reshape(len(good), -1).all(axis=1)))
     if len(bad):
         row, more = int(bad[0]), len(bad) - 1
         others = f" ({more} more rows are like it)" if more else ""
@@ -297,7 +283,7 @@ def _known_point(point: Any) -> Array | None:
         raise RodgenError(
             f"point is {point!r}; expected 'free' or the three coordinates of a point on the axis"
         )
-    known = _numbers("point", point)
+    known = real_array("point", point)
     if known.shape != (3,):
         raise RodgenError(
             f"point has shape {known.shape}; expected 'free' or the three coordinates of a point on the axis"
@@ -340,14 +326,14 @@ def _weights(
 
 
 def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = _numbers(name, values)
+    array = real_array(name, values)
     try:
         array = np.broadcast_to(array, shape)
     except ValueError:
         raise RodgenError(
             f"{name} has shape {array.shape}; expected one number, or one a pair: {shape}"
         ) from None
-    _finite(name, array.ravel())
+    demand_finite(name, array.ravel())
     return array
 
 
@@ -358,4 +344,4 @@ def _exponent(sizes: Array) -> int:
 
 
 def _shown(value: Array) -> str:
-    return np.array2string(np.asarray(value), separator=", ")
+    return np.array2string(np.ravel(value), separator=", ", max_line_width=1000)

@@ -1,9 +1,9 @@
-"""A fitted axis: the pairs seen along it and from the side, and the residuals of every pair."""
+"""A fitted axis: its pairs or poses seen along it and from the side, and the residuals of every row."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
@@ -29,28 +29,31 @@ from rodgen.output.figures.style import (
 from rodgen.output.numbers import minus
 
 if TYPE_CHECKING:
-    from rodgen.data.tables import Pairs
+    from rodgen.data.tables import Pairs, Poses
     from rodgen.kinematics.axis_fit import AxisFit
 
 MOST_ARCS, MOST_RESIDUALS = 200, 5000
 """More arcs than this are a grey disc, more residuals a grey band."""
 
 
-def axis_fit(fit: AxisFit, pairs: Pairs) -> go.Figure:
-    """Return the pairs of a fit seen along the axis and from the side, and their residuals in three directions.
+def axis_fit(fit: AxisFit, pairs: Pairs | Poses) -> go.Figure:
+    """Return the pairs or poses of a fit along the axis and from the side, and their residuals in three directions.
 
-    Open circles are points before the rotation, filled ones after it, crosses outliers.
+    Open circles are points before the rotation, or the first pose, filled ones after it, crosses outliers.
 
     Parameters
     ----------
     fit : rodgen.AxisFit
-    pairs : rodgen.data.tables.Pairs
+    pairs : rodgen.data.tables.Pairs or rodgen.data.tables.Poses
         What was fitted.
     """
-    u, v, names = _view(fit.axis)
-    before, after = (
-        np.stack([(x - fit.point) @ w for w in (u, v, fit.axis)]) for x in (pairs.rho, pairs.rho_prime)
+    points = (
+        (np.broadcast_to(pairs.position[0], pairs.position.shape), pairs.position)
+        if hasattr(pairs, "position")
+        else (pairs.rho, pairs.rho_prime)
     )
+    u, v, names = _view(fit.axis)
+    before, after = (np.stack([(x - fit.point) @ w for w in (u, v, fit.axis)]) for x in points)
     unit = label(pairs.unit)
     figure = column(
         [
@@ -74,14 +77,17 @@ def axis_fit(fit: AxisFit, pairs: Pairs) -> go.Figure:
     known = f"± {spread * 1e6:.3g} µrad" if math.isfinite(spread) else "uncertainty unknown"
     bad = int(fit.outliers.sum())
     outliers = f", {bad} outlier{'s' * (bad > 1)}" if bad else ""
+    rows = "poses" if hasattr(pairs, "position") else "pairs"
     shown = (
-        "" if len(chosen) == fit.pairs else f" {len(chosen)} of {fit.pairs} pairs are drawn in the two views."
+        ""
+        if len(chosen) == fit.pairs
+        else f" {len(chosen)} of {fit.pairs} {rows} are drawn in the two views."
     )
     return describe(
         figure,
         "axis_fit",
         f"Axis ({e}) {known}",
-        note=f"{fit.pairs} pairs, residuals rms {fit.rms:.3g} {pairs.unit}{outliers}.{shown}",
+        note=f"{fit.pairs} {rows}, residuals rms {fit.rms:.3g} {pairs.unit}{outliers}.{shown}",
     )
 
 
@@ -103,9 +109,11 @@ _AFTER = {"symbol": "circle", "size": 6, "color": ORANGE, "line": {"width": 0.5,
 _OUTLIER = {"symbol": "x", "size": 9, "color": PURPLE, "line": {"width": 0.5, "color": INK}}
 
 
-def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: Array, chosen: Index) -> None:
-    # The path of a point: its circle about the fitted axis, from where it was, by the angle that was given.
-    turn = np.remainder(cast("Array", pairs.angle)[chosen] + np.pi, 2 * np.pi) - np.pi
+def _along(
+    figure: go.Figure, pairs: Pairs | Poses, fit: AxisFit, before: Array, after: Array, chosen: Index
+) -> None:
+    # The path of a point: its circle about the fitted axis, from where it was, by the angle that was given or fitted.
+    turn = np.remainder(fit.turns[chosen] + np.pi, 2 * np.pi) - np.pi
     start = np.arctan2(before[1, chosen], before[0, chosen])
     radius = np.hypot(before[0, chosen], before[1, chosen])
     steps = start[:, None] + turn[:, None] * np.append(np.linspace(0, 1, 49), np.nan)
@@ -131,11 +139,13 @@ def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: 
     )  # fmt: skip
 
 
-def _names(pairs: Pairs, chosen: Index) -> list[str]:
+def _names(pairs: Pairs | Poses, chosen: Index) -> list[str]:
     return [f"{pairs.counted} {number}" for number in pairs.numbers[chosen]]
 
 
-def _both(figure: go.Figure, pairs: Pairs, number: int, before: Array, after: Array, chosen: Index) -> None:
+def _both(
+    figure: go.Figure, pairs: Pairs | Poses, number: int, before: Array, after: Array, chosen: Index
+) -> None:
     """Add the points (2, n) before and after the rotation."""
     text = _names(pairs, chosen)
     for name, points, mark in (("before", before, _BEFORE), ("after", after, _AFTER)):
@@ -145,7 +155,7 @@ def _both(figure: go.Figure, pairs: Pairs, number: int, before: Array, after: Ar
         )  # fmt: skip
 
 
-def _side(figure: go.Figure, pairs: Pairs, before: Array, after: Array, chosen: Index) -> None:
+def _side(figure: go.Figure, pairs: Pairs | Poses, before: Array, after: Array, chosen: Index) -> None:
     start, end = (np.stack([points[2], np.hypot(points[0], points[1])]) for points in (before, after))
     _both(figure, pairs, 1, start, end, chosen)
     figure.update_layout(
@@ -154,7 +164,7 @@ def _side(figure: go.Figure, pairs: Pairs, before: Array, after: Array, chosen: 
 
 
 def _residuals(
-    figure: go.Figure, pairs: Pairs, fit: AxisFit, after: Array, u: Array, v: Array, unit: str
+    figure: go.Figure, pairs: Pairs | Poses, fit: AxisFit, after: Array, u: Array, v: Array, unit: str
 ) -> None:
     chosen = np.union1d(evenly(fit.pairs, MOST_RESIDUALS), np.flatnonzero(fit.outliers)[:MOST_RESIDUALS])
     radius = np.hypot(after[0], after[1])[chosen]
@@ -168,7 +178,7 @@ def _residuals(
         "around the axis": (cos * up - sin * across, "triangle-up", ORANGE),
     }
     good = ~fit.outliers[chosen]
-    noise = math.sqrt(2) * fit.sigma
+    noise = fit.sigma if hasattr(pairs, "position") else math.sqrt(2) * fit.sigma
     if math.isfinite(noise) and noise > 0:
         figure.add_shape(
             type="rect", x0=0, x1=1, xref="x3 domain", y0=-2 * noise, y1=2 * noise, yref="y3", layer="below",

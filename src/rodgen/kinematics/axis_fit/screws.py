@@ -1,4 +1,4 @@
-"""The helical axis of points or of poses: the noise, the uncertainty, and what is not determined."""
+"""The axis of screws whose angles are not known exactly: the noise, the uncertainty, and what is not determined."""
 
 from __future__ import annotations
 
@@ -9,18 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.array_types import Array, Index
+from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import positive_length, real_array
-from rodgen.kinematics.axis_fit.determinacy import LOST_RADIANS, joint_covariance
-from rodgen.kinematics.axis_fit.fit import FEW_FREEDOMS, few_freedoms
+from rodgen.kinematics.axis_fit.determinacy import LOST_RADIANS, condition_number, joint_covariance
+from rodgen.kinematics.axis_fit.equations import Equations, Factorised, State, first_guess
 from rodgen.kinematics.axis_fit.moments import shown, tangents
 from rodgen.kinematics.axis_fit.pairs import Line
-from rodgen.kinematics.axis_fit.result import TWO_SIDED, AxisFitStatus, nearest
+from rodgen.kinematics.axis_fit.readings import Readings, read_points, read_poses
+from rodgen.kinematics.axis_fit.result import (
+    TWO_SIDED,
+    AxisFit,
+    AxisFitStatus,
+    Motions,
+    nearest,
+    remarks_on_noise,
+)
 from rodgen.kinematics.axis_fit.solve import chi_cut
-from rodgen.kinematics.helical_axis.equations import Equations, Factorised, State, first_guess
-from rodgen.kinematics.helical_axis.readings import Readings, read_points, read_poses
-from rodgen.kinematics.helical_axis.result import HelicalAxis
+from rodgen.kinematics.backend import kernels
 
 _EPS = float(np.finfo(float).eps)
 _WIDEST = 30.0
@@ -31,77 +37,29 @@ _AT_ONCE = 256
 """Columns of the inverse that are in memory together."""
 
 
-def fit_helical_axis(
+def fit_points(
     rho: ArrayLike,
     rho_prime: ArrayLike,
     *,
-    move: Any = None,
-    angle: ArrayLike | None = None,
-    sigma: float | None = None,
-    sigma_angle: float | None = None,
-    origin: ArrayLike | None = None,
-) -> HelicalAxis:
-    """Fit one axis of screws to points of a body before and after motions whose angles are not known.
-
-    Maximum likelihood for independent isotropic noise on every reading. A motion is a turn about the axis and a slide
-    along it, with an angle and a slide of its own. Readings of three points or more that stand in several motions, to
-    the last digit, are one reading: their error is one unknown, and the uncertainties know that motions share it.
-
-    Parameters
-    ----------
-    rho, rho_prime : (N, 3) array_like
-        Points before and after, any one length unit: three a motion at least, not on one line.
-    move : (N,) sequence, optional
-        Label of each row's motion; left out, all rows are one motion.
-    angle : (N,) array_like, optional
-        A reading of the angle of each row's motion in rad, one for all rows of a motion.
-    sigma : float, optional
-        Standard uncertainty of one coordinate of one reading; left out, it is estimated from the residuals.
-    sigma_angle : float, optional
-        That of a reading of the angle, in rad; goes with `angle` and `sigma`.
-    origin : (3,) array_like, optional
-        The axis's point nearest to it is returned; left out, nearest to the mean of the readings.
-
-    Returns
-    -------
-    HelicalAxis
-        Frozen; ``print(fit)`` is a summary. What the points do not determine is in ``fit.status`` and, as sentences, in
-        ``fit.undetermined``.
-
-    Raises
-    ------
-    RodgenError
-        (a ValueError) Shapes that do not fit together, a number that is not finite (with its row), a motion with fewer
-        than three points or with points on one line, or with two readings of its angle; readings of the angle without
-        `sigma_angle` and `sigma`.
-
-    Notes
-    -----
-    Source: equation (1) of Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric
-    Geometric Accuracy of Multi-Coordinate Systems", with a slide; derivation ``helical_axis``.
-
-    Examples
-    --------
-    A body turns by 90 degrees about z through (1, 2, ·) and rises by 3:
-
-    >>> before = [[3, 2, 0], [1, 5, 1], [4, 4, 2]]
-    >>> after = [[1, 4, 3], [-2, 2, 4], [-1, 5, 5]]
-    >>> fit = fit_helical_axis(before, after, sigma=0.001, origin=(0, 0, 0))
-    >>> (fit.axis.round(6) + 0.0).tolist(), (fit.point.round(6) + 0.0).tolist(), fit.slides.round(6).tolist()
-    ([0.0, 0.0, 1.0], [1.0, 2.0, 0.0], [3.0])
-    """
+    move: Any,
+    angle: ArrayLike | None,
+    sigma: Any,
+    sigma_angle: float | None,
+    origin: ArrayLike | None,
+) -> AxisFit:
+    """Return the axis of motions with angles that are not known, or were read; see :func:`.fit.fit_axis`."""
     if angle is None and sigma_angle is not None:
         raise RodgenError("sigma_angle is that of readings of the angle; there are none")
     if angle is not None and (sigma is None or sigma_angle is None):
         raise RodgenError(
             "readings of the angle need their sigma_angle, and the points' sigma to weigh them against"
         )
-    readings, turns, shifts, row, labels = read_points(rho, rho_prime, move, angle)
+    readings, turns, shifts = read_points(rho, rho_prime, move, angle)
     noise = _given(readings, sigma, sigma_angle)
     state = first_guess(readings, turns, shifts)
     if noise is None:
         noise = _Noise(1.0, 0.0, known=False)
-    return _assess(readings, state, noise, origin, labels, row)
+    return _assess(readings, state, noise, origin)
 
 
 def fit_pose_axis(
@@ -111,7 +69,7 @@ def fit_pose_axis(
     sigma: float | None = None,
     sigma_angle: float | None = None,
     origin: ArrayLike | None = None,
-) -> HelicalAxis:
+) -> AxisFit:
     """Fit one axis of screws to poses of a body, each reached from the others by screws about it.
 
     Maximum likelihood for independent isotropic noise of every position and every attitude. The motions of the result
@@ -133,7 +91,7 @@ def fit_pose_axis(
 
     Returns
     -------
-    HelicalAxis
+    AxisFit
 
     Raises
     ------
@@ -147,7 +105,8 @@ def fit_pose_axis(
     >>> turns, _ = rodgen.matrix_from_axis_angle([0, 0, 1], np.radians([0, 30, 60, 90]))
     >>> place = np.array([[2, 0, 0], [3**0.5, 1, 0.5], [1, 3**0.5, 1], [0, 2, 1.5]])
     >>> fit = fit_pose_axis(place, turns, sigma=0.01, sigma_angle=1e-4)
-    >>> (fit.axis.round(6) + 0.0).tolist(), np.degrees(fit.angles).round(6).tolist(), fit.slides.round(6).tolist()
+    >>> found = fit.motions
+    >>> (fit.axis.round(6) + 0.0).tolist(), np.degrees(found.angles).round(6).tolist(), found.slides.round(6).tolist()
     ([0.0, 0.0, 1.0], [30.0, 60.0, 90.0], [0.5, 1.0, 1.5])
     """
     readings, turns, shifts = read_poses(position, rotation)
@@ -155,8 +114,7 @@ def fit_pose_axis(
     state = first_guess(readings, turns, shifts)
     if noise is None:
         noise, state = _estimated(readings, state)
-    labels = tuple(str(k + 2) for k in range(len(readings.start)))
-    return _assess(readings, state, noise, origin, labels, None)
+    return _assess(readings, state, noise, origin)
 
 
 @dataclass(frozen=True)
@@ -176,7 +134,7 @@ class _Noise:
         return Equations(readings, weight, 1 / self.angle if read else 0.0, known=self.known)
 
 
-def _given(readings: Readings, sigma: float | None, sigma_angle: float | None) -> _Noise | None:
+def _given(readings: Readings, sigma: Any, sigma_angle: float | None) -> _Noise | None:
     lengths = None if sigma is None else positive_length("sigma", sigma)
     angles = None if sigma_angle is None else positive_length("sigma_angle", sigma_angle)
     if readings.attitudes and (lengths is None) != (angles is None):
@@ -228,15 +186,8 @@ def _oriented(readings: Readings, state: State) -> State:
     return State(Line(-state.line.axis, state.line.point), -state.angle, -state.slide, state.body)
 
 
-def _assess(
-    readings: Readings,
-    state: State,
-    noise: _Noise,
-    origin: ArrayLike | None,
-    labels: tuple[str, ...],
-    row: Index | None,
-) -> HelicalAxis:
-    """Return the result in the user's unit; `row` is that of each reading in the table of pairs."""
+def _assess(readings: Readings, state: State, noise: _Noise, origin: ArrayLike | None) -> AxisFit:
+    """Return the result in the user's unit."""
     equations, dof, scale = noise.equations(readings), readings.dof, readings.scale
     state, converged = equations.solve(state)
     state = _oriented(readings, state)
@@ -252,6 +203,8 @@ def _assess(
     last[equations.line :] = np.eye(4)
     unit = factor.solve(last)[equations.line :]
     covariance = variance * (unit + unit.T) / 2
+    if covariance[:2, :2].trace() > math.pi**2:  # beyond every direction
+        covariance[:] = math.nan
     joint = joint_covariance(covariance, state.line, np.zeros(3), basis, scale)
     near = readings.centre if origin is None else real_array("origin", origin, (3,))
     point, joint = nearest(state.line.axis, readings.centre + scale * state.line.point, joint, near)
@@ -262,44 +215,68 @@ def _assess(
         np.isfinite(readings.angle), angles, np.remainder(angles + math.pi, -2 * math.pi) + math.pi
     )
     judged = max(variance, (64 * _EPS) ** 2 / noise.length) if math.isfinite(variance) else (64 * _EPS) ** 2
-    status, undetermined = _status(readings, judged * (unit + unit.T) / 2, basis, angles, spread[:, 0])
+    status, free, undetermined = _status(readings, judged * (unit + unit.T) / 2, basis, angles, spread[:, 0])
     tests = _slides(equations, state, normal, variance, dof, noise.known)
-    squares = (d[readings.slides] ** 2).sum(axis=1)
+    outliers = np.zeros(len(readings.motion), bool)
     worst = _outlier(equations, state, basis, factor, cost, total)
-    outliers = np.array([] if worst is None else [worst if row is None else row[worst]], int)
+    if worst is not None:
+        outliers[readings.row[readings.slides][worst]] = True
+    if readings.attitudes:
+        missed = d[readings.slides]
+    else:
+        of = readings.motion
+        missed = kernels.screw_residual(
+            *readings.pairs, angles[of], slides[of], state.line.axis, state.line.point
+        )[0]
+    rms = math.sqrt(float((missed[~outliers] ** 2).sum(axis=1).mean())) * scale
+    points = readings.value[readings.slides]
+    arm = math.sqrt(float(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    determined = status < AxisFitStatus.ONE_FREEDOM
+    information = np.asarray(np.linalg.inv((unit + unit.T) / 2), float) if determined else unit
+    several = len(slides) > 1
+    alike = np.array([[1.0], [-1.0]][: 1 + (status is AxisFitStatus.SIGN_FREE)])
     remarks = []
     if not (noise.known or dof > 0):
         remarks.append(
             "The readings leave no degrees of freedom to estimate the noise: give it to learn the uncertainty."
         )
-    if not noise.known and 0 < dof < FEW_FREEDOMS and status is AxisFitStatus.DETERMINED:
-        remarks.append(few_freedoms(dof))
+    chi_square = cost if noise.known else None
+    remarks += remarks_on_noise(noise.known, dof, chi_square, status is AxisFitStatus.DETERMINED)
     if not converged:
         remarks.append("The least squares had not settled.")
-    return HelicalAxis(
+    return AxisFit(
         axis=state.line.axis,
         point=point,
         origin=near,
         covariance=joint,
-        angles=angles,
-        angle_uncertainty=spread[:, 0],
-        slides=slides * scale,
-        slide_uncertainty=spread[:, 1] * scale,
-        motions=labels,
-        no_slide=tests.none,
-        pitch=tests.pitch * scale,
-        pitch_uncertainty=tests.uncertainty * scale,
-        one_pitch=tests.one,
         sigma=math.sqrt(variance * noise.length) * scale,
         sigma_angle=math.sqrt(variance * noise.angle) if noise.angle else math.nan,
         sigma_given=noise.known,
         dof=dof,
-        chi_square=cost if noise.known else None,
-        rms=math.sqrt(float(squares.mean())) * scale,
+        chi_square=chi_square,
+        rms=rms,
+        residuals=missed * scale,
+        turns=np.append(angles, 0.0)[readings.motion],
+        weights=np.ones(len(outliers)),
         outliers=outliers,
+        condition=condition_number(information, arm) if determined else math.inf,
         status=status,
         undetermined=tuple(undetermined),
         remarks=tuple(remarks),
+        candidate_axes=alike * state.line.axis,
+        candidate_points=np.repeat(point[None], len(alike), axis=0),
+        candidate_rms=np.full(len(alike), rms),
+        free_directions=free,
+        point_known=False,
+        loss="linear",
+        iterations=0,
+        motions=Motions(
+            readings.labels, angles, spread[:, 0], slides * scale, spread[:, 1] * scale, tests.none, tests.one
+        ),
+        slide=(tests.pitch if several else float(slides[0])) * scale,
+        slide_uncertainty=(tests.uncertainty if several else float(spread[0, 1])) * scale,
+        slide_fitted=True,
+        slide_by_angle=several,
     )
 
 
@@ -352,7 +329,8 @@ def _outlier(
 
 def _status(
     readings: Readings, covariance: Array, basis: Array, angles: Array, spread: Array
-) -> tuple[AxisFitStatus, list[str]]:
+) -> tuple[AxisFitStatus, Array, list[str]]:
+    """Return the status, the turns of the axis (F, 3) that are free, and sentences on them."""
     variances, along = np.linalg.eigh(covariance[:2, :2])
     hidden = np.flatnonzero(variances > LOST_RADIANS**2)
     texts = []
@@ -368,13 +346,14 @@ def _status(
         )
     if texts:
         texts.append("the point: it moves with the axis direction.")
-        return (
-            AxisFitStatus.ONE_FREEDOM if len(hidden) == 1 and not still else AxisFitStatus.ANY_AXIS
-        ), texts
+        if len(hidden) == 1 and not still:
+            return AxisFitStatus.ONE_FREEDOM, (basis @ along[:, hidden]).T, texts
+        return AxisFitStatus.ANY_AXIS, basis.T, texts
+    free = np.empty((0, 3))
     if not np.isfinite(readings.angle).any() and (np.abs(np.sin(angles)) <= known).all():
         texts.append("the sign of the axis: the motions are half turns within their uncertainty.")
-        return AxisFitStatus.SIGN_FREE, texts
-    return AxisFitStatus.DETERMINED, texts
+        return AxisFitStatus.SIGN_FREE, free, texts
+    return AxisFitStatus.DETERMINED, free, texts
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,18 @@ from rodgen.array_types import Array, Index, Mask
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import positive_length, real_array
 from rodgen.kinematics.axis_fit.determinacy import LOST_RADIANS
-from rodgen.kinematics.axis_fit.result import TWO_SIDED, angle_text, plain_value, vector_text
+from rodgen.kinematics.axis_fit.equations import Factorised
+from rodgen.kinematics.axis_fit.readings import frame_of, poses_of
+from rodgen.kinematics.axis_fit.result import (
+    MOST_SHOWN,
+    TWO_SIDED,
+    ZERO_CHANCE,
+    angle_text,
+    plain_value,
+    table_lines,
+    vector_text,
+)
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.helical_axis.equations import Factorised
-from rodgen.kinematics.helical_axis.readings import frame_of, poses_of
-from rodgen.kinematics.helical_axis.result import MOST_SHOWN, ZERO_CHANCE, table_lines
 from rodgen.kinematics.rotation import axis_angle_from_matrix, matrix_from_axis_angle
 from rodgen.kinematics.screws import ScrewStatus
 from rodgen.statistics.digits import measured

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from rodgen.array_types import Array, Index, Mask
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.axis_fit.pairs import demand_finite
 
 _EPS = float(np.finfo(float).eps)
 _FEWEST = 3
@@ -39,6 +40,14 @@ class Readings:
         The angle of each motion as it was read; NaN where it was not.
     attitudes : int
         Number of attitudes, each of three directions.
+    row : (n,) int array
+        The row of the table in which each reading stands first.
+    motion : (N,) int array
+        The motion of each row; -1 of the first pose, which has none.
+    labels : tuple of str
+        Of the motions.
+    pairs : (2, N, 3) array
+        The points of each row before and after; empty of poses.
     centre : (3,) array
     scale : float
         In the user's unit.
@@ -53,6 +62,10 @@ class Readings:
     end: Index
     angle: Array
     attitudes: int
+    row: Index
+    motion: Index
+    labels: tuple[str, ...]
+    pairs: Array
     centre: Array
     scale: float
 
@@ -79,21 +92,18 @@ def _displacement(before: Array, after: Array) -> tuple[Array, Array]:
     return rotation, y - rotation @ x
 
 
-def read_points(
-    rho: ArrayLike, rho_prime: ArrayLike, move: Any, angle: Any
-) -> tuple[Readings, Array, Array, Index, tuple[str, ...]]:
-    """Return readings of points, the displacement of each motion, the row of each reading, and the motions' labels."""
+def read_points(rho: ArrayLike, rho_prime: ArrayLike, move: Any, angle: Any) -> tuple[Readings, Array, Array]:
+    """Return readings of points, and the displacement of each motion."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    x, y = (
-        _finite("rho", real_array("rho", rho, (3,))),
-        _finite("rho_prime", real_array("rho_prime", rho_prime, (3,))),
-    )
+    x, y = real_array("rho", rho, (3,)), real_array("rho_prime", rho_prime, (3,))
     if x.ndim != 2 or x.shape != y.shape or not len(x):
         raise RodgenError(
             f"rho {x.shape} and rho_prime {y.shape} do not fit together; expected (N, 3) and (N, 3)"
         )
+    demand_finite("rho", x)
+    demand_finite("rho_prime", y)
     N = len(x)
     labels, begins, motion = np.unique(
         np.zeros(N, int) if move is None else np.asarray(move), return_index=True, return_inverse=True
@@ -129,16 +139,11 @@ def read_points(
     first[np.unique(body, return_index=True)[1]] = True
     readings = Readings(
         values[row], nodes[:, 0], part, np.ones(len(row), bool), first, start, end,
-        _one_a_turn(angle, motion, labels), 0, centre, scale,
+        _one_a_turn(angle, motion, labels), 0, row % N, motion, tuple(map(str, labels)),
+        values.reshape(2, N, 3), centre, scale,
     )  # fmt: skip
     found = [_displacement(values[:N][motion == k], values[N:][motion == k]) for k in range(len(labels))]
-    return (
-        readings,
-        np.array([r for r, _ in found]),
-        np.array([s for _, s in found]),
-        row % N,
-        tuple(map(str, labels)),
-    )
+    return readings, np.array([r for r, _ in found]), np.array([s for _, s in found])
 
 
 def read_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Readings, Array, Array]:
@@ -153,7 +158,9 @@ def read_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Readings, Arra
     first[0] = True
     readings = Readings(
         values, np.repeat(np.arange(n), 4), np.tile(np.arange(4), n), np.tile([True, False, False, False], n),
-        first, np.zeros(n - 1, int), others, np.full(n - 1, np.nan), n, centre, scale,
+        first, np.zeros(n - 1, int), others, np.full(n - 1, np.nan), n,
+        np.repeat(np.arange(n), 4), np.arange(-1, n - 1), tuple(str(k + 1) for k in others), np.empty((2, 0, 3)),
+        centre, scale,
     )  # fmt: skip
     turns = R[1:] @ R[0].T
     return readings, turns, x[1:] - (turns @ x[0])
@@ -161,12 +168,13 @@ def read_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Readings, Arra
 
 def poses_of(position: ArrayLike, rotation: ArrayLike) -> tuple[Array, Array]:
     """Return positions and rotations after a check."""
-    p = _finite("position", real_array("position", position, (3,)))
-    R = _finite("rotation", real_array("rotation", rotation, (3, 3)))
+    p, R = real_array("position", position, (3,)), real_array("rotation", rotation, (3, 3))
     if p.ndim != 2 or R.shape[:-2] != p.shape[:-1]:
         raise RodgenError(
             f"position {p.shape} and rotation {R.shape} do not fit together; expected (N, 3) and (N, 3, 3)"
         )
+    demand_finite("position", p)
+    demand_finite("rotation", R)
     return p, proper_rotations(R)
 
 
@@ -210,7 +218,8 @@ def _one_a_turn(angle: Any, motion: Index, labels: Array) -> Array:
     """Return the angle of each motion that its rows share; NaN where none was read."""
     if angle is None:
         return np.full(len(labels), np.nan)
-    angles = np.broadcast_to(_finite("angle", real_array("angle", angle)), motion.shape)
+    angles = np.broadcast_to(real_array("angle", angle), motion.shape)
+    demand_finite("angle", angles)
     found = angles[np.unique(motion, return_index=True)[1]]
     other = np.flatnonzero(angles != found[motion])
     if len(other):
@@ -226,12 +235,3 @@ def frame_of(points: Array) -> tuple[Array, float]:
     centre = points.mean(axis=0)
     size = float(np.abs(points - centre).max())
     return centre, float(2.0 ** math.frexp(size)[1]) if size > 0 else 1.0
-
-
-def _finite(name: str, values: Array) -> Array:
-    bad = ~np.isfinite(values.reshape(len(values), -1) if values.ndim else values.reshape(1, 1)).all(axis=1)
-    if bad.any():
-        raise RodgenError(
-            f"{name}, row {int(np.argmax(bad))} (counted from 0) is not finite; expected numbers"
-        )
-    return values

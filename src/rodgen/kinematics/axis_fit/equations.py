@@ -31,8 +31,8 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.kinematics.axis_fit.moments import tangents
 from rodgen.kinematics.axis_fit.pairs import Line
+from rodgen.kinematics.axis_fit.readings import Readings
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.helical_axis.readings import Readings
 
 _EPS = float(np.finfo(float).eps)
 _MOST_STEPS = 60
