@@ -341,7 +341,7 @@ def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
         (lambda x, y: ((x, y), {"angle": [1, 1, 1.0], "sigma_angle": 1.0}), "the points' sigma to weigh"),
         (
             lambda x, y: ((x, y), {"weights": [1, 1, 1.0], "loss": "huber"}),
-            "weights and loss needs exact angles",
+            "weights and loss without exact angles",
         ),
         (lambda x, y: ((x, y), {"sigma_angle": 1.0}), "there are none"),
         (lambda x, y: ((x, y), {"move": [1, 2]}), "one label a row"),

@@ -330,7 +330,7 @@ def fit_axis(
             "loss": loss != "linear",
         }
         if named := [name for name, is_given in given.items() if is_given]:
-            raise RodgenError(f"{joined(named)} needs exact angles; there are none")
+            raise RodgenError(f"{joined(named)} without exact angles; expected angle, and no sigma_angle")
         return fit_points(
             rho, rho_prime, move=move, angle=angle, sigma=sigma, sigma_angle=sigma_angle, origin=origin
         )
