@@ -124,6 +124,7 @@ CASES = [
         "effects_missing",
         ("zero_offset at A1", "zero_offset at A2|axis_tilt at A2", "zero_offset at T2|zero_offset at A4"),
         0.33,
+        says="zero_offset at A1 (perhaps shared with A3)",
         silent="outside the catalogue|error_motion is|error_motion at A1 ",
         slow=True,
     ),
@@ -133,6 +134,7 @@ CASES = [
         "effects_missing",
         ("gravity_windup at A2", "load_windup at A2", "gravity_windup at A4|load_windup at A4"),
         0.21,
+        says="load_windup at A2 (perhaps shared with A4)",
         slow=True,
     ),
     # one marker, mounted anew in each run

@@ -148,6 +148,18 @@ class DiagnosedEffect(HasOdds, Result):
     indistinguishable_from: tuple[Alias, ...] = ()
 
     @property
+    def shares(self) -> tuple[Alias, ...]:
+        """Of these the same effect at other places, or at several that share it."""
+        return tuple(
+            a for a in self.indistinguishable_from if {e.name for e in a.effects} == {self.effect.name}
+        )
+
+    @property
+    def shared_by(self) -> tuple[Effect, ...]:
+        """It and the same effect at other places, such as parallel joints, where the data do not say its parts."""
+        return tuple(dict.fromkeys([self.effect, *(e for a in self.shares for e in a.effects)]))
+
+    @property
     def meaning(self) -> str:
         """What is physically there."""
         return self.effect.definition.meaning
@@ -159,6 +171,7 @@ class DiagnosedEffect(HasOdds, Result):
             **plain(self, "odds rms rms_held_out"),
             "parameters": _estimates(self.parameters),
             **plain(self, "indistinguishable_from meaning"),
+            **({"shared_by": [e.place for e in self.shared_by]} if self.shares else {}),
             **({"definition": self._definition} if self.effect.definition.own else {}),
         }
 
@@ -420,6 +433,11 @@ class Diagnosis(HasOdds, Result):
             (step.effect, *(a.effect for a in step.indistinguishable_from if len(a.effects) == 1))
             for step in self.steps
         ]
+        alternatives = [each for each in alternatives if len(each) > 1]
+        final, found = self.final_with_forms, {one.effect: None for one in self.found}
+        for effect in () if alternatives else [e for step in self.steps for e in step.shared_by]:
+            if effect not in found:
+                final, found[effect] = final.extended(effect, {}), None
         play = [ranked for ranked in self.ranking if ranked.effect.name == "backlash"]
         sides, why = [r.effect for r in play if r.visible < COST.visible], ""
         if sides:
@@ -428,9 +446,9 @@ class Diagnosis(HasOdds, Result):
             sides = [r.effect for r in play]
             why = "Read at positions that were not read yet, from both sides: what their errors follow shows only then."
         return OpenQuestions(
-            final=self.final_with_forms,
-            found=tuple(one.effect for one in self.found),
-            alternatives=tuple(each for each in alternatives if len(each) > 1),
+            final=final,
+            found=tuple(found),
+            alternatives=tuple(alternatives),
             sides=tuple(sides),
             why=why,
         )

@@ -114,12 +114,15 @@ def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
 def with_alternatives(step: DiagnosedEffect) -> str:
     """Return the name of an effect, with those that are nearly as probable, or how many of them there are."""
     near = [alias for alias in step.indistinguishable_from if -2 * math.log(alias.odds) < COST.needed]
-    if not near:
-        return step.effect.title
+    alone = [str(a.effect.place) for a in near if a in step.shares and step.effect not in a.effects]
+    parts = [e.place for a in step.shares if step.effect in a.effects for e in a.effects if e != step.effect]
+    where = [f"or at {joined(alone, 'or')}"] * bool(alone)
+    where += [f"perhaps shared with {joined(map(str, parts), 'or')}"] * bool(parts)
+    near = [alias for alias in near if alias not in step.shares]
     others = joined([together(alias) for alias in near])
     if len(near) > MOST_IN_VERDICT:
         others = f"{len(near)} others"
-    return step.effect.titled(f"here indistinguishable from {others}")
+    return step.effect.titled(", ".join(where), f"here indistinguishable from {others}" if near else "")
 
 
 def together(alias: Alias) -> str:
@@ -338,6 +341,7 @@ def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Iterator[s
         yield from _parameters(labelled, f" at {step.effect.place}" if many else "")
         yield from _paragraph("", at_reach(step, machine))
         yield from _paragraph("Unusual", far_from_usual(step, machine))
+        yield from _paragraph("Where", shares(step))
         for k, text in enumerate(alternatives(step)):
             yield from _paragraph("" if k else "Or", text)
     yield from _paragraph("Meaning", definition.meaning)
@@ -347,9 +351,20 @@ def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Iterator[s
 
 def alternatives(step: DiagnosedEffect) -> list[str]:
     """Return what these data cannot distinguish from an effect, the most probable first, each with its odds."""
-    aliases = sorted(step.indistinguishable_from, key=lambda alias: -alias.odds)
+    others = [alias for alias in step.indistinguishable_from if alias not in step.shares]
+    aliases = sorted(others, key=lambda alias: -alias.odds)
     found = [f"{together(alias)}, {comparison(alias.odds)}" for alias in aliases[:MOST_NAMED]]
     return [*found, *([f"{len(aliases) - MOST_NAMED} more, in --json"] if aliases[MOST_NAMED:] else [])]
+
+
+def shares(step: DiagnosedEffect) -> str:
+    """Return the odds of where an effect is, with those places that may have it, or a part of it; or nothing."""
+    found = [((step.effect,), 1.0), *((a.effects, a.odds) for a in step.shares)][: MOST_NAMED + 1]
+    least = min(odds for _, odds in found)
+    where = [f"{joined([str(e.place) for e in some])}{' alone' * (len(some) == 1)}" for some, _ in found]
+    odds = " : ".join(odds_text(odds / least).removesuffix(".0") for _, odds in found)
+    said = f"Odds of {' to '.join(where)}: {odds}. These data do not tell how much is where."
+    return said if step.shares else ""
 
 
 def at_reach(step: DiagnosedEffect, machine: Machine) -> str:

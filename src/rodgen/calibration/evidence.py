@@ -340,8 +340,12 @@ class Evidence:
 
     def sizes(self, chosen: Sequence[Candidate]) -> list[Array]:
         """Return the sizes of each of a set of candidates by its columns."""
-        index, theta = self._index(chosen), self.estimated(chosen).theta
-        return [theta[np.searchsorted(index, self.parts[id(c)])] for c in chosen]
+        return [self.size(chosen, c)[0] for c in chosen]
+
+    def size(self, chosen: Sequence[Candidate], one: Candidate) -> tuple[Array, Array]:
+        """Return the sizes of one of a set of candidates by its columns, (k,), and their standard deviations."""
+        found, part = self.estimated(chosen), np.searchsorted(self._index(chosen), self.parts[id(one)])
+        return found.theta[part], found.spread[part]
 
     @property
     def imperfect(self) -> float:

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -248,6 +249,7 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
         (near,) = evidence.promising([[c for c in chosen if c not in several]], FEW)
         found += _alike(evidence, chosen, several, [(c,) for c in near])
+    found += _shared(evidence, chosen, found)
     return sorted(found, key=lambda one: one.cost)
 
 
@@ -277,6 +279,28 @@ def _alike(
         if cost < min([COST.tied + before, *fewer]):
             found[keys] = Equal(replaced, tuple(some), cost)
     return [*found.values()]
+
+
+def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equal]) -> list[Equal]:
+    """Return effects of which the same one elsewhere may have a part, where the readings do not say which part.
+
+    Only where that alone would not do, as is known. The readings may make both together `COST.tied` less probable, and
+    what machines have as much again.
+    """
+    out, best = {*(c.key for c in chosen), *evidence.refused}, dict[tuple[Any, ...], Equal]()
+    alone = {(one.replaced, one.candidates[0].key) for one in known if len(one.candidates) == 1}
+    pairs = [(a, b) for a in chosen for b in evidence.candidates if a.effect.name == b.effect.name]
+    pairs = [(a, b) for a, b in pairs if b.key not in out and _is_listed(evidence, b)]
+    evidence.weighed([*chosen, b] for a, b in pairs)
+    for a, b in pairs:
+        more, key = [*chosen, b], ((a,), b.key)
+        cost = evidence.cost(more) - evidence.cost(chosen)
+        before = min(evidence.choice(more) - evidence.choice(chosen), COST.tied)
+        if key not in alone and cost < min(COST.tied + before, best[key].cost if key in best else math.inf):
+            (size, std), (other, beside) = evidence.size(chosen, a), evidence.size(more, a)
+            if np.any(np.hypot(other - size, beside)[std > 0] > COST.shared * std[std > 0]):
+                best[key] = Equal((a,), (a, b), cost)
+    return [*best.values()]
 
 
 def ranking(evidence: Evidence) -> tuple[Ranked, ...]:

@@ -20,6 +20,7 @@ from rodgen.calibration.diagnosis_text import (
     of_one_kind,
     on_sets,
     only_together,
+    shares,
     together,
 )
 from rodgen.calibration.fit import Estimate
@@ -401,7 +402,8 @@ def _step(
         "hardware": in_hardware(effect, step.parameters, diagnosis.final, radius),
         "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
         "radius": None if radius is None else f"{radius:g}",
-        "aliases": [_alias(alias) for alias in step.indistinguishable_from],
+        "where": shares(step),
+        "aliases": [_alias(alias) for alias in step.indistinguishable_from if alias not in step.shares],
         "command": _add(diagnosis, number),
     }
 
