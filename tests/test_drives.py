@@ -234,6 +234,16 @@ def test_a_grid_does_not_tell_a_lead_from_its_alias() -> None:
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(("lead", "repeats"), [(600, False), (400, True)])
+def test_a_wave_that_the_travel_hardly_repeats_is_said_to_be_one(lead: float, repeats: bool) -> None:
+    there = np.linspace(0, 1000, 60)
+    q = np.concatenate([there, there[::-1]])
+    found = diagnosed("linear-axis", slid(q, q + pitch(q, 4e-3, lead)))
+    assert named(found) == {"periodic_drive_error"}
+    assert ("The travel of X holds 1.7 waves of periodic_drive_error at X" in said(found)) is not repeats
+
+
+@pytest.mark.thorough
 def test_a_screw_that_warms_up_grows() -> None:
     q, run = np.tile(np.linspace(0, 1000, 21), 6), np.repeat(np.arange(6), 21)
     warm = np.array([0, 1.5, 3, 5, 6.5, 7.5])[run] + noise(0.05, 126, 2)

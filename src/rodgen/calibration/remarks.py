@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.calibration.candidates import Candidate
+from rodgen.calibration.candidates import FEWEST_WAVES, Candidate
 from rodgen.calibration.dependence import Correlation
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fitted import Estimate, Fit
@@ -161,16 +161,21 @@ def lifted(machine: Machine, effects: Sequence[Effect], estimates: Mapping[str, 
 
 
 def aliased(final: Fit, effects: Sequence[Effect]) -> Iterator[str]:
-    """Yield a sentence for each searched period that positions on a grid do not tell from another one."""
+    """Yield a sentence for each searched period that the travel hardly repeats, or a grid does not tell from others."""
     model, o = final.problem.model, final.observations
     for effect in effects:
         name = next((n for n, x in effect.definition.searched.items() if x is StartSearch.PERIOD), "")
         joint = next((x for x in final.machine.joints if x.name == effect.place), None)
         if not name or joint is None or joint.period is not None:
             continue
-        step = grid_step(np.unique(o.q[~final.outliers, final.machine.number_of(joint.name)]))
-        index = model.keys[effect.key(name)]
+        positions = np.unique(o.q[~final.outliers, final.machine.number_of(joint.name)])
+        step, index = grid_step(positions), model.keys[effect.key(name)]
         period, unit = final.solution.theta[index], model.parameters[index]
+        if (waves := float(np.ptp(positions) / period)) < FEWEST_WAVES:
+            yield (
+                f"The travel of {joint.name} holds {waves:.2g} waves of {effect.title}: these data do not show that it "
+                "repeats, and another slow error could look the same."
+            )
         if not step or not period > step:
             continue
         here, there, apart = (f"{x / unit.factor:.3g}" for x in (period, 1 / (1 / step - 1 / period), step))
