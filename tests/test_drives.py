@@ -234,10 +234,14 @@ def test_a_grid_does_not_tell_a_lead_from_its_alias() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("lead", "repeats"), [(600, False), (400, True)])
-def test_a_wave_that_the_travel_hardly_repeats_is_said_to_be_one(lead: float, repeats: bool) -> None:
+@pytest.mark.parametrize(
+    ("lead", "apart", "repeats"), [(600, 0, False), (600, 2e-3, False), (400, 2e-3, True)]
+)
+def test_a_wave_that_the_travel_hardly_repeats_is_said_to_be_one(
+    lead: float, apart: float, repeats: bool
+) -> None:
     there = np.linspace(0, 1000, 60)
-    q = np.concatenate([there, there[::-1]])
+    q = np.concatenate([there, there[::-1]]) + noise(apart, 120)  # as an encoder reads a grid
     found = diagnosed("linear-axis", slid(q, q + pitch(q, 4e-3, lead)))
     assert named(found) == {"periodic_drive_error"}
     assert ("The travel of X holds 1.7 waves of periodic_drive_error at X" in said(found)) is not repeats

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.attitudes import nearest_attitudes, nearest_frame, nearest_rotation
 from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.data.poses import positions
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.measured import HEIGHT, TURNS
 from rodgen.machines.model import Frame
@@ -336,8 +337,9 @@ def most_waves(places: Array) -> float:
 
 
 def grid_step(places: Array) -> float:
-    """Return the step of the grid that places, in order, lie on; 0 where they lie on none."""
-    steps = np.diff(places)
+    """Return the step of the grid that places, in order, lie on, as encoders read them; 0 where they lie on none."""
+    number = positions(places)
+    steps = np.diff(np.bincount(number, places) / np.bincount(number))
     multiples = steps / steps.min(initial=np.inf)
     on_grid = len(steps) > 0 and bool(np.all(np.abs(multiples - np.round(multiples)) < GRID))
     return float(steps.min()) if on_grid else 0.0
