@@ -33,7 +33,7 @@ def why_undecidable(base: Fit, *, checked: bool = False) -> str:
         return wrong
     if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
         return (
-            f"Only {base.degrees_of_freedom} readings more than parameters that they determine; "
+            f"The degrees of freedom are {base.degrees_of_freedom}, readings less parameters; "
             f"a diagnosis needs at least {EVIDENCE.fewest_residual_dof}."
         )
     poses = len(np.unique(base.observations.pose[~base.outliers]))

@@ -139,8 +139,8 @@ def on_geometry(diagnosis: Diagnosis) -> str:
     fallen = fall(geometry.before.rms, after, diagnosis.rms.unit) + _against_noise(diagnosis, diagnosis.base)
     return (
         f"The dimensions of the machine are not those of the file: with estimated ones the error {fallen}. That is "
-        f"{comparison(geometry.odds)} than single effects in its place. Let the machine file estimate them, which "
-        "'rodgen diagnose -o' writes."
+        f"{comparison(geometry.odds)} than single effects in its place. "
+        "'rodgen diagnose -o FILE' writes a machine file that estimates them."
     )
 
 
@@ -261,7 +261,7 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
     yield ""
     yield from textwrap.wrap(
         f"An effect up to this size could hide; a larger one would be found in {100 * VERDICT.power:.0f} % of such "
-        "data or more. The error is what it does to the readings before a fit takes up its part of it:",
+        "data or more. The second number is its error in the readings, before the fit absorbs a part of it:",
         WIDTH,
     )
     width = max(len(one.effect.title) for one in worst)

@@ -106,7 +106,7 @@ class HypotheticalReadings:
                 this = np.arange(len(machine.joints)) == j
                 there = self._jacobian(**{name: np.where(this, drawn[name], getattr(base, name))})
                 still = joint.name if one and name == "q" else None
-                hint_of = hint.format(joint.name) + (", which never moves" if still else "")
+                hint_of = hint.format(joint.name) + (" (it never moves)" if still else "")
                 found.append(Kind(there, hint_of, one, still=still))
         for name, hint in OF_NAMES.items():
             for key, values in getattr(o, name).items():
