@@ -75,7 +75,9 @@ PORT = re.compile(r"^ *(\w+) : (int8 )?array \((?:\.\.\.)?,? ?([^)]*)\)", re.MUL
 
 def generated() -> dict[str, Generated]:
     folder = Path(rodgen.generated.__file__).parent
-    loops = {file.stem: file.read_text() for file in (folder / "gufunc").glob("*_loops.c")}
+    texts = {
+        file.stem: file.read_text() for file in (*folder.glob("gufunc/*_loops.c"), *folder.glob("c/*.c"))
+    }
     found = {}
     for name, function in vars(generated_numpy.ALL).items():
         module = function.__module__.rpartition(".")[2]
@@ -86,8 +88,8 @@ def generated() -> dict[str, Generated]:
             )
             for part in function.__doc__.split("Returns\n")
         ]
-        text = loops[f"{module}_loops"]
-        counts = re.search(rf"^/\* {name}: (.*) \*/$", text, re.MULTILINE)
+        text = texts[f"{module}_loops"]
+        counts = re.search(rf"^/\* {name}: (.*) \*/$", texts[module], re.MULTILINE)
         found[name] = Generated(
             module,
             *ports,

@@ -35,8 +35,6 @@ from rodgen.codegen.printers import (
     CppPrinter,
     CPrinter,
     MatlabPrinter,
-    RealCPrinter,
-    VectorCPrinter,
 )
 from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.codegen.source_text import in_comment, in_docstring
@@ -512,9 +510,7 @@ def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: s
         check_constructs(module, tuple(a[block] for a in arrays[2:]), bits)
 
 
-@pytest.mark.parametrize(
-    "printer", [ArrayPrinter(), CPrinter(), RealCPrinter(), VectorCPrinter(), CppPrinter(), MatlabPrinter()]
-)
+@pytest.mark.parametrize("printer", [ArrayPrinter(), CPrinter(), CppPrinter(), MatlabPrinter()])
 def test_printers_refuse_what_they_cannot_write(printer: Any) -> None:
     with pytest.raises(KernelError, match="gamma"):
         printer.line(sp.gamma(X))

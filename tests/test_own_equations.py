@@ -304,7 +304,9 @@ def test_errors_of_a_script_lead_to_its_line(tmp_path):
 )
 @pytest.mark.parametrize("printer", [ArrayPrinter(), CPrinter()], ids=["numpy", "c"])
 def test_reciprocal_of_a_sum_keeps_its_parentheses(printer, value):
-    assert eval(printer.line(value), {"x": 3.0, "y": 5.0}) == pytest.approx(float(value.subs({x: 3, y: 5})))
+    assert eval(printer.line(value), {"x": 3.0, "y": 5.0, "K": float}) == pytest.approx(
+        float(value.subs({x: 3, y: 5}))
+    )
 
 
 # A user's words -------------------------------------------------------------------------------------------

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -40,6 +41,15 @@ static inline float power_of_two_scale_f32(float x) {
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -92,29 +102,29 @@ static inline float power_of_two_scale_f32(float x) {
 #else
 
 /* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
-void TYPED(biquadratic_pair_pair_prepared)(const REAL first[9], const REAL second[9], REAL one[9], REAL two[9], REAL *loss) {
+KERNEL(biquadratic_pair_pair_prepared, const REAL first[9], const REAL second[9], REAL one[9], REAL two[9], REAL *loss) {
   /* inputs */
-  const REAL first_1_1 = first[0];
-  const REAL first_1_2 = first[1];
-  const REAL first_1_3 = first[2];
-  const REAL first_2_1 = first[3];
-  const REAL first_2_2 = first[4];
-  const REAL first_2_3 = first[5];
-  const REAL first_3_1 = first[6];
-  const REAL first_3_2 = first[7];
-  const REAL first_3_3 = first[8];
-  const REAL second_1_1 = second[0];
-  const REAL second_1_2 = second[1];
-  const REAL second_1_3 = second[2];
-  const REAL second_2_1 = second[3];
-  const REAL second_2_2 = second[4];
-  const REAL second_2_3 = second[5];
-  const REAL second_3_1 = second[6];
-  const REAL second_3_2 = second[7];
-  const REAL second_3_3 = second[8];
+  const REAL first_1_1 = first[AT(0)];
+  const REAL first_1_2 = first[AT(1)];
+  const REAL first_1_3 = first[AT(2)];
+  const REAL first_2_1 = first[AT(3)];
+  const REAL first_2_2 = first[AT(4)];
+  const REAL first_2_3 = first[AT(5)];
+  const REAL first_3_1 = first[AT(6)];
+  const REAL first_3_2 = first[AT(7)];
+  const REAL first_3_3 = first[AT(8)];
+  const REAL second_1_1 = second[AT(0)];
+  const REAL second_1_2 = second[AT(1)];
+  const REAL second_1_3 = second[AT(2)];
+  const REAL second_2_1 = second[AT(3)];
+  const REAL second_2_2 = second[AT(4)];
+  const REAL second_2_3 = second[AT(5)];
+  const REAL second_3_1 = second[AT(6)];
+  const REAL second_3_2 = second[AT(7)];
+  const REAL second_3_3 = second[AT(8)];
   /* intermediate terms */
   const REAL size_a = K(0.125)*FABS(first_1_1) + K(0.125)*FABS(first_1_2) + K(0.125)*FABS(first_1_3) + K(0.125)*FABS(first_2_1) + K(0.125)*FABS(first_2_2) + K(0.125)*FABS(first_2_3) + K(0.125)*FABS(first_3_1) + K(0.125)*FABS(first_3_2) + K(0.125)*FABS(first_3_3);
-  const int good_a = size_a <= REAL_MAX;
+  const CONDITION good_a = TEST(size_a <= REAL_MAX);
   const REAL x0 = K(0.25)*POWER_OF_TWO_SCALE(size_a);
   const REAL scaled_a_1_1 = first_1_1*x0;
   const REAL scaled_a_1_2 = first_1_2*x0;
@@ -126,7 +136,7 @@ void TYPED(biquadratic_pair_pair_prepared)(const REAL first[9], const REAL secon
   const REAL scaled_a_3_2 = first_3_2*x0;
   const REAL scaled_a_3_3 = first_3_3*x0;
   const REAL size_b = K(0.125)*FABS(second_1_1) + K(0.125)*FABS(second_1_2) + K(0.125)*FABS(second_1_3) + K(0.125)*FABS(second_2_1) + K(0.125)*FABS(second_2_2) + K(0.125)*FABS(second_2_3) + K(0.125)*FABS(second_3_1) + K(0.125)*FABS(second_3_2) + K(0.125)*FABS(second_3_3);
-  const int good_b = (good_a) && (size_b <= REAL_MAX);
+  const CONDITION good_b = (good_a) & (TEST(size_b <= REAL_MAX));
   const REAL x1 = K(0.25)*POWER_OF_TWO_SCALE(size_b);
   const REAL scaled_b_1_1 = second_1_1*x1;
   const REAL scaled_b_1_2 = second_1_2*x1;
@@ -138,7 +148,7 @@ void TYPED(biquadratic_pair_pair_prepared)(const REAL first[9], const REAL secon
   const REAL scaled_b_3_2 = second_3_2*x1;
   const REAL scaled_b_3_3 = second_3_3*x1;
   const REAL square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3);
-  const REAL share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*((square > K(0.0)) ? K(1.0)/square : K(1.0));
+  const REAL share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*SELECT(TEST(square > K(0.0)), K(1.0)/square, K(1.0));
   const REAL rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share;
   const REAL rest_1_2 = scaled_b_1_2 - scaled_a_1_2*share;
   const REAL rest_1_3 = scaled_b_1_3 - scaled_a_1_3*share;
@@ -151,56 +161,51 @@ void TYPED(biquadratic_pair_pair_prepared)(const REAL first[9], const REAL secon
   const REAL before = (FABS(scaled_a_1_1) + FABS(scaled_a_1_2) + FABS(scaled_a_1_3) + FABS(scaled_a_2_1) + FABS(scaled_a_2_2) + FABS(scaled_a_2_3) + FABS(scaled_a_3_1) + FABS(scaled_a_3_2) + FABS(scaled_a_3_3))*FABS(share) + FABS(scaled_b_1_1) + FABS(scaled_b_1_2) + FABS(scaled_b_1_3) + FABS(scaled_b_2_1) + FABS(scaled_b_2_2) + FABS(scaled_b_2_3) + FABS(scaled_b_3_1) + FABS(scaled_b_3_2) + FABS(scaled_b_3_3);
   const REAL left = FABS(rest_1_1) + FABS(rest_1_2) + FABS(rest_1_3) + FABS(rest_2_1) + FABS(rest_2_2) + FABS(rest_2_3) + FABS(rest_3_1) + FABS(rest_3_2) + FABS(rest_3_3);
   const REAL rest_scale = POWER_OF_TWO_SCALE(left);
-  const int there = (good_b) && (left > K(0.0)) && (square > K(0.0));
+  const CONDITION there = (good_b) & (TEST(left > K(0.0))) & (TEST(square > K(0.0)));
   const REAL x2 = K(0.5)*rest_scale;
   /* outputs */
-  one[0] = ((good_b) ? scaled_a_1_1 : (REAL)NAN);
-  one[1] = ((good_b) ? scaled_a_1_2 : (REAL)NAN);
-  one[2] = ((good_b) ? scaled_a_1_3 : (REAL)NAN);
-  one[3] = ((good_b) ? scaled_a_2_1 : (REAL)NAN);
-  one[4] = ((good_b) ? scaled_a_2_2 : (REAL)NAN);
-  one[5] = ((good_b) ? scaled_a_2_3 : (REAL)NAN);
-  one[6] = ((good_b) ? scaled_a_3_1 : (REAL)NAN);
-  one[7] = ((good_b) ? scaled_a_3_2 : (REAL)NAN);
-  one[8] = ((good_b) ? scaled_a_3_3 : (REAL)NAN);
-  two[0] = ((good_b) ? rest_1_1*x2 : (REAL)NAN);
-  two[1] = ((good_b) ? rest_1_2*x2 : (REAL)NAN);
-  two[2] = ((good_b) ? rest_1_3*x2 : (REAL)NAN);
-  two[3] = ((good_b) ? rest_2_1*x2 : (REAL)NAN);
-  two[4] = ((good_b) ? rest_2_2*x2 : (REAL)NAN);
-  two[5] = ((good_b) ? rest_2_3*x2 : (REAL)NAN);
-  two[6] = ((good_b) ? rest_3_1*x2 : (REAL)NAN);
-  two[7] = ((good_b) ? rest_3_2*x2 : (REAL)NAN);
-  two[8] = ((good_b) ? rest_3_3*x2 : (REAL)NAN);
-  *loss = ((there) ? before*((there) ? K(1.0)/left : K(1.0)) : REAL_MAX);
-}
-
-void TYPED(biquadratic_pair_pair_prepared_batch)(size_t count, const REAL *first, const REAL *second, REAL *one, REAL *two, REAL *loss) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(biquadratic_pair_pair_prepared)(first + 9 * i, second + 9 * i, one + 9 * i, two + 9 * i, loss + i);
+  one[AT(0)] = SELECT(good_b, scaled_a_1_1, (REAL)NAN);
+  one[AT(1)] = SELECT(good_b, scaled_a_1_2, (REAL)NAN);
+  one[AT(2)] = SELECT(good_b, scaled_a_1_3, (REAL)NAN);
+  one[AT(3)] = SELECT(good_b, scaled_a_2_1, (REAL)NAN);
+  one[AT(4)] = SELECT(good_b, scaled_a_2_2, (REAL)NAN);
+  one[AT(5)] = SELECT(good_b, scaled_a_2_3, (REAL)NAN);
+  one[AT(6)] = SELECT(good_b, scaled_a_3_1, (REAL)NAN);
+  one[AT(7)] = SELECT(good_b, scaled_a_3_2, (REAL)NAN);
+  one[AT(8)] = SELECT(good_b, scaled_a_3_3, (REAL)NAN);
+  two[AT(0)] = SELECT(good_b, rest_1_1*x2, (REAL)NAN);
+  two[AT(1)] = SELECT(good_b, rest_1_2*x2, (REAL)NAN);
+  two[AT(2)] = SELECT(good_b, rest_1_3*x2, (REAL)NAN);
+  two[AT(3)] = SELECT(good_b, rest_2_1*x2, (REAL)NAN);
+  two[AT(4)] = SELECT(good_b, rest_2_2*x2, (REAL)NAN);
+  two[AT(5)] = SELECT(good_b, rest_2_3*x2, (REAL)NAN);
+  two[AT(6)] = SELECT(good_b, rest_3_1*x2, (REAL)NAN);
+  two[AT(7)] = SELECT(good_b, rest_3_2*x2, (REAL)NAN);
+  two[AT(8)] = SELECT(good_b, rest_3_3*x2, (REAL)NAN);
+  *loss = SELECT(there, before*SELECT(there, K(1.0)/left, K(1.0)), REAL_MAX);
 }
 
 /* pair_octic: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
-void TYPED(biquadratic_pair_pair_octic)(const REAL one[9], const REAL two[9], REAL octic[9], REAL turn[2], REAL *size) {
+KERNEL(biquadratic_pair_pair_octic, const REAL one[9], const REAL two[9], REAL octic[9], REAL turn[2], REAL *size) {
   /* inputs */
-  const REAL one_1_1 = one[0];
-  const REAL one_1_2 = one[1];
-  const REAL one_1_3 = one[2];
-  const REAL one_2_1 = one[3];
-  const REAL one_2_2 = one[4];
-  const REAL one_2_3 = one[5];
-  const REAL one_3_1 = one[6];
-  const REAL one_3_2 = one[7];
-  const REAL one_3_3 = one[8];
-  const REAL two_1_1 = two[0];
-  const REAL two_1_2 = two[1];
-  const REAL two_1_3 = two[2];
-  const REAL two_2_1 = two[3];
-  const REAL two_2_2 = two[4];
-  const REAL two_2_3 = two[5];
-  const REAL two_3_1 = two[6];
-  const REAL two_3_2 = two[7];
-  const REAL two_3_3 = two[8];
+  const REAL one_1_1 = one[AT(0)];
+  const REAL one_1_2 = one[AT(1)];
+  const REAL one_1_3 = one[AT(2)];
+  const REAL one_2_1 = one[AT(3)];
+  const REAL one_2_2 = one[AT(4)];
+  const REAL one_2_3 = one[AT(5)];
+  const REAL one_3_1 = one[AT(6)];
+  const REAL one_3_2 = one[AT(7)];
+  const REAL one_3_3 = one[AT(8)];
+  const REAL two_1_1 = two[AT(0)];
+  const REAL two_1_2 = two[AT(1)];
+  const REAL two_1_3 = two[AT(2)];
+  const REAL two_2_1 = two[AT(3)];
+  const REAL two_2_2 = two[AT(4)];
+  const REAL two_2_3 = two[AT(5)];
+  const REAL two_3_1 = two[AT(6)];
+  const REAL two_3_2 = two[AT(7)];
+  const REAL two_3_3 = two[AT(8)];
   /* intermediate terms */
   const REAL x0 = K(0.5)*two_3_3;
   const REAL x1 = one_3_2*x0;
@@ -255,28 +260,28 @@ void TYPED(biquadratic_pair_pair_octic)(const REAL one[9], const REAL two[9], RE
   const REAL x44 = x40 - k4_2;
   const REAL x45 = x25 + x37;
   const REAL value1 = FABS(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42));
-  const int better1 = value1 > value0;
-  const REAL best1 = ((better1) ? value1 : value0);
-  const REAL cosine1 = ((better1) ? x27 : K(1.0));
-  const REAL sine1 = ((better1) ? x27 : K(0.0));
+  const CONDITION better1 = TEST(value1 > value0);
+  const REAL best1 = SELECT(better1, value1, value0);
+  const REAL cosine1 = SELECT(better1, x27, K(1.0));
+  const REAL sine1 = SELECT(better1, x27, K(0.0));
   const REAL x47 = k3_2 + x25 - k3_1;
   const REAL x48 = k2_1 + k2_2;
   const REAL value2 = FABS(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48));
-  const int better2 = value2 > best1;
-  const REAL best2 = ((better2) ? value2 : best1);
-  const REAL cosine2 = ((better2) ? K(0.0) : cosine1);
-  const REAL sine2 = ((better2) ? K(1.0) : sine1);
+  const CONDITION better2 = TEST(value2 > best1);
+  const REAL best2 = SELECT(better2, value2, best1);
+  const REAL cosine2 = SELECT(better2, K(0.0), cosine1);
+  const REAL sine2 = SELECT(better2, K(1.0), sine1);
   const REAL x51 = x32 - k4_1 - x34;
   const REAL value3 = FABS(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51));
-  const int better3 = value3 > best2;
-  const REAL best3 = ((better3) ? value3 : best2);
-  const REAL cosine3 = ((better3) ? -x27 : cosine2);
-  const REAL sine3 = ((better3) ? x27 : sine2);
+  const CONDITION better3 = TEST(value3 > best2);
+  const REAL best3 = SELECT(better3, value3, best2);
+  const REAL cosine3 = SELECT(better3, -x27, cosine2);
+  const REAL sine3 = SELECT(better3, x27, sine2);
   const REAL value4 = FABS(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22));
-  const int better4 = value4 > best3;
-  const REAL best4 = ((better4) ? value4 : best3);
-  const REAL cosine4 = ((better4) ? -K(1.0) : cosine3);
-  const REAL sine4 = ((better4) ? K(0.0) : sine3);
+  const CONDITION better4 = TEST(value4 > best3);
+  const REAL best4 = SELECT(better4, value4, best3);
+  const REAL cosine4 = SELECT(better4, -K(1.0), cosine3);
+  const REAL sine4 = SELECT(better4, K(0.0), sine3);
   const REAL x53 = k0_3 + x30;
   const REAL x54 = k4_1 + x32 + x34;
   const REAL x55 = x21 + x37;
@@ -284,20 +289,20 @@ void TYPED(biquadratic_pair_pair_octic)(const REAL one[9], const REAL two[9], RE
   const REAL x57 = -k4_2 - x40;
   const REAL x58 = x25 - x37;
   const REAL value5 = FABS(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56));
-  const int better5 = value5 > best4;
-  const REAL best5 = ((better5) ? value5 : best4);
-  const REAL cosine5 = ((better5) ? -x27 : cosine4);
-  const REAL sine5 = ((better5) ? -x27 : sine4);
+  const CONDITION better5 = TEST(value5 > best4);
+  const REAL best5 = SELECT(better5, value5, best4);
+  const REAL cosine5 = SELECT(better5, -x27, cosine4);
+  const REAL sine5 = SELECT(better5, -x27, sine4);
   const REAL value6 = FABS(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2));
-  const int better6 = value6 > best5;
-  const REAL best6 = ((better6) ? value6 : best5);
-  const REAL cosine6 = ((better6) ? K(0.0) : cosine5);
-  const REAL sine6 = ((better6) ? -K(1.0) : sine5);
+  const CONDITION better6 = TEST(value6 > best5);
+  const REAL best6 = SELECT(better6, value6, best5);
+  const REAL cosine6 = SELECT(better6, K(0.0), cosine5);
+  const REAL sine6 = SELECT(better6, -K(1.0), sine5);
   const REAL x59 = x34 - k4_1 - x32;
   const REAL value7 = FABS(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59));
-  const int better7 = value7 > best6;
-  const REAL cosine7 = ((better7) ? x27 : cosine6);
-  const REAL sine7 = ((better7) ? -x27 : sine6);
+  const CONDITION better7 = TEST(value7 > best6);
+  const REAL cosine7 = SELECT(better7, x27, cosine6);
+  const REAL sine7 = SELECT(better7, -x27, sine6);
   const REAL t0_1 = k0_1;
   const REAL t0_2 = k0_2;
   const REAL t0_3 = k0_3;
@@ -353,53 +358,48 @@ void TYPED(biquadratic_pair_pair_octic)(const REAL one[9], const REAL two[9], RE
   const REAL x72 = K(2.0)*q2_2;
   const REAL x73 = K(2.0)*q2_3;
   /* outputs */
-  octic[0] = minus_1*plus_1 + (q2_1*q2_1);
-  octic[1] = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
-  octic[2] = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
-  octic[3] = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
-  octic[4] = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
-  octic[5] = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
-  octic[6] = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
-  octic[7] = minus_4*plus_5 + minus_5*plus_4 + K(2.0)*q2_4*q2_5;
-  octic[8] = minus_5*plus_5 + (q2_5*q2_5);
-  turn[0] = cosine7;
-  turn[1] = sine7;
+  octic[AT(0)] = minus_1*plus_1 + (q2_1*q2_1);
+  octic[AT(1)] = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
+  octic[AT(2)] = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
+  octic[AT(3)] = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
+  octic[AT(4)] = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
+  octic[AT(5)] = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
+  octic[AT(6)] = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
+  octic[AT(7)] = minus_4*plus_5 + minus_5*plus_4 + K(2.0)*q2_4*q2_5;
+  octic[AT(8)] = minus_5*plus_5 + (q2_5*q2_5);
+  turn[AT(0)] = cosine7;
+  turn[AT(1)] = sine7;
   *size = ((SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))));
 }
 
-void TYPED(biquadratic_pair_pair_octic_batch)(size_t count, const REAL *one, const REAL *two, REAL *octic, REAL *turn, REAL *size) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(biquadratic_pair_pair_octic)(one + 9 * i, two + 9 * i, octic + 9 * i, turn + 2 * i, size + i);
-}
-
 /* pair_aberth: 492 add, 488 mul, 44 div, 43 select, 43 compare */
-void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[16], REAL moved[16], REAL *change) {
+KERNEL(biquadratic_pair_pair_aberth, const REAL octic[9], const REAL roots[16], REAL moved[16], REAL *change) {
   /* inputs */
-  const REAL octic_1 = octic[0];
-  const REAL octic_2 = octic[1];
-  const REAL octic_3 = octic[2];
-  const REAL octic_4 = octic[3];
-  const REAL octic_5 = octic[4];
-  const REAL octic_6 = octic[5];
-  const REAL octic_7 = octic[6];
-  const REAL octic_8 = octic[7];
-  const REAL octic_9 = octic[8];
-  const REAL roots_1_1 = roots[0];
-  const REAL roots_1_2 = roots[1];
-  const REAL roots_2_1 = roots[2];
-  const REAL roots_2_2 = roots[3];
-  const REAL roots_3_1 = roots[4];
-  const REAL roots_3_2 = roots[5];
-  const REAL roots_4_1 = roots[6];
-  const REAL roots_4_2 = roots[7];
-  const REAL roots_5_1 = roots[8];
-  const REAL roots_5_2 = roots[9];
-  const REAL roots_6_1 = roots[10];
-  const REAL roots_6_2 = roots[11];
-  const REAL roots_7_1 = roots[12];
-  const REAL roots_7_2 = roots[13];
-  const REAL roots_8_1 = roots[14];
-  const REAL roots_8_2 = roots[15];
+  const REAL octic_1 = octic[AT(0)];
+  const REAL octic_2 = octic[AT(1)];
+  const REAL octic_3 = octic[AT(2)];
+  const REAL octic_4 = octic[AT(3)];
+  const REAL octic_5 = octic[AT(4)];
+  const REAL octic_6 = octic[AT(5)];
+  const REAL octic_7 = octic[AT(6)];
+  const REAL octic_8 = octic[AT(7)];
+  const REAL octic_9 = octic[AT(8)];
+  const REAL roots_1_1 = roots[AT(0)];
+  const REAL roots_1_2 = roots[AT(1)];
+  const REAL roots_2_1 = roots[AT(2)];
+  const REAL roots_2_2 = roots[AT(3)];
+  const REAL roots_3_1 = roots[AT(4)];
+  const REAL roots_3_2 = roots[AT(5)];
+  const REAL roots_4_1 = roots[AT(6)];
+  const REAL roots_4_2 = roots[AT(7)];
+  const REAL roots_5_1 = roots[AT(8)];
+  const REAL roots_5_2 = roots[AT(9)];
+  const REAL roots_6_1 = roots[AT(10)];
+  const REAL roots_6_2 = roots[AT(11)];
+  const REAL roots_7_1 = roots[AT(12)];
+  const REAL roots_7_2 = roots[AT(13)];
+  const REAL roots_8_1 = roots[AT(14)];
+  const REAL roots_8_2 = roots[AT(15)];
   /* intermediate terms */
   const REAL s0 = K(2.0)*roots_1_1;
   const REAL x0 = (roots_1_2*roots_1_2);
@@ -580,115 +580,115 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL dx10 = roots_2_1 - roots_1_1;
   const REAL dy10 = roots_2_2 - roots_1_2;
   const REAL x32 = (dx10*dx10) + (dy10*dy10);
-  const REAL by10 = ((x32 > K(0.0)) ? K(1.0)/x32 : K(0.0));
+  const REAL by10 = SELECT(TEST(x32 > K(0.0)), K(1.0)/x32, K(0.0));
   const REAL dx20 = roots_3_1 - roots_1_1;
   const REAL dy20 = roots_3_2 - roots_1_2;
   const REAL x35 = (dx20*dx20) + (dy20*dy20);
-  const REAL by20 = ((x35 > K(0.0)) ? K(1.0)/x35 : K(0.0));
+  const REAL by20 = SELECT(TEST(x35 > K(0.0)), K(1.0)/x35, K(0.0));
   const REAL dx21 = roots_3_1 - roots_2_1;
   const REAL dy21 = roots_3_2 - roots_2_2;
   const REAL x36 = (dx21*dx21) + (dy21*dy21);
-  const REAL by21 = ((x36 > K(0.0)) ? K(1.0)/x36 : K(0.0));
+  const REAL by21 = SELECT(TEST(x36 > K(0.0)), K(1.0)/x36, K(0.0));
   const REAL dx30 = roots_4_1 - roots_1_1;
   const REAL dy30 = roots_4_2 - roots_1_2;
   const REAL x39 = (dx30*dx30) + (dy30*dy30);
-  const REAL by30 = ((x39 > K(0.0)) ? K(1.0)/x39 : K(0.0));
+  const REAL by30 = SELECT(TEST(x39 > K(0.0)), K(1.0)/x39, K(0.0));
   const REAL dx31 = roots_4_1 - roots_2_1;
   const REAL dy31 = roots_4_2 - roots_2_2;
   const REAL x40 = (dx31*dx31) + (dy31*dy31);
-  const REAL by31 = ((x40 > K(0.0)) ? K(1.0)/x40 : K(0.0));
+  const REAL by31 = SELECT(TEST(x40 > K(0.0)), K(1.0)/x40, K(0.0));
   const REAL dx32 = roots_4_1 - roots_3_1;
   const REAL dy32 = roots_4_2 - roots_3_2;
   const REAL x41 = (dx32*dx32) + (dy32*dy32);
-  const REAL by32 = ((x41 > K(0.0)) ? K(1.0)/x41 : K(0.0));
+  const REAL by32 = SELECT(TEST(x41 > K(0.0)), K(1.0)/x41, K(0.0));
   const REAL dx40 = roots_5_1 - roots_1_1;
   const REAL dy40 = roots_5_2 - roots_1_2;
   const REAL x44 = (dx40*dx40) + (dy40*dy40);
-  const REAL by40 = ((x44 > K(0.0)) ? K(1.0)/x44 : K(0.0));
+  const REAL by40 = SELECT(TEST(x44 > K(0.0)), K(1.0)/x44, K(0.0));
   const REAL dx41 = roots_5_1 - roots_2_1;
   const REAL dy41 = roots_5_2 - roots_2_2;
   const REAL x45 = (dx41*dx41) + (dy41*dy41);
-  const REAL by41 = ((x45 > K(0.0)) ? K(1.0)/x45 : K(0.0));
+  const REAL by41 = SELECT(TEST(x45 > K(0.0)), K(1.0)/x45, K(0.0));
   const REAL dx42 = roots_5_1 - roots_3_1;
   const REAL dy42 = roots_5_2 - roots_3_2;
   const REAL x46 = (dx42*dx42) + (dy42*dy42);
-  const REAL by42 = ((x46 > K(0.0)) ? K(1.0)/x46 : K(0.0));
+  const REAL by42 = SELECT(TEST(x46 > K(0.0)), K(1.0)/x46, K(0.0));
   const REAL dx43 = roots_5_1 - roots_4_1;
   const REAL dy43 = roots_5_2 - roots_4_2;
   const REAL x47 = (dx43*dx43) + (dy43*dy43);
-  const REAL by43 = ((x47 > K(0.0)) ? K(1.0)/x47 : K(0.0));
+  const REAL by43 = SELECT(TEST(x47 > K(0.0)), K(1.0)/x47, K(0.0));
   const REAL dx50 = roots_6_1 - roots_1_1;
   const REAL dy50 = roots_6_2 - roots_1_2;
   const REAL x50 = (dx50*dx50) + (dy50*dy50);
-  const REAL by50 = ((x50 > K(0.0)) ? K(1.0)/x50 : K(0.0));
+  const REAL by50 = SELECT(TEST(x50 > K(0.0)), K(1.0)/x50, K(0.0));
   const REAL dx51 = roots_6_1 - roots_2_1;
   const REAL dy51 = roots_6_2 - roots_2_2;
   const REAL x51 = (dx51*dx51) + (dy51*dy51);
-  const REAL by51 = ((x51 > K(0.0)) ? K(1.0)/x51 : K(0.0));
+  const REAL by51 = SELECT(TEST(x51 > K(0.0)), K(1.0)/x51, K(0.0));
   const REAL dx52 = roots_6_1 - roots_3_1;
   const REAL dy52 = roots_6_2 - roots_3_2;
   const REAL x52 = (dx52*dx52) + (dy52*dy52);
-  const REAL by52 = ((x52 > K(0.0)) ? K(1.0)/x52 : K(0.0));
+  const REAL by52 = SELECT(TEST(x52 > K(0.0)), K(1.0)/x52, K(0.0));
   const REAL dx53 = roots_6_1 - roots_4_1;
   const REAL dy53 = roots_6_2 - roots_4_2;
   const REAL x53 = (dx53*dx53) + (dy53*dy53);
-  const REAL by53 = ((x53 > K(0.0)) ? K(1.0)/x53 : K(0.0));
+  const REAL by53 = SELECT(TEST(x53 > K(0.0)), K(1.0)/x53, K(0.0));
   const REAL dx54 = roots_6_1 - roots_5_1;
   const REAL dy54 = roots_6_2 - roots_5_2;
   const REAL x54 = (dx54*dx54) + (dy54*dy54);
-  const REAL by54 = ((x54 > K(0.0)) ? K(1.0)/x54 : K(0.0));
+  const REAL by54 = SELECT(TEST(x54 > K(0.0)), K(1.0)/x54, K(0.0));
   const REAL dx60 = roots_7_1 - roots_1_1;
   const REAL dy60 = roots_7_2 - roots_1_2;
   const REAL x57 = (dx60*dx60) + (dy60*dy60);
-  const REAL by60 = ((x57 > K(0.0)) ? K(1.0)/x57 : K(0.0));
+  const REAL by60 = SELECT(TEST(x57 > K(0.0)), K(1.0)/x57, K(0.0));
   const REAL dx61 = roots_7_1 - roots_2_1;
   const REAL dy61 = roots_7_2 - roots_2_2;
   const REAL x58 = (dx61*dx61) + (dy61*dy61);
-  const REAL by61 = ((x58 > K(0.0)) ? K(1.0)/x58 : K(0.0));
+  const REAL by61 = SELECT(TEST(x58 > K(0.0)), K(1.0)/x58, K(0.0));
   const REAL dx62 = roots_7_1 - roots_3_1;
   const REAL dy62 = roots_7_2 - roots_3_2;
   const REAL x59 = (dx62*dx62) + (dy62*dy62);
-  const REAL by62 = ((x59 > K(0.0)) ? K(1.0)/x59 : K(0.0));
+  const REAL by62 = SELECT(TEST(x59 > K(0.0)), K(1.0)/x59, K(0.0));
   const REAL dx63 = roots_7_1 - roots_4_1;
   const REAL dy63 = roots_7_2 - roots_4_2;
   const REAL x60 = (dx63*dx63) + (dy63*dy63);
-  const REAL by63 = ((x60 > K(0.0)) ? K(1.0)/x60 : K(0.0));
+  const REAL by63 = SELECT(TEST(x60 > K(0.0)), K(1.0)/x60, K(0.0));
   const REAL dx64 = roots_7_1 - roots_5_1;
   const REAL dy64 = roots_7_2 - roots_5_2;
   const REAL x61 = (dx64*dx64) + (dy64*dy64);
-  const REAL by64 = ((x61 > K(0.0)) ? K(1.0)/x61 : K(0.0));
+  const REAL by64 = SELECT(TEST(x61 > K(0.0)), K(1.0)/x61, K(0.0));
   const REAL dx65 = roots_7_1 - roots_6_1;
   const REAL dy65 = roots_7_2 - roots_6_2;
   const REAL x62 = (dx65*dx65) + (dy65*dy65);
-  const REAL by65 = ((x62 > K(0.0)) ? K(1.0)/x62 : K(0.0));
+  const REAL by65 = SELECT(TEST(x62 > K(0.0)), K(1.0)/x62, K(0.0));
   const REAL dx70 = roots_8_1 - roots_1_1;
   const REAL dy70 = roots_8_2 - roots_1_2;
   const REAL x65 = (dx70*dx70) + (dy70*dy70);
-  const REAL by70 = ((x65 > K(0.0)) ? K(1.0)/x65 : K(0.0));
+  const REAL by70 = SELECT(TEST(x65 > K(0.0)), K(1.0)/x65, K(0.0));
   const REAL dx71 = roots_8_1 - roots_2_1;
   const REAL dy71 = roots_8_2 - roots_2_2;
   const REAL x66 = (dx71*dx71) + (dy71*dy71);
-  const REAL by71 = ((x66 > K(0.0)) ? K(1.0)/x66 : K(0.0));
+  const REAL by71 = SELECT(TEST(x66 > K(0.0)), K(1.0)/x66, K(0.0));
   const REAL dx72 = roots_8_1 - roots_3_1;
   const REAL dy72 = roots_8_2 - roots_3_2;
   const REAL x67 = (dx72*dx72) + (dy72*dy72);
-  const REAL by72 = ((x67 > K(0.0)) ? K(1.0)/x67 : K(0.0));
+  const REAL by72 = SELECT(TEST(x67 > K(0.0)), K(1.0)/x67, K(0.0));
   const REAL dx73 = roots_8_1 - roots_4_1;
   const REAL dy73 = roots_8_2 - roots_4_2;
   const REAL x68 = (dx73*dx73) + (dy73*dy73);
-  const REAL by73 = ((x68 > K(0.0)) ? K(1.0)/x68 : K(0.0));
+  const REAL by73 = SELECT(TEST(x68 > K(0.0)), K(1.0)/x68, K(0.0));
   const REAL dx74 = roots_8_1 - roots_5_1;
   const REAL dy74 = roots_8_2 - roots_5_2;
   const REAL x69 = (dx74*dx74) + (dy74*dy74);
-  const REAL by74 = ((x69 > K(0.0)) ? K(1.0)/x69 : K(0.0));
+  const REAL by74 = SELECT(TEST(x69 > K(0.0)), K(1.0)/x69, K(0.0));
   const REAL dx75 = roots_8_1 - roots_6_1;
   const REAL dy75 = roots_8_2 - roots_6_2;
   const REAL x70 = (dx75*dx75) + (dy75*dy75);
-  const REAL by75 = ((x70 > K(0.0)) ? K(1.0)/x70 : K(0.0));
+  const REAL by75 = SELECT(TEST(x70 > K(0.0)), K(1.0)/x70, K(0.0));
   const REAL dx76 = roots_8_1 - roots_7_1;
   const REAL dy76 = roots_8_2 - roots_7_2;
   const REAL x71 = (dx76*dx76) + (dy76*dy76);
-  const REAL by76 = ((x71 > K(0.0)) ? K(1.0)/x71 : K(0.0));
+  const REAL by76 = SELECT(TEST(x71 > K(0.0)), K(1.0)/x71, K(0.0));
   const REAL x72 = by10*dx10;
   const REAL x73 = by20*dx20;
   const REAL x74 = by30*dx30;
@@ -708,7 +708,7 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re0 = im0*sum_im0 + slope_re0 - re0*sum_re0;
   const REAL below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0;
   const REAL x86 = (below_im0*below_im0) + (below_re0*below_re0);
-  const REAL inverse0 = ((x86 > K(0.0)) ? K(1.0)/x86 : K(0.0));
+  const REAL inverse0 = SELECT(TEST(x86 > K(0.0)), K(1.0)/x86, K(0.0));
   const REAL step_re0 = inverse0*(below_im0*im0 + below_re0*re0);
   const REAL step_im0 = inverse0*(below_re0*im0 - below_im0*re0);
   const REAL share0 = ((step_im0*step_im0) + (step_re0*step_re0))/((x1 + K(1.0))*(x1 + K(1.0)));
@@ -729,11 +729,11 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re1 = im1*sum_im1 + slope_re1 - re1*sum_re1;
   const REAL below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1;
   const REAL x99 = (below_im1*below_im1) + (below_re1*below_re1);
-  const REAL inverse1 = ((x99 > K(0.0)) ? K(1.0)/x99 : K(0.0));
+  const REAL inverse1 = SELECT(TEST(x99 > K(0.0)), K(1.0)/x99, K(0.0));
   const REAL step_re1 = inverse1*(below_im1*im1 + below_re1*re1);
   const REAL step_im1 = inverse1*(below_re1*im1 - below_im1*re1);
   const REAL share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + K(1.0))*(x5 + K(1.0)));
-  const REAL largest1 = ((share0 < share1) ? share1 : share0);
+  const REAL largest1 = SELECT(TEST(share0 < share1), share1, share0);
   const REAL x100 = by32*dx32;
   const REAL x101 = by42*dx42;
   const REAL x102 = by52*dx52;
@@ -749,11 +749,11 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re2 = im2*sum_im2 + slope_re2 - re2*sum_re2;
   const REAL below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2;
   const REAL x110 = (below_im2*below_im2) + (below_re2*below_re2);
-  const REAL inverse2 = ((x110 > K(0.0)) ? K(1.0)/x110 : K(0.0));
+  const REAL inverse2 = SELECT(TEST(x110 > K(0.0)), K(1.0)/x110, K(0.0));
   const REAL step_re2 = inverse2*(below_im2*im2 + below_re2*re2);
   const REAL step_im2 = inverse2*(below_re2*im2 - below_im2*re2);
   const REAL share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + K(1.0))*(x9 + K(1.0)));
-  const REAL largest2 = ((largest1 < share2) ? share2 : largest1);
+  const REAL largest2 = SELECT(TEST(largest1 < share2), share2, largest1);
   const REAL x111 = by43*dx43;
   const REAL x112 = by53*dx53;
   const REAL x113 = by63*dx63;
@@ -767,11 +767,11 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re3 = im3*sum_im3 + slope_re3 - re3*sum_re3;
   const REAL below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3;
   const REAL x119 = (below_im3*below_im3) + (below_re3*below_re3);
-  const REAL inverse3 = ((x119 > K(0.0)) ? K(1.0)/x119 : K(0.0));
+  const REAL inverse3 = SELECT(TEST(x119 > K(0.0)), K(1.0)/x119, K(0.0));
   const REAL step_re3 = inverse3*(below_im3*im3 + below_re3*re3);
   const REAL step_im3 = inverse3*(below_re3*im3 - below_im3*re3);
   const REAL share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + K(1.0))*(x13 + K(1.0)));
-  const REAL largest3 = ((largest2 < share3) ? share3 : largest2);
+  const REAL largest3 = SELECT(TEST(largest2 < share3), share3, largest2);
   const REAL x120 = by54*dx54;
   const REAL x121 = by64*dx64;
   const REAL x122 = by74*dx74;
@@ -783,11 +783,11 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re4 = im4*sum_im4 + slope_re4 - re4*sum_re4;
   const REAL below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4;
   const REAL x126 = (below_im4*below_im4) + (below_re4*below_re4);
-  const REAL inverse4 = ((x126 > K(0.0)) ? K(1.0)/x126 : K(0.0));
+  const REAL inverse4 = SELECT(TEST(x126 > K(0.0)), K(1.0)/x126, K(0.0));
   const REAL step_re4 = inverse4*(below_im4*im4 + below_re4*re4);
   const REAL step_im4 = inverse4*(below_re4*im4 - below_im4*re4);
   const REAL share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + K(1.0))*(x17 + K(1.0)));
-  const REAL largest4 = ((largest3 < share4) ? share4 : largest3);
+  const REAL largest4 = SELECT(TEST(largest3 < share4), share4, largest3);
   const REAL x127 = by65*dx65;
   const REAL x128 = by75*dx75;
   const REAL sum_re5 = x102 + x112 + x120 + x76 + x90 - x127 - x128;
@@ -797,11 +797,11 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re5 = im5*sum_im5 + slope_re5 - re5*sum_re5;
   const REAL below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5;
   const REAL x131 = (below_im5*below_im5) + (below_re5*below_re5);
-  const REAL inverse5 = ((x131 > K(0.0)) ? K(1.0)/x131 : K(0.0));
+  const REAL inverse5 = SELECT(TEST(x131 > K(0.0)), K(1.0)/x131, K(0.0));
   const REAL step_re5 = inverse5*(below_im5*im5 + below_re5*re5);
   const REAL step_im5 = inverse5*(below_re5*im5 - below_im5*re5);
   const REAL share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + K(1.0))*(x21 + K(1.0)));
-  const REAL largest5 = ((largest4 < share5) ? share5 : largest4);
+  const REAL largest5 = SELECT(TEST(largest4 < share5), share5, largest4);
   const REAL x132 = by76*dx76;
   const REAL sum_re6 = x103 + x113 + x121 + x127 + x77 + x91 - x132;
   const REAL x133 = by76*dy76;
@@ -809,80 +809,75 @@ void TYPED(biquadratic_pair_pair_aberth)(const REAL octic[9], const REAL roots[1
   const REAL below_re6 = im6*sum_im6 + slope_re6 - re6*sum_re6;
   const REAL below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6;
   const REAL x134 = (below_im6*below_im6) + (below_re6*below_re6);
-  const REAL inverse6 = ((x134 > K(0.0)) ? K(1.0)/x134 : K(0.0));
+  const REAL inverse6 = SELECT(TEST(x134 > K(0.0)), K(1.0)/x134, K(0.0));
   const REAL step_re6 = inverse6*(below_im6*im6 + below_re6*re6);
   const REAL step_im6 = inverse6*(below_re6*im6 - below_im6*re6);
   const REAL share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + K(1.0))*(x25 + K(1.0)));
-  const REAL largest6 = ((largest5 < share6) ? share6 : largest5);
+  const REAL largest6 = SELECT(TEST(largest5 < share6), share6, largest5);
   const REAL sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92;
   const REAL sum_im7 = -x109 - x118 - x125 - x130 - x133 - x85 - x98;
   const REAL below_re7 = im7*sum_im7 + slope_re7 - re7*sum_re7;
   const REAL below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7;
   const REAL x135 = (below_im7*below_im7) + (below_re7*below_re7);
-  const REAL inverse7 = ((x135 > K(0.0)) ? K(1.0)/x135 : K(0.0));
+  const REAL inverse7 = SELECT(TEST(x135 > K(0.0)), K(1.0)/x135, K(0.0));
   const REAL step_re7 = inverse7*(below_im7*im7 + below_re7*re7);
   const REAL step_im7 = inverse7*(below_re7*im7 - below_im7*re7);
   const REAL share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + K(1.0))*(x29 + K(1.0)));
-  const REAL largest7 = ((largest6 < share7) ? share7 : largest6);
+  const REAL largest7 = SELECT(TEST(largest6 < share7), share7, largest6);
   /* outputs */
-  moved[0] = roots_1_1 - step_re0;
-  moved[1] = roots_1_2 - step_im0;
-  moved[2] = roots_2_1 - step_re1;
-  moved[3] = roots_2_2 - step_im1;
-  moved[4] = roots_3_1 - step_re2;
-  moved[5] = roots_3_2 - step_im2;
-  moved[6] = roots_4_1 - step_re3;
-  moved[7] = roots_4_2 - step_im3;
-  moved[8] = roots_5_1 - step_re4;
-  moved[9] = roots_5_2 - step_im4;
-  moved[10] = roots_6_1 - step_re5;
-  moved[11] = roots_6_2 - step_im5;
-  moved[12] = roots_7_1 - step_re6;
-  moved[13] = roots_7_2 - step_im6;
-  moved[14] = roots_8_1 - step_re7;
-  moved[15] = roots_8_2 - step_im7;
+  moved[AT(0)] = roots_1_1 - step_re0;
+  moved[AT(1)] = roots_1_2 - step_im0;
+  moved[AT(2)] = roots_2_1 - step_re1;
+  moved[AT(3)] = roots_2_2 - step_im1;
+  moved[AT(4)] = roots_3_1 - step_re2;
+  moved[AT(5)] = roots_3_2 - step_im2;
+  moved[AT(6)] = roots_4_1 - step_re3;
+  moved[AT(7)] = roots_4_2 - step_im3;
+  moved[AT(8)] = roots_5_1 - step_re4;
+  moved[AT(9)] = roots_5_2 - step_im4;
+  moved[AT(10)] = roots_6_1 - step_re5;
+  moved[AT(11)] = roots_6_2 - step_im5;
+  moved[AT(12)] = roots_7_1 - step_re6;
+  moved[AT(13)] = roots_7_2 - step_im6;
+  moved[AT(14)] = roots_8_1 - step_re7;
+  moved[AT(15)] = roots_8_2 - step_im7;
   *change = largest7;
 }
 
-void TYPED(biquadratic_pair_pair_aberth_batch)(size_t count, const REAL *octic, const REAL *roots, REAL *moved, REAL *change) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(biquadratic_pair_pair_aberth)(octic + 9 * i, roots + 16 * i, moved + 16 * i, change + i);
-}
-
 /* pair_real_roots: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
-void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, const REAL roots[16], REAL tangents[8], REAL radii[8], int8_t *status) {
+KERNEL(biquadratic_pair_pair_real_roots, const REAL octic[9], REAL size, const REAL roots[16], REAL tangents[8], REAL radii[8], CODE *status) {
   /* inputs */
-  const REAL octic_1 = octic[0];
-  const REAL octic_2 = octic[1];
-  const REAL octic_3 = octic[2];
-  const REAL octic_4 = octic[3];
-  const REAL octic_5 = octic[4];
-  const REAL octic_6 = octic[5];
-  const REAL octic_7 = octic[6];
-  const REAL octic_8 = octic[7];
-  const REAL octic_9 = octic[8];
-  const REAL roots_1_1 = roots[0];
-  const REAL roots_1_2 = roots[1];
-  const REAL roots_2_1 = roots[2];
-  const REAL roots_2_2 = roots[3];
-  const REAL roots_3_1 = roots[4];
-  const REAL roots_3_2 = roots[5];
-  const REAL roots_4_1 = roots[6];
-  const REAL roots_4_2 = roots[7];
-  const REAL roots_5_1 = roots[8];
-  const REAL roots_5_2 = roots[9];
-  const REAL roots_6_1 = roots[10];
-  const REAL roots_6_2 = roots[11];
-  const REAL roots_7_1 = roots[12];
-  const REAL roots_7_2 = roots[13];
-  const REAL roots_8_1 = roots[14];
-  const REAL roots_8_2 = roots[15];
+  const REAL octic_1 = octic[AT(0)];
+  const REAL octic_2 = octic[AT(1)];
+  const REAL octic_3 = octic[AT(2)];
+  const REAL octic_4 = octic[AT(3)];
+  const REAL octic_5 = octic[AT(4)];
+  const REAL octic_6 = octic[AT(5)];
+  const REAL octic_7 = octic[AT(6)];
+  const REAL octic_8 = octic[AT(7)];
+  const REAL octic_9 = octic[AT(8)];
+  const REAL roots_1_1 = roots[AT(0)];
+  const REAL roots_1_2 = roots[AT(1)];
+  const REAL roots_2_1 = roots[AT(2)];
+  const REAL roots_2_2 = roots[AT(3)];
+  const REAL roots_3_1 = roots[AT(4)];
+  const REAL roots_3_2 = roots[AT(5)];
+  const REAL roots_4_1 = roots[AT(6)];
+  const REAL roots_4_2 = roots[AT(7)];
+  const REAL roots_5_1 = roots[AT(8)];
+  const REAL roots_5_2 = roots[AT(9)];
+  const REAL roots_6_1 = roots[AT(10)];
+  const REAL roots_6_2 = roots[AT(11)];
+  const REAL roots_7_1 = roots[AT(12)];
+  const REAL roots_7_2 = roots[AT(13)];
+  const REAL roots_8_1 = roots[AT(14)];
+  const REAL roots_8_2 = roots[AT(15)];
   /* intermediate terms */
   const REAL noise = K(256.0)*REAL_EPSILON*size;
   const REAL x0 = (roots_1_1*roots_1_1);
   const REAL whole0 = (roots_1_2*roots_1_2) + x0 + K(1.0);
-  const int is_real0 = FABS(roots_1_2) <= K(5.960464477539063e-08)*whole0;
-  const REAL y0 = ((is_real0) ? K(0.0) : roots_1_2);
+  const CONDITION is_real0 = TEST(FABS(roots_1_2) <= K(5.960464477539063e-08)*whole0);
+  const REAL y0 = SELECT(is_real0, K(0.0), roots_1_2);
   const REAL s0 = K(2.0)*roots_1_1;
   const REAL t0 = x0 + (y0*y0);
   const REAL b0_7 = octic_8 + octic_9*s0;
@@ -897,8 +892,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above0 = noise*(whole0*whole0*whole0*whole0) + FABS(im0) + FABS(re0);
   const REAL x1 = (roots_2_1*roots_2_1);
   const REAL whole1 = (roots_2_2*roots_2_2) + x1 + K(1.0);
-  const int is_real1 = FABS(roots_2_2) <= K(5.960464477539063e-08)*whole1;
-  const REAL y1 = ((is_real1) ? K(0.0) : roots_2_2);
+  const CONDITION is_real1 = TEST(FABS(roots_2_2) <= K(5.960464477539063e-08)*whole1);
+  const REAL y1 = SELECT(is_real1, K(0.0), roots_2_2);
   const REAL s1 = K(2.0)*roots_2_1;
   const REAL t1 = x1 + (y1*y1);
   const REAL b1_7 = octic_8 + octic_9*s1;
@@ -913,8 +908,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above1 = noise*(whole1*whole1*whole1*whole1) + FABS(im1) + FABS(re1);
   const REAL x2 = (roots_3_1*roots_3_1);
   const REAL whole2 = (roots_3_2*roots_3_2) + x2 + K(1.0);
-  const int is_real2 = FABS(roots_3_2) <= K(5.960464477539063e-08)*whole2;
-  const REAL y2 = ((is_real2) ? K(0.0) : roots_3_2);
+  const CONDITION is_real2 = TEST(FABS(roots_3_2) <= K(5.960464477539063e-08)*whole2);
+  const REAL y2 = SELECT(is_real2, K(0.0), roots_3_2);
   const REAL s2 = K(2.0)*roots_3_1;
   const REAL t2 = x2 + (y2*y2);
   const REAL b2_7 = octic_8 + octic_9*s2;
@@ -929,8 +924,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above2 = noise*(whole2*whole2*whole2*whole2) + FABS(im2) + FABS(re2);
   const REAL x3 = (roots_4_1*roots_4_1);
   const REAL whole3 = (roots_4_2*roots_4_2) + x3 + K(1.0);
-  const int is_real3 = FABS(roots_4_2) <= K(5.960464477539063e-08)*whole3;
-  const REAL y3 = ((is_real3) ? K(0.0) : roots_4_2);
+  const CONDITION is_real3 = TEST(FABS(roots_4_2) <= K(5.960464477539063e-08)*whole3);
+  const REAL y3 = SELECT(is_real3, K(0.0), roots_4_2);
   const REAL s3 = K(2.0)*roots_4_1;
   const REAL t3 = x3 + (y3*y3);
   const REAL b3_7 = octic_8 + octic_9*s3;
@@ -945,8 +940,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above3 = noise*(whole3*whole3*whole3*whole3) + FABS(im3) + FABS(re3);
   const REAL x4 = (roots_5_1*roots_5_1);
   const REAL whole4 = (roots_5_2*roots_5_2) + x4 + K(1.0);
-  const int is_real4 = FABS(roots_5_2) <= K(5.960464477539063e-08)*whole4;
-  const REAL y4 = ((is_real4) ? K(0.0) : roots_5_2);
+  const CONDITION is_real4 = TEST(FABS(roots_5_2) <= K(5.960464477539063e-08)*whole4);
+  const REAL y4 = SELECT(is_real4, K(0.0), roots_5_2);
   const REAL s4 = K(2.0)*roots_5_1;
   const REAL t4 = x4 + (y4*y4);
   const REAL b4_7 = octic_8 + octic_9*s4;
@@ -961,8 +956,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above4 = noise*(whole4*whole4*whole4*whole4) + FABS(im4) + FABS(re4);
   const REAL x5 = (roots_6_1*roots_6_1);
   const REAL whole5 = (roots_6_2*roots_6_2) + x5 + K(1.0);
-  const int is_real5 = FABS(roots_6_2) <= K(5.960464477539063e-08)*whole5;
-  const REAL y5 = ((is_real5) ? K(0.0) : roots_6_2);
+  const CONDITION is_real5 = TEST(FABS(roots_6_2) <= K(5.960464477539063e-08)*whole5);
+  const REAL y5 = SELECT(is_real5, K(0.0), roots_6_2);
   const REAL s5 = K(2.0)*roots_6_1;
   const REAL t5 = x5 + (y5*y5);
   const REAL b5_7 = octic_8 + octic_9*s5;
@@ -977,8 +972,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above5 = noise*(whole5*whole5*whole5*whole5) + FABS(im5) + FABS(re5);
   const REAL x6 = (roots_7_1*roots_7_1);
   const REAL whole6 = (roots_7_2*roots_7_2) + x6 + K(1.0);
-  const int is_real6 = FABS(roots_7_2) <= K(5.960464477539063e-08)*whole6;
-  const REAL y6 = ((is_real6) ? K(0.0) : roots_7_2);
+  const CONDITION is_real6 = TEST(FABS(roots_7_2) <= K(5.960464477539063e-08)*whole6);
+  const REAL y6 = SELECT(is_real6, K(0.0), roots_7_2);
   const REAL s6 = K(2.0)*roots_7_1;
   const REAL t6 = x6 + (y6*y6);
   const REAL b6_7 = octic_8 + octic_9*s6;
@@ -993,8 +988,8 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL above6 = noise*(whole6*whole6*whole6*whole6) + FABS(im6) + FABS(re6);
   const REAL x7 = (roots_8_1*roots_8_1);
   const REAL whole7 = (roots_8_2*roots_8_2) + x7 + K(1.0);
-  const int is_real7 = FABS(roots_8_2) <= K(5.960464477539063e-08)*whole7;
-  const REAL y7 = ((is_real7) ? K(0.0) : roots_8_2);
+  const CONDITION is_real7 = TEST(FABS(roots_8_2) <= K(5.960464477539063e-08)*whole7);
+  const REAL y7 = SELECT(is_real7, K(0.0), roots_8_2);
   const REAL s7 = K(2.0)*roots_8_1;
   const REAL t7 = x7 + (y7*y7);
   const REAL b7_7 = octic_8 + octic_9*s7;
@@ -1052,79 +1047,74 @@ void TYPED(biquadratic_pair_pair_real_roots)(const REAL octic[9], REAL size, con
   const REAL radius6 = K(8.0)*above6/around6;
   const REAL around7 = leading*SQRT(square70*square71*square72*square73*square74*square75*square76);
   const REAL radius7 = K(8.0)*above7/around7;
-  const int alone0 = (is_real0) && (((radius0 + radius1)*(radius0 + radius1)) < square10) && (((radius0 + radius2)*(radius0 + radius2)) < square20) && (((radius0 + radius3)*(radius0 + radius3)) < square30) && (((radius0 + radius4)*(radius0 + radius4)) < square40) && (((radius0 + radius5)*(radius0 + radius5)) < square50) && (((radius0 + radius6)*(radius0 + radius6)) < square60) && (((radius0 + radius7)*(radius0 + radius7)) < square70);
-  const int off0 = FABS(y0) > radius0;
-  const int certain0 = (alone0) || (off0);
-  const int alone1 = (is_real1) && (((radius0 + radius1)*(radius0 + radius1)) < square10) && (((radius1 + radius2)*(radius1 + radius2)) < square21) && (((radius1 + radius3)*(radius1 + radius3)) < square31) && (((radius1 + radius4)*(radius1 + radius4)) < square41) && (((radius1 + radius5)*(radius1 + radius5)) < square51) && (((radius1 + radius6)*(radius1 + radius6)) < square61) && (((radius1 + radius7)*(radius1 + radius7)) < square71);
-  const int off1 = FABS(y1) > radius1;
-  const int certain1 = (certain0) && ((alone1) || (off1));
-  const int alone2 = (is_real2) && (((radius0 + radius2)*(radius0 + radius2)) < square20) && (((radius1 + radius2)*(radius1 + radius2)) < square21) && (((radius2 + radius3)*(radius2 + radius3)) < square32) && (((radius2 + radius4)*(radius2 + radius4)) < square42) && (((radius2 + radius5)*(radius2 + radius5)) < square52) && (((radius2 + radius6)*(radius2 + radius6)) < square62) && (((radius2 + radius7)*(radius2 + radius7)) < square72);
-  const int off2 = FABS(y2) > radius2;
-  const int certain2 = (certain1) && ((alone2) || (off2));
-  const int alone3 = (is_real3) && (((radius0 + radius3)*(radius0 + radius3)) < square30) && (((radius1 + radius3)*(radius1 + radius3)) < square31) && (((radius2 + radius3)*(radius2 + radius3)) < square32) && (((radius3 + radius4)*(radius3 + radius4)) < square43) && (((radius3 + radius5)*(radius3 + radius5)) < square53) && (((radius3 + radius6)*(radius3 + radius6)) < square63) && (((radius3 + radius7)*(radius3 + radius7)) < square73);
-  const int off3 = FABS(y3) > radius3;
-  const int certain3 = (certain2) && ((alone3) || (off3));
-  const int alone4 = (is_real4) && (((radius0 + radius4)*(radius0 + radius4)) < square40) && (((radius1 + radius4)*(radius1 + radius4)) < square41) && (((radius2 + radius4)*(radius2 + radius4)) < square42) && (((radius3 + radius4)*(radius3 + radius4)) < square43) && (((radius4 + radius5)*(radius4 + radius5)) < square54) && (((radius4 + radius6)*(radius4 + radius6)) < square64) && (((radius4 + radius7)*(radius4 + radius7)) < square74);
-  const int off4 = FABS(y4) > radius4;
-  const int certain4 = (certain3) && ((alone4) || (off4));
-  const int alone5 = (is_real5) && (((radius0 + radius5)*(radius0 + radius5)) < square50) && (((radius1 + radius5)*(radius1 + radius5)) < square51) && (((radius2 + radius5)*(radius2 + radius5)) < square52) && (((radius3 + radius5)*(radius3 + radius5)) < square53) && (((radius4 + radius5)*(radius4 + radius5)) < square54) && (((radius5 + radius6)*(radius5 + radius6)) < square65) && (((radius5 + radius7)*(radius5 + radius7)) < square75);
-  const int off5 = FABS(y5) > radius5;
-  const int certain5 = (certain4) && ((alone5) || (off5));
-  const int alone6 = (is_real6) && (((radius0 + radius6)*(radius0 + radius6)) < square60) && (((radius1 + radius6)*(radius1 + radius6)) < square61) && (((radius2 + radius6)*(radius2 + radius6)) < square62) && (((radius3 + radius6)*(radius3 + radius6)) < square63) && (((radius4 + radius6)*(radius4 + radius6)) < square64) && (((radius5 + radius6)*(radius5 + radius6)) < square65) && (((radius6 + radius7)*(radius6 + radius7)) < square76);
-  const int off6 = FABS(y6) > radius6;
-  const int certain6 = (certain5) && ((alone6) || (off6));
-  const int alone7 = (is_real7) && (((radius0 + radius7)*(radius0 + radius7)) < square70) && (((radius1 + radius7)*(radius1 + radius7)) < square71) && (((radius2 + radius7)*(radius2 + radius7)) < square72) && (((radius3 + radius7)*(radius3 + radius7)) < square73) && (((radius4 + radius7)*(radius4 + radius7)) < square74) && (((radius5 + radius7)*(radius5 + radius7)) < square75) && (((radius6 + radius7)*(radius6 + radius7)) < square76);
-  const int off7 = FABS(y7) > radius7;
-  const int certain7 = (certain6) && ((alone7) || (off7));
-  const REAL status_value = ((certain7) ? K(0.0) : K(1.0));
+  const CONDITION alone0 = (is_real0) & (TEST(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (TEST(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (TEST(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (TEST(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (TEST(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (TEST(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (TEST(((radius0 + radius7)*(radius0 + radius7)) < square70));
+  const CONDITION off0 = TEST(FABS(y0) > radius0);
+  const CONDITION certain0 = (alone0) | (off0);
+  const CONDITION alone1 = (is_real1) & (TEST(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (TEST(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (TEST(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (TEST(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (TEST(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (TEST(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (TEST(((radius1 + radius7)*(radius1 + radius7)) < square71));
+  const CONDITION off1 = TEST(FABS(y1) > radius1);
+  const CONDITION certain1 = (certain0) & ((alone1) | (off1));
+  const CONDITION alone2 = (is_real2) & (TEST(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (TEST(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (TEST(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (TEST(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (TEST(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (TEST(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (TEST(((radius2 + radius7)*(radius2 + radius7)) < square72));
+  const CONDITION off2 = TEST(FABS(y2) > radius2);
+  const CONDITION certain2 = (certain1) & ((alone2) | (off2));
+  const CONDITION alone3 = (is_real3) & (TEST(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (TEST(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (TEST(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (TEST(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (TEST(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (TEST(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (TEST(((radius3 + radius7)*(radius3 + radius7)) < square73));
+  const CONDITION off3 = TEST(FABS(y3) > radius3);
+  const CONDITION certain3 = (certain2) & ((alone3) | (off3));
+  const CONDITION alone4 = (is_real4) & (TEST(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (TEST(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (TEST(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (TEST(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (TEST(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (TEST(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (TEST(((radius4 + radius7)*(radius4 + radius7)) < square74));
+  const CONDITION off4 = TEST(FABS(y4) > radius4);
+  const CONDITION certain4 = (certain3) & ((alone4) | (off4));
+  const CONDITION alone5 = (is_real5) & (TEST(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (TEST(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (TEST(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (TEST(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (TEST(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (TEST(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (TEST(((radius5 + radius7)*(radius5 + radius7)) < square75));
+  const CONDITION off5 = TEST(FABS(y5) > radius5);
+  const CONDITION certain5 = (certain4) & ((alone5) | (off5));
+  const CONDITION alone6 = (is_real6) & (TEST(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (TEST(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (TEST(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (TEST(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (TEST(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (TEST(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (TEST(((radius6 + radius7)*(radius6 + radius7)) < square76));
+  const CONDITION off6 = TEST(FABS(y6) > radius6);
+  const CONDITION certain6 = (certain5) & ((alone6) | (off6));
+  const CONDITION alone7 = (is_real7) & (TEST(((radius0 + radius7)*(radius0 + radius7)) < square70)) & (TEST(((radius1 + radius7)*(radius1 + radius7)) < square71)) & (TEST(((radius2 + radius7)*(radius2 + radius7)) < square72)) & (TEST(((radius3 + radius7)*(radius3 + radius7)) < square73)) & (TEST(((radius4 + radius7)*(radius4 + radius7)) < square74)) & (TEST(((radius5 + radius7)*(radius5 + radius7)) < square75)) & (TEST(((radius6 + radius7)*(radius6 + radius7)) < square76));
+  const CONDITION off7 = TEST(FABS(y7) > radius7);
+  const CONDITION certain7 = (certain6) & ((alone7) | (off7));
+  const REAL status_value = SELECT(certain7, K(0.0), K(1.0));
   /* outputs */
-  tangents[0] = (((certain7) && (is_real0)) ? roots_1_1 : (REAL)NAN);
-  tangents[1] = (((certain7) && (is_real1)) ? roots_2_1 : (REAL)NAN);
-  tangents[2] = (((certain7) && (is_real2)) ? roots_3_1 : (REAL)NAN);
-  tangents[3] = (((certain7) && (is_real3)) ? roots_4_1 : (REAL)NAN);
-  tangents[4] = (((certain7) && (is_real4)) ? roots_5_1 : (REAL)NAN);
-  tangents[5] = (((certain7) && (is_real5)) ? roots_6_1 : (REAL)NAN);
-  tangents[6] = (((certain7) && (is_real6)) ? roots_7_1 : (REAL)NAN);
-  tangents[7] = (((certain7) && (is_real7)) ? roots_8_1 : (REAL)NAN);
-  radii[0] = ((is_real0) ? radius0 : K(0.0));
-  radii[1] = ((is_real1) ? radius1 : K(0.0));
-  radii[2] = ((is_real2) ? radius2 : K(0.0));
-  radii[3] = ((is_real3) ? radius3 : K(0.0));
-  radii[4] = ((is_real4) ? radius4 : K(0.0));
-  radii[5] = ((is_real5) ? radius5 : K(0.0));
-  radii[6] = ((is_real6) ? radius6 : K(0.0));
-  radii[7] = ((is_real7) ? radius7 : K(0.0));
-  *status = (int8_t)status_value;
-}
-
-void TYPED(biquadratic_pair_pair_real_roots_batch)(size_t count, const REAL *octic, const REAL *size, const REAL *roots, REAL *tangents, REAL *radii, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(biquadratic_pair_pair_real_roots)(octic + 9 * i, size[i], roots + 16 * i, tangents + 8 * i, radii + 8 * i, status + i);
+  tangents[AT(0)] = SELECT((certain7) & (is_real0), roots_1_1, (REAL)NAN);
+  tangents[AT(1)] = SELECT((certain7) & (is_real1), roots_2_1, (REAL)NAN);
+  tangents[AT(2)] = SELECT((certain7) & (is_real2), roots_3_1, (REAL)NAN);
+  tangents[AT(3)] = SELECT((certain7) & (is_real3), roots_4_1, (REAL)NAN);
+  tangents[AT(4)] = SELECT((certain7) & (is_real4), roots_5_1, (REAL)NAN);
+  tangents[AT(5)] = SELECT((certain7) & (is_real5), roots_6_1, (REAL)NAN);
+  tangents[AT(6)] = SELECT((certain7) & (is_real6), roots_7_1, (REAL)NAN);
+  tangents[AT(7)] = SELECT((certain7) & (is_real7), roots_8_1, (REAL)NAN);
+  radii[AT(0)] = SELECT(is_real0, radius0, K(0.0));
+  radii[AT(1)] = SELECT(is_real1, radius1, K(0.0));
+  radii[AT(2)] = SELECT(is_real2, radius2, K(0.0));
+  radii[AT(3)] = SELECT(is_real3, radius3, K(0.0));
+  radii[AT(4)] = SELECT(is_real4, radius4, K(0.0));
+  radii[AT(5)] = SELECT(is_real5, radius5, K(0.0));
+  radii[AT(6)] = SELECT(is_real6, radius6, K(0.0));
+  radii[AT(7)] = SELECT(is_real7, radius7, K(0.0));
+  *status = (CODE)status_value;
 }
 
 /* pair_angles: 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
-void TYPED(biquadratic_pair_pair_angles)(const REAL one[9], const REAL two[9], const REAL turn[2], REAL tangent, REAL angles[2]) {
+KERNEL(biquadratic_pair_pair_angles, const REAL one[9], const REAL two[9], const REAL turn[2], REAL tangent, REAL angles[2]) {
   /* inputs */
-  const REAL one_1_1 = one[0];
-  const REAL one_1_2 = one[1];
-  const REAL one_1_3 = one[2];
-  const REAL one_2_1 = one[3];
-  const REAL one_2_2 = one[4];
-  const REAL one_2_3 = one[5];
-  const REAL one_3_1 = one[6];
-  const REAL one_3_2 = one[7];
-  const REAL one_3_3 = one[8];
-  const REAL two_1_1 = two[0];
-  const REAL two_1_2 = two[1];
-  const REAL two_1_3 = two[2];
-  const REAL two_2_1 = two[3];
-  const REAL two_2_2 = two[4];
-  const REAL two_2_3 = two[5];
-  const REAL two_3_1 = two[6];
-  const REAL two_3_2 = two[7];
-  const REAL two_3_3 = two[8];
-  const REAL turn_1 = turn[0];
-  const REAL turn_2 = turn[1];
+  const REAL one_1_1 = one[AT(0)];
+  const REAL one_1_2 = one[AT(1)];
+  const REAL one_1_3 = one[AT(2)];
+  const REAL one_2_1 = one[AT(3)];
+  const REAL one_2_2 = one[AT(4)];
+  const REAL one_2_3 = one[AT(5)];
+  const REAL one_3_1 = one[AT(6)];
+  const REAL one_3_2 = one[AT(7)];
+  const REAL one_3_3 = one[AT(8)];
+  const REAL two_1_1 = two[AT(0)];
+  const REAL two_1_2 = two[AT(1)];
+  const REAL two_1_3 = two[AT(2)];
+  const REAL two_2_1 = two[AT(3)];
+  const REAL two_2_2 = two[AT(4)];
+  const REAL two_2_3 = two[AT(5)];
+  const REAL two_3_1 = two[AT(6)];
+  const REAL two_3_2 = two[AT(7)];
+  const REAL two_3_3 = two[AT(8)];
+  const REAL turn_1 = turn[AT(0)];
+  const REAL turn_2 = turn[AT(1)];
   /* intermediate terms */
   const REAL by = K(1.0)/((tangent*tangent) + K(1.0));
   const REAL c = by*(K(1.0) - tangent)*(tangent + K(1.0));
@@ -1140,40 +1130,35 @@ void TYPED(biquadratic_pair_pair_angles)(const REAL one[9], const REAL two[9], c
   const REAL normal_1 = row0_2*row1_3 - row0_3*row1_2;
   const REAL normal_2 = row0_3*row1_1 - row0_1*row1_3;
   const REAL normal_3 = row0_1*row1_2 - row0_2*row1_1;
-  const REAL sign = ((normal_1 < K(0.0)) ? -K(1.0) : K(1.0));
+  const REAL sign = SELECT(TEST(normal_1 < K(0.0)), -K(1.0), K(1.0));
   /* outputs */
-  angles[0] = ATAN2(sine, cosine);
-  angles[1] = ATAN2(normal_3*sign, normal_2*sign);
-}
-
-void TYPED(biquadratic_pair_pair_angles_batch)(size_t count, const REAL *one, const REAL *two, const REAL *turn, const REAL *tangent, REAL *angles) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(biquadratic_pair_pair_angles)(one + 9 * i, two + 9 * i, turn + 2 * i, tangent[i], angles + 2 * i);
+  angles[AT(0)] = ATAN2(sine, cosine);
+  angles[AT(1)] = ATAN2(normal_3*sign, normal_2*sign);
 }
 
 /* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-void TYPED(biquadratic_pair_pair_polish)(const REAL one[9], const REAL two[9], const REAL angles[2], REAL polished[2], REAL *residual, REAL *condition, REAL *determinant) {
+KERNEL(biquadratic_pair_pair_polish, const REAL one[9], const REAL two[9], const REAL angles[2], REAL polished[2], REAL *residual, REAL *condition, REAL *determinant) {
   /* inputs */
-  const REAL one_1_1 = one[0];
-  const REAL one_1_2 = one[1];
-  const REAL one_1_3 = one[2];
-  const REAL one_2_1 = one[3];
-  const REAL one_2_2 = one[4];
-  const REAL one_2_3 = one[5];
-  const REAL one_3_1 = one[6];
-  const REAL one_3_2 = one[7];
-  const REAL one_3_3 = one[8];
-  const REAL two_1_1 = two[0];
-  const REAL two_1_2 = two[1];
-  const REAL two_1_3 = two[2];
-  const REAL two_2_1 = two[3];
-  const REAL two_2_2 = two[4];
-  const REAL two_2_3 = two[5];
-  const REAL two_3_1 = two[6];
-  const REAL two_3_2 = two[7];
-  const REAL two_3_3 = two[8];
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
+  const REAL one_1_1 = one[AT(0)];
+  const REAL one_1_2 = one[AT(1)];
+  const REAL one_1_3 = one[AT(2)];
+  const REAL one_2_1 = one[AT(3)];
+  const REAL one_2_2 = one[AT(4)];
+  const REAL one_2_3 = one[AT(5)];
+  const REAL one_3_1 = one[AT(6)];
+  const REAL one_3_2 = one[AT(7)];
+  const REAL one_3_3 = one[AT(8)];
+  const REAL two_1_1 = two[AT(0)];
+  const REAL two_1_2 = two[AT(1)];
+  const REAL two_1_3 = two[AT(2)];
+  const REAL two_2_1 = two[AT(3)];
+  const REAL two_2_2 = two[AT(4)];
+  const REAL two_2_3 = two[AT(5)];
+  const REAL two_3_1 = two[AT(6)];
+  const REAL two_3_2 = two[AT(7)];
+  const REAL two_3_3 = two[AT(8)];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
   /* intermediate terms */
   const REAL size0 = FABS(one_1_1) + FABS(one_1_2) + FABS(one_1_3) + FABS(one_2_1) + FABS(one_2_2) + FABS(one_2_3) + FABS(one_3_1) + FABS(one_3_2) + FABS(one_3_3);
   const REAL size1 = FABS(two_1_1) + FABS(two_1_2) + FABS(two_1_3) + FABS(two_2_1) + FABS(two_2_2) + FABS(two_2_3) + FABS(two_3_1) + FABS(two_3_2) + FABS(two_3_3);
@@ -1202,21 +1187,21 @@ void TYPED(biquadratic_pair_pair_polish)(const REAL one[9], const REAL two[9], c
   const REAL x1 = (i0_0*i0_0) + (i1_0*i1_0);
   const REAL trace0 = x0 + x1;
   const REAL x2 = REAL_EPSILON*trace0;
-  const int regular0 = FABS(det0) > K(64.0)*x2;
+  const CONDITION regular0 = TEST(FABS(det0) > K(64.0)*x2);
   const REAL damping0 = x2;
   const REAL ab0 = i0_0*j0_0 + i1_0*j1_0;
   const REAL aa0 = damping0 + x0;
   const REAL bb0 = damping0 + x1;
   const REAL ra0 = f0_0*j0_0 + f1_0*j1_0;
   const REAL rb0 = f0_0*i0_0 + f1_0*i1_0;
-  const REAL below0 = ((regular0) ? det0 : aa0*bb0 - (ab0*ab0));
-  const REAL by0 = ((below0 != K(0.0)) ? K(1.0)/below0 : K(0.0));
-  const REAL step_a0 = by0*((regular0) ? f0_0*i1_0 - f1_0*i0_0 : bb0*ra0 - ab0*rb0);
-  const REAL step_b0 = by0*((regular0) ? f1_0*j0_0 - f0_0*j1_0 : aa0*rb0 - ab0*ra0);
+  const REAL below0 = SELECT(regular0, det0, aa0*bb0 - (ab0*ab0));
+  const REAL by0 = SELECT(TEST(below0 != K(0.0)), K(1.0)/below0, K(0.0));
+  const REAL step_a0 = by0*SELECT(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0);
+  const REAL step_b0 = by0*SELECT(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0);
   const REAL x3 = FABS(step_a0);
   const REAL x4 = FABS(step_b0);
-  const REAL longest0 = ((x3 > x4) ? x3 : x4);
-  const REAL short0 = ((longest0 > K(0.5)) ? K(0.5)*((longest0 > K(0.0)) ? K(1.0)/longest0 : K(1.0)) : K(1.0));
+  const REAL longest0 = SELECT(TEST(x3 > x4), x3, x4);
+  const REAL short0 = SELECT(TEST(longest0 > K(0.5)), K(0.5)*SELECT(TEST(longest0 > K(0.0)), K(1.0)/longest0, K(1.0)), K(1.0));
   const REAL first0 = angles_1 - short0*step_a0;
   const REAL second0 = angles_2 - short0*step_b0;
   const REAL cu1 = COS(first0);
@@ -1244,21 +1229,21 @@ void TYPED(biquadratic_pair_pair_polish)(const REAL one[9], const REAL two[9], c
   const REAL x6 = (i0_1*i0_1) + (i1_1*i1_1);
   const REAL trace1 = x5 + x6;
   const REAL x7 = REAL_EPSILON*trace1;
-  const int regular1 = FABS(det1) > K(64.0)*x7;
+  const CONDITION regular1 = TEST(FABS(det1) > K(64.0)*x7);
   const REAL damping1 = x7;
   const REAL ab1 = i0_1*j0_1 + i1_1*j1_1;
   const REAL aa1 = damping1 + x5;
   const REAL bb1 = damping1 + x6;
   const REAL ra1 = f0_1*j0_1 + f1_1*j1_1;
   const REAL rb1 = f0_1*i0_1 + f1_1*i1_1;
-  const REAL below1 = ((regular1) ? det1 : aa1*bb1 - (ab1*ab1));
-  const REAL by1 = ((below1 != K(0.0)) ? K(1.0)/below1 : K(0.0));
-  const REAL step_a1 = by1*((regular1) ? f0_1*i1_1 - f1_1*i0_1 : bb1*ra1 - ab1*rb1);
-  const REAL step_b1 = by1*((regular1) ? f1_1*j0_1 - f0_1*j1_1 : aa1*rb1 - ab1*ra1);
+  const REAL below1 = SELECT(regular1, det1, aa1*bb1 - (ab1*ab1));
+  const REAL by1 = SELECT(TEST(below1 != K(0.0)), K(1.0)/below1, K(0.0));
+  const REAL step_a1 = by1*SELECT(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1);
+  const REAL step_b1 = by1*SELECT(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1);
   const REAL x8 = FABS(step_a1);
   const REAL x9 = FABS(step_b1);
-  const REAL longest1 = ((x8 > x9) ? x8 : x9);
-  const REAL short1 = ((longest1 > K(0.5)) ? K(0.5)*((longest1 > K(0.0)) ? K(1.0)/longest1 : K(1.0)) : K(1.0));
+  const REAL longest1 = SELECT(TEST(x8 > x9), x8, x9);
+  const REAL short1 = SELECT(TEST(longest1 > K(0.5)), K(0.5)*SELECT(TEST(longest1 > K(0.0)), K(1.0)/longest1, K(1.0)), K(1.0));
   const REAL first1 = first0 - short1*step_a1;
   const REAL second1 = second0 - short1*step_b1;
   const REAL cuend = COS(first1);
@@ -1286,18 +1271,51 @@ void TYPED(biquadratic_pair_pair_polish)(const REAL one[9], const REAL two[9], c
   const REAL miss1 = FABS(f1_end)/size1;
   const REAL condition0 = size0*FABS(i1_end) + size1*FABS(i0_end);
   const REAL condition1 = size0*FABS(j1_end) + size1*FABS(j0_end);
-  const REAL worst = ((condition0 > condition1) ? condition0 : condition1);
+  const REAL worst = SELECT(TEST(condition0 > condition1), condition0, condition1);
   /* outputs */
-  polished[0] = first1;
-  polished[1] = second1;
-  *residual = ((miss0 > miss1) ? miss0 : miss1);
-  *condition = ((determinant_end != K(0.0)) ? worst*((determinant_end != K(0.0)) ? K(1.0)/FABS(determinant_end) : K(1.0)) : REAL_MAX);
+  polished[AT(0)] = first1;
+  polished[AT(1)] = second1;
+  *residual = SELECT(TEST(miss0 > miss1), miss0, miss1);
+  *condition = SELECT(TEST(determinant_end != K(0.0)), worst*SELECT(TEST(determinant_end != K(0.0)), K(1.0)/FABS(determinant_end), K(1.0)), REAL_MAX);
   *determinant = determinant_end;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, first0);
+  ANGLE(3, first1);
+  ANGLE(4, second0);
+  ANGLE(5, second1);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(biquadratic_pair_pair_prepared_batch)(size_t count, const REAL *first, const REAL *second, REAL *one, REAL *two, REAL *loss) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(biquadratic_pair_pair_prepared)(first + 9 * i, second + 9 * i, one + 9 * i, two + 9 * i, loss + i);
+}
+
+void TYPED(biquadratic_pair_pair_octic_batch)(size_t count, const REAL *one, const REAL *two, REAL *octic, REAL *turn, REAL *size) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(biquadratic_pair_pair_octic)(one + 9 * i, two + 9 * i, octic + 9 * i, turn + 2 * i, size + i);
+}
+
+void TYPED(biquadratic_pair_pair_aberth_batch)(size_t count, const REAL *octic, const REAL *roots, REAL *moved, REAL *change) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(biquadratic_pair_pair_aberth)(octic + 9 * i, roots + 16 * i, moved + 16 * i, change + i);
+}
+
+void TYPED(biquadratic_pair_pair_real_roots_batch)(size_t count, const REAL *octic, const REAL *size, const REAL *roots, REAL *tangents, REAL *radii, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(biquadratic_pair_pair_real_roots)(octic + 9 * i, size[i], roots + 16 * i, tangents + 8 * i, radii + 8 * i, status + i);
+}
+
+void TYPED(biquadratic_pair_pair_angles_batch)(size_t count, const REAL *one, const REAL *two, const REAL *turn, const REAL *tangent, REAL *angles) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(biquadratic_pair_pair_angles)(one + 9 * i, two + 9 * i, turn + 2 * i, tangent[i], angles + 2 * i);
 }
 
 void TYPED(biquadratic_pair_pair_polish_batch)(size_t count, const REAL *one, const REAL *two, const REAL *angles, REAL *polished, REAL *residual, REAL *condition, REAL *determinant) {
   for (size_t i = 0; i < count; ++i)
     TYPED(biquadratic_pair_pair_polish)(one + 9 * i, two + 9 * i, angles + 2 * i, polished + 2 * i, residual + i, condition + i, determinant + i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: R. Clavel, "Conception d'un robot parallèle rapide à 4 degrés de liberté", EPFL 1991
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -58,20 +68,20 @@
 #else
 
 /* linear_delta_direct: 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin */
-void TYPED(delta_linear_delta_direct)(const REAL carriage[3], const REAL radius[3], const REAL rod[3], const REAL heading[3], REAL position[3], int8_t *status) {
+KERNEL(delta_linear_delta_direct, const REAL carriage[3], const REAL radius[3], const REAL rod[3], const REAL heading[3], REAL position[3], CODE *status) {
   /* inputs */
-  const REAL carriage_1 = carriage[0];
-  const REAL carriage_2 = carriage[1];
-  const REAL carriage_3 = carriage[2];
-  const REAL radius_1 = radius[0];
-  const REAL radius_2 = radius[1];
-  const REAL radius_3 = radius[2];
-  const REAL rod_1 = rod[0];
-  const REAL rod_2 = rod[1];
-  const REAL rod_3 = rod[2];
-  const REAL heading_1 = heading[0];
-  const REAL heading_2 = heading[1];
-  const REAL heading_3 = heading[2];
+  const REAL carriage_1 = carriage[AT(0)];
+  const REAL carriage_2 = carriage[AT(1)];
+  const REAL carriage_3 = carriage[AT(2)];
+  const REAL radius_1 = radius[AT(0)];
+  const REAL radius_2 = radius[AT(1)];
+  const REAL radius_3 = radius[AT(2)];
+  const REAL rod_1 = rod[AT(0)];
+  const REAL rod_2 = rod[AT(1)];
+  const REAL rod_3 = rod[AT(2)];
+  const REAL heading_1 = heading[AT(0)];
+  const REAL heading_2 = heading[AT(1)];
+  const REAL heading_3 = heading[AT(2)];
   /* intermediate terms */
   const REAL joint_1_1 = radius_1*COS(heading_1);
   const REAL joint_1_2 = radius_1*SIN(heading_1);
@@ -83,7 +93,7 @@ void TYPED(delta_linear_delta_direct)(const REAL carriage[3], const REAL radius[
   const REAL joint_3_2 = radius_3*SIN(heading_3);
   const REAL joint_3_3 = carriage_3;
   const REAL total = FABS(carriage_1) + FABS(carriage_2) + FABS(carriage_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-  const int valid = (total <= REAL_MAX) && (rod_1 > K(0.0)) && (rod_2 > K(0.0)) && (rod_3 > K(0.0));
+  const CONDITION valid = (TEST(total <= REAL_MAX)) & (TEST(rod_1 > K(0.0))) & (TEST(rod_2 > K(0.0))) & (TEST(rod_3 > K(0.0)));
   const REAL square_1 = (rod_1*rod_1);
   const REAL square_2 = (rod_2*rod_2);
   const REAL square_3 = (rod_3*rod_3);
@@ -117,46 +127,44 @@ void TYPED(delta_linear_delta_direct)(const REAL carriage[3], const REAL radius[
   const REAL ratio_9 = height_7*x7;
   const REAL bound = K(16.0)*REAL_EPSILON*(K(2.0)*square_1 - height_7);
   const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5));
-  const int collinear = area_3 <= area_bound;
-  const int flat = FABS(height_7) <= bound;
-  const int above = height_7 > bound;
-  const REAL below = ((above) ? SQRT(ratio_9) : K(0.0));
-  const REAL down = ((normal_2_3 < K(0.0)) ? below : -below);
+  const CONDITION collinear = TEST(area_3 <= area_bound);
+  const CONDITION flat = TEST(FABS(height_7) <= bound);
+  const CONDITION above = TEST(height_7 > bound);
+  const REAL below = SELECT(above, SQRT(ratio_9), K(0.0));
+  const REAL down = SELECT(TEST(normal_2_3 < K(0.0)), below, -below);
   const REAL position_found_1 = down*normal_2_1 + foot_8_1;
   const REAL position_found_2 = down*normal_2_2 + foot_8_2;
   const REAL position_found_3 = down*normal_2_3 + foot_8_3;
-  const int there = (valid) && (!(collinear)) && ((above) || (flat));
-  const REAL status_value = ((!(valid)) ? K(4.0) : ((collinear) ? K(2.0) : ((flat) ? K(1.0) : ((above) ? K(0.0) : K(3.0)))));
+  const CONDITION there = (valid) & (NOT(collinear)) & ((above) | (flat));
+  const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(collinear, K(2.0), SELECT(flat, K(1.0), SELECT(above, K(0.0), K(3.0)))));
   /* outputs */
-  position[0] = ((there) ? position_found_1 : (REAL)NAN);
-  position[1] = ((there) ? position_found_2 : (REAL)NAN);
-  position[2] = ((there) ? position_found_3 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(delta_linear_delta_direct_batch)(size_t count, const REAL *carriage, const REAL *radius, const REAL *rod, const REAL *heading, REAL *position, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(delta_linear_delta_direct)(carriage + 3 * i, radius + 3 * i, rod + 3 * i, heading + 3 * i, position + 3 * i, status + i);
+  position[AT(0)] = SELECT(there, position_found_1, (REAL)NAN);
+  position[AT(1)] = SELECT(there, position_found_2, (REAL)NAN);
+  position[AT(2)] = SELECT(there, position_found_3, (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, heading_1);
+  ANGLE(1, heading_2);
+  ANGLE(2, heading_3);
 }
 
 /* rotary_delta_direct: 59 add, 80 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin */
-void TYPED(delta_rotary_delta_direct)(const REAL angle[3], const REAL radius[3], const REAL arm[3], const REAL rod[3], const REAL heading[3], REAL position[3], int8_t *status) {
+KERNEL(delta_rotary_delta_direct, const REAL angle[3], const REAL radius[3], const REAL arm[3], const REAL rod[3], const REAL heading[3], REAL position[3], CODE *status) {
   /* inputs */
-  const REAL angle_1 = angle[0];
-  const REAL angle_2 = angle[1];
-  const REAL angle_3 = angle[2];
-  const REAL radius_1 = radius[0];
-  const REAL radius_2 = radius[1];
-  const REAL radius_3 = radius[2];
-  const REAL arm_1 = arm[0];
-  const REAL arm_2 = arm[1];
-  const REAL arm_3 = arm[2];
-  const REAL rod_1 = rod[0];
-  const REAL rod_2 = rod[1];
-  const REAL rod_3 = rod[2];
-  const REAL heading_1 = heading[0];
-  const REAL heading_2 = heading[1];
-  const REAL heading_3 = heading[2];
+  const REAL angle_1 = angle[AT(0)];
+  const REAL angle_2 = angle[AT(1)];
+  const REAL angle_3 = angle[AT(2)];
+  const REAL radius_1 = radius[AT(0)];
+  const REAL radius_2 = radius[AT(1)];
+  const REAL radius_3 = radius[AT(2)];
+  const REAL arm_1 = arm[AT(0)];
+  const REAL arm_2 = arm[AT(1)];
+  const REAL arm_3 = arm[AT(2)];
+  const REAL rod_1 = rod[AT(0)];
+  const REAL rod_2 = rod[AT(1)];
+  const REAL rod_3 = rod[AT(2)];
+  const REAL heading_1 = heading[AT(0)];
+  const REAL heading_2 = heading[AT(1)];
+  const REAL heading_3 = heading[AT(2)];
   /* intermediate terms */
   const REAL reach_1 = arm_1*COS(angle_1) + radius_1;
   const REAL elbow_1_1 = reach_1*COS(heading_1);
@@ -171,7 +179,7 @@ void TYPED(delta_rotary_delta_direct)(const REAL angle[3], const REAL radius[3],
   const REAL elbow_3_2 = reach_3*SIN(heading_3);
   const REAL elbow_3_3 = -arm_3*SIN(angle_3);
   const REAL total = FABS(angle_1) + FABS(angle_2) + FABS(angle_3) + FABS(arm_1) + FABS(arm_2) + FABS(arm_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-  const int valid = (total <= REAL_MAX) && (arm_1 > K(0.0)) && (arm_2 > K(0.0)) && (arm_3 > K(0.0)) && (rod_1 > K(0.0)) && (rod_2 > K(0.0)) && (rod_3 > K(0.0));
+  const CONDITION valid = (TEST(total <= REAL_MAX)) & (TEST(arm_1 > K(0.0))) & (TEST(arm_2 > K(0.0))) & (TEST(arm_3 > K(0.0))) & (TEST(rod_1 > K(0.0))) & (TEST(rod_2 > K(0.0))) & (TEST(rod_3 > K(0.0)));
   const REAL square_1 = (rod_1*rod_1);
   const REAL square_2 = (rod_2*rod_2);
   const REAL square_3 = (rod_3*rod_3);
@@ -205,100 +213,99 @@ void TYPED(delta_rotary_delta_direct)(const REAL angle[3], const REAL radius[3],
   const REAL ratio_9 = height_7*x7;
   const REAL bound = K(16.0)*REAL_EPSILON*(K(2.0)*square_1 - height_7);
   const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5));
-  const int collinear = area_3 <= area_bound;
-  const int flat = FABS(height_7) <= bound;
-  const int above = height_7 > bound;
-  const REAL below = ((above) ? SQRT(ratio_9) : K(0.0));
-  const REAL down = ((normal_2_3 < K(0.0)) ? below : -below);
+  const CONDITION collinear = TEST(area_3 <= area_bound);
+  const CONDITION flat = TEST(FABS(height_7) <= bound);
+  const CONDITION above = TEST(height_7 > bound);
+  const REAL below = SELECT(above, SQRT(ratio_9), K(0.0));
+  const REAL down = SELECT(TEST(normal_2_3 < K(0.0)), below, -below);
   const REAL position_found_1 = down*normal_2_1 + foot_8_1;
   const REAL position_found_2 = down*normal_2_2 + foot_8_2;
   const REAL position_found_3 = down*normal_2_3 + foot_8_3;
-  const int there = (valid) && (!(collinear)) && ((above) || (flat));
-  const REAL status_value = ((!(valid)) ? K(4.0) : ((collinear) ? K(2.0) : ((flat) ? K(1.0) : ((above) ? K(0.0) : K(3.0)))));
+  const CONDITION there = (valid) & (NOT(collinear)) & ((above) | (flat));
+  const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(collinear, K(2.0), SELECT(flat, K(1.0), SELECT(above, K(0.0), K(3.0)))));
   /* outputs */
-  position[0] = ((there) ? position_found_1 : (REAL)NAN);
-  position[1] = ((there) ? position_found_2 : (REAL)NAN);
-  position[2] = ((there) ? position_found_3 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(delta_rotary_delta_direct_batch)(size_t count, const REAL *angle, const REAL *radius, const REAL *arm, const REAL *rod, const REAL *heading, REAL *position, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(delta_rotary_delta_direct)(angle + 3 * i, radius + 3 * i, arm + 3 * i, rod + 3 * i, heading + 3 * i, position + 3 * i, status + i);
+  position[AT(0)] = SELECT(there, position_found_1, (REAL)NAN);
+  position[AT(1)] = SELECT(there, position_found_2, (REAL)NAN);
+  position[AT(2)] = SELECT(there, position_found_3, (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, angle_1);
+  ANGLE(1, angle_2);
+  ANGLE(2, angle_3);
+  ANGLE(3, heading_1);
+  ANGLE(4, heading_2);
+  ANGLE(5, heading_3);
 }
 
 /* linear_delta_inverse: 29 add, 22 mul, 6 sqrt, 9 select, 10 compare, 15 abs, 3 cos, 3 sin */
-void TYPED(delta_linear_delta_inverse)(const REAL position[3], const REAL radius[3], const REAL rod[3], const REAL heading[3], REAL carriage[3], int8_t *status) {
+KERNEL(delta_linear_delta_inverse, const REAL position[3], const REAL radius[3], const REAL rod[3], const REAL heading[3], REAL carriage[3], CODE *status) {
   /* inputs */
-  const REAL position_1 = position[0];
-  const REAL position_2 = position[1];
-  const REAL position_3 = position[2];
-  const REAL radius_1 = radius[0];
-  const REAL radius_2 = radius[1];
-  const REAL radius_3 = radius[2];
-  const REAL rod_1 = rod[0];
-  const REAL rod_2 = rod[1];
-  const REAL rod_3 = rod[2];
-  const REAL heading_1 = heading[0];
-  const REAL heading_2 = heading[1];
-  const REAL heading_3 = heading[2];
+  const REAL position_1 = position[AT(0)];
+  const REAL position_2 = position[AT(1)];
+  const REAL position_3 = position[AT(2)];
+  const REAL radius_1 = radius[AT(0)];
+  const REAL radius_2 = radius[AT(1)];
+  const REAL radius_3 = radius[AT(2)];
+  const REAL rod_1 = rod[AT(0)];
+  const REAL rod_2 = rod[AT(1)];
+  const REAL rod_3 = rod[AT(2)];
+  const REAL heading_1 = heading[AT(0)];
+  const REAL heading_2 = heading[AT(1)];
+  const REAL heading_3 = heading[AT(2)];
   /* intermediate terms */
   const REAL total = FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(position_1) + FABS(position_2) + FABS(position_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-  const int valid = (total <= REAL_MAX) && (rod_1 > K(0.0)) && (rod_2 > K(0.0)) && (rod_3 > K(0.0));
+  const CONDITION valid = (TEST(total <= REAL_MAX)) & (TEST(rod_1 > K(0.0))) & (TEST(rod_2 > K(0.0))) & (TEST(rod_3 > K(0.0)));
   const REAL dx_1 = position_1 - radius_1*COS(heading_1);
   const REAL dy_1 = position_2 - radius_1*SIN(heading_1);
   const REAL away_1 = SQRT((dx_1*dx_1) + (dy_1*dy_1));
   const REAL height_1 = (rod_1 - away_1)*(away_1 + rod_1);
   const REAL x0 = K(16.0)*REAL_EPSILON;
   const REAL bound_1 = (rod_1*rod_1)*x0;
-  const int above_1 = height_1 > bound_1;
-  const int level_1 = FABS(height_1) <= bound_1;
+  const CONDITION above_1 = TEST(height_1 > bound_1);
+  const CONDITION level_1 = TEST(FABS(height_1) <= bound_1);
   const REAL dx_2 = position_1 - radius_2*COS(heading_2);
   const REAL dy_2 = position_2 - radius_2*SIN(heading_2);
   const REAL away_2 = SQRT((dx_2*dx_2) + (dy_2*dy_2));
   const REAL height_2 = (rod_2 - away_2)*(away_2 + rod_2);
   const REAL bound_2 = (rod_2*rod_2)*x0;
-  const int above_2 = height_2 > bound_2;
-  const int level_2 = FABS(height_2) <= bound_2;
+  const CONDITION above_2 = TEST(height_2 > bound_2);
+  const CONDITION level_2 = TEST(FABS(height_2) <= bound_2);
   const REAL dx_3 = position_1 - radius_3*COS(heading_3);
   const REAL dy_3 = position_2 - radius_3*SIN(heading_3);
   const REAL away_3 = SQRT((dx_3*dx_3) + (dy_3*dy_3));
   const REAL height_3 = (rod_3 - away_3)*(away_3 + rod_3);
   const REAL bound_3 = (rod_3*rod_3)*x0;
-  const int above_3 = height_3 > bound_3;
-  const int level_3 = FABS(height_3) <= bound_3;
-  const int there = (valid) && ((above_1) || (level_1)) && ((above_2) || (level_2)) && ((above_3) || (level_3));
-  const REAL status_value = ((!(valid)) ? K(4.0) : ((!(there)) ? K(3.0) : (((level_1) || (level_2) || (level_3)) ? K(1.0) : K(0.0))));
+  const CONDITION above_3 = TEST(height_3 > bound_3);
+  const CONDITION level_3 = TEST(FABS(height_3) <= bound_3);
+  const CONDITION there = (valid) & ((above_1) | (level_1)) & ((above_2) | (level_2)) & ((above_3) | (level_3));
+  const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(NOT(there), K(3.0), SELECT((level_1) | (level_2) | (level_3), K(1.0), K(0.0))));
   /* outputs */
-  carriage[0] = ((there) ? position_3 + ((above_1) ? SQRT(height_1) : K(0.0)) : (REAL)NAN);
-  carriage[1] = ((there) ? position_3 + ((above_2) ? SQRT(height_2) : K(0.0)) : (REAL)NAN);
-  carriage[2] = ((there) ? position_3 + ((above_3) ? SQRT(height_3) : K(0.0)) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(delta_linear_delta_inverse_batch)(size_t count, const REAL *position, const REAL *radius, const REAL *rod, const REAL *heading, REAL *carriage, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(delta_linear_delta_inverse)(position + 3 * i, radius + 3 * i, rod + 3 * i, heading + 3 * i, carriage + 3 * i, status + i);
+  carriage[AT(0)] = SELECT(there, position_3 + SELECT(above_1, SQRT(height_1), K(0.0)), (REAL)NAN);
+  carriage[AT(1)] = SELECT(there, position_3 + SELECT(above_2, SQRT(height_2), K(0.0)), (REAL)NAN);
+  carriage[AT(2)] = SELECT(there, position_3 + SELECT(above_3, SQRT(height_3), K(0.0)), (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, heading_1);
+  ANGLE(1, heading_2);
+  ANGLE(2, heading_3);
 }
 
 /* rotary_delta_equations: 24 add, 26 mul, 3 div, 3 cos, 3 sin */
-void TYPED(delta_rotary_delta_equations)(const REAL position[3], const REAL radius[3], const REAL arm[3], const REAL rod[3], const REAL heading[3], REAL a[3], REAL b[3], REAL c[3]) {
+KERNEL(delta_rotary_delta_equations, const REAL position[3], const REAL radius[3], const REAL arm[3], const REAL rod[3], const REAL heading[3], REAL a[3], REAL b[3], REAL c[3]) {
   /* inputs */
-  const REAL position_1 = position[0];
-  const REAL position_2 = position[1];
-  const REAL position_3 = position[2];
-  const REAL radius_1 = radius[0];
-  const REAL radius_2 = radius[1];
-  const REAL radius_3 = radius[2];
-  const REAL arm_1 = arm[0];
-  const REAL arm_2 = arm[1];
-  const REAL arm_3 = arm[2];
-  const REAL rod_1 = rod[0];
-  const REAL rod_2 = rod[1];
-  const REAL rod_3 = rod[2];
-  const REAL heading_1 = heading[0];
-  const REAL heading_2 = heading[1];
-  const REAL heading_3 = heading[2];
+  const REAL position_1 = position[AT(0)];
+  const REAL position_2 = position[AT(1)];
+  const REAL position_3 = position[AT(2)];
+  const REAL radius_1 = radius[AT(0)];
+  const REAL radius_2 = radius[AT(1)];
+  const REAL radius_3 = radius[AT(2)];
+  const REAL arm_1 = arm[AT(0)];
+  const REAL arm_2 = arm[AT(1)];
+  const REAL arm_3 = arm[AT(2)];
+  const REAL rod_1 = rod[AT(0)];
+  const REAL rod_2 = rod[AT(1)];
+  const REAL rod_3 = rod[AT(2)];
+  const REAL heading_1 = heading[AT(0)];
+  const REAL heading_2 = heading[AT(1)];
+  const REAL heading_3 = heading[AT(2)];
   /* intermediate terms */
   const REAL cosine_1 = COS(heading_1);
   const REAL sine_1 = SIN(heading_1);
@@ -315,20 +322,40 @@ void TYPED(delta_rotary_delta_equations)(const REAL position[3], const REAL radi
   const REAL x0 = K(2.0)*position_3;
   const REAL x1 = (position_3*position_3);
   /* outputs */
-  a[0] = -K(2.0)*along_1;
-  a[1] = -K(2.0)*along_2;
-  a[2] = -K(2.0)*along_3;
-  b[0] = x0;
-  b[1] = x0;
-  b[2] = x0;
-  c[0] = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
-  c[1] = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
-  c[2] = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
+  a[AT(0)] = -K(2.0)*along_1;
+  a[AT(1)] = -K(2.0)*along_2;
+  a[AT(2)] = -K(2.0)*along_3;
+  b[AT(0)] = x0;
+  b[AT(1)] = x0;
+  b[AT(2)] = x0;
+  c[AT(0)] = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
+  c[AT(1)] = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
+  c[AT(2)] = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
+  ANGLE(0, heading_1);
+  ANGLE(1, heading_2);
+  ANGLE(2, heading_3);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(delta_linear_delta_direct_batch)(size_t count, const REAL *carriage, const REAL *radius, const REAL *rod, const REAL *heading, REAL *position, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(delta_linear_delta_direct)(carriage + 3 * i, radius + 3 * i, rod + 3 * i, heading + 3 * i, position + 3 * i, status + i);
+}
+
+void TYPED(delta_rotary_delta_direct_batch)(size_t count, const REAL *angle, const REAL *radius, const REAL *arm, const REAL *rod, const REAL *heading, REAL *position, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(delta_rotary_delta_direct)(angle + 3 * i, radius + 3 * i, arm + 3 * i, rod + 3 * i, heading + 3 * i, position + 3 * i, status + i);
+}
+
+void TYPED(delta_linear_delta_inverse_batch)(size_t count, const REAL *position, const REAL *radius, const REAL *rod, const REAL *heading, REAL *carriage, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(delta_linear_delta_inverse)(position + 3 * i, radius + 3 * i, rod + 3 * i, heading + 3 * i, carriage + 3 * i, status + i);
 }
 
 void TYPED(delta_rotary_delta_equations_batch)(size_t count, const REAL *position, const REAL *radius, const REAL *arm, const REAL *rod, const REAL *heading, REAL *a, REAL *b, REAL *c) {
   for (size_t i = 0; i < count; ++i)
     TYPED(delta_rotary_delta_equations)(position + 3 * i, radius + 3 * i, arm + 3 * i, rod + 3 * i, heading + 3 * i, a + 3 * i, b + 3 * i, c + 3 * i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of Multi-Coordinate Systems", eq. (1)
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -54,20 +64,20 @@
 #else
 
 /* screw_residual: 63 add, 115 mul, 1 cos, 1 sin */
-void TYPED(helical_axis_screw_residual)(const REAL before[3], const REAL reading[3], REAL angle, REAL slide, const REAL axis[3], const REAL point[3], REAL residual[3], REAL residual_jacobian[33]) {
+KERNEL(helical_axis_screw_residual, const REAL before[3], const REAL reading[3], REAL angle, REAL slide, const REAL axis[3], const REAL point[3], REAL residual[3], REAL residual_jacobian[33]) {
   /* inputs */
-  const REAL before_1 = before[0];
-  const REAL before_2 = before[1];
-  const REAL before_3 = before[2];
-  const REAL reading_1 = reading[0];
-  const REAL reading_2 = reading[1];
-  const REAL reading_3 = reading[2];
-  const REAL axis_1 = axis[0];
-  const REAL axis_2 = axis[1];
-  const REAL axis_3 = axis[2];
-  const REAL point_1 = point[0];
-  const REAL point_2 = point[1];
-  const REAL point_3 = point[2];
+  const REAL before_1 = before[AT(0)];
+  const REAL before_2 = before[AT(1)];
+  const REAL before_3 = before[AT(2)];
+  const REAL reading_1 = reading[AT(0)];
+  const REAL reading_2 = reading[AT(1)];
+  const REAL reading_3 = reading[AT(2)];
+  const REAL axis_1 = axis[AT(0)];
+  const REAL axis_2 = axis[AT(1)];
+  const REAL axis_3 = axis[AT(2)];
+  const REAL point_1 = point[AT(0)];
+  const REAL point_2 = point[AT(1)];
+  const REAL point_3 = point[AT(2)];
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL x1 = SIN(half_angle);
@@ -166,64 +176,60 @@ void TYPED(helical_axis_screw_residual)(const REAL before[3], const REAL reading
   const REAL d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x24;
   const REAL d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x24;
   /* outputs */
-  residual[0] = moved_1 - axis_1*slide - x0*x16;
-  residual[1] = moved_2 + x0*x23 - axis_2*slide;
-  residual[2] = moved_3 - axis_3*slide - x0*x27;
-  residual_jacobian[0] = d_residual_1_d_before_1;
-  residual_jacobian[1] = d_residual_1_d_before_2;
-  residual_jacobian[2] = d_residual_1_d_before_3;
-  residual_jacobian[3] = d_residual_1_d_angle;
-  residual_jacobian[4] = d_residual_1_d_slide;
-  residual_jacobian[5] = d_residual_1_d_axis_1;
-  residual_jacobian[6] = d_residual_1_d_axis_2;
-  residual_jacobian[7] = d_residual_1_d_axis_3;
-  residual_jacobian[8] = d_residual_1_d_point_1;
-  residual_jacobian[9] = d_residual_1_d_point_2;
-  residual_jacobian[10] = d_residual_1_d_point_3;
-  residual_jacobian[11] = d_residual_2_d_before_1;
-  residual_jacobian[12] = d_residual_2_d_before_2;
-  residual_jacobian[13] = d_residual_2_d_before_3;
-  residual_jacobian[14] = d_residual_2_d_angle;
-  residual_jacobian[15] = d_residual_2_d_slide;
-  residual_jacobian[16] = d_residual_2_d_axis_1;
-  residual_jacobian[17] = d_residual_2_d_axis_2;
-  residual_jacobian[18] = d_residual_2_d_axis_3;
-  residual_jacobian[19] = d_residual_2_d_point_1;
-  residual_jacobian[20] = d_residual_2_d_point_2;
-  residual_jacobian[21] = d_residual_2_d_point_3;
-  residual_jacobian[22] = d_residual_3_d_before_1;
-  residual_jacobian[23] = d_residual_3_d_before_2;
-  residual_jacobian[24] = d_residual_3_d_before_3;
-  residual_jacobian[25] = d_residual_3_d_angle;
-  residual_jacobian[26] = d_residual_3_d_slide;
-  residual_jacobian[27] = d_residual_3_d_axis_1;
-  residual_jacobian[28] = d_residual_3_d_axis_2;
-  residual_jacobian[29] = d_residual_3_d_axis_3;
-  residual_jacobian[30] = d_residual_3_d_point_1;
-  residual_jacobian[31] = d_residual_3_d_point_2;
-  residual_jacobian[32] = d_residual_3_d_point_3;
-}
-
-void TYPED(helical_axis_screw_residual_batch)(size_t count, const REAL *before, const REAL *reading, const REAL *angle, const REAL *slide, const REAL *axis, const REAL *point, REAL *residual, REAL *residual_jacobian) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(helical_axis_screw_residual)(before + 3 * i, reading + 3 * i, angle[i], slide[i], axis + 3 * i, point + 3 * i, residual + 3 * i, residual_jacobian + 33 * i);
+  residual[AT(0)] = moved_1 - axis_1*slide - x0*x16;
+  residual[AT(1)] = moved_2 + x0*x23 - axis_2*slide;
+  residual[AT(2)] = moved_3 - axis_3*slide - x0*x27;
+  residual_jacobian[AT(0)] = d_residual_1_d_before_1;
+  residual_jacobian[AT(1)] = d_residual_1_d_before_2;
+  residual_jacobian[AT(2)] = d_residual_1_d_before_3;
+  residual_jacobian[AT(3)] = d_residual_1_d_angle;
+  residual_jacobian[AT(4)] = d_residual_1_d_slide;
+  residual_jacobian[AT(5)] = d_residual_1_d_axis_1;
+  residual_jacobian[AT(6)] = d_residual_1_d_axis_2;
+  residual_jacobian[AT(7)] = d_residual_1_d_axis_3;
+  residual_jacobian[AT(8)] = d_residual_1_d_point_1;
+  residual_jacobian[AT(9)] = d_residual_1_d_point_2;
+  residual_jacobian[AT(10)] = d_residual_1_d_point_3;
+  residual_jacobian[AT(11)] = d_residual_2_d_before_1;
+  residual_jacobian[AT(12)] = d_residual_2_d_before_2;
+  residual_jacobian[AT(13)] = d_residual_2_d_before_3;
+  residual_jacobian[AT(14)] = d_residual_2_d_angle;
+  residual_jacobian[AT(15)] = d_residual_2_d_slide;
+  residual_jacobian[AT(16)] = d_residual_2_d_axis_1;
+  residual_jacobian[AT(17)] = d_residual_2_d_axis_2;
+  residual_jacobian[AT(18)] = d_residual_2_d_axis_3;
+  residual_jacobian[AT(19)] = d_residual_2_d_point_1;
+  residual_jacobian[AT(20)] = d_residual_2_d_point_2;
+  residual_jacobian[AT(21)] = d_residual_2_d_point_3;
+  residual_jacobian[AT(22)] = d_residual_3_d_before_1;
+  residual_jacobian[AT(23)] = d_residual_3_d_before_2;
+  residual_jacobian[AT(24)] = d_residual_3_d_before_3;
+  residual_jacobian[AT(25)] = d_residual_3_d_angle;
+  residual_jacobian[AT(26)] = d_residual_3_d_slide;
+  residual_jacobian[AT(27)] = d_residual_3_d_axis_1;
+  residual_jacobian[AT(28)] = d_residual_3_d_axis_2;
+  residual_jacobian[AT(29)] = d_residual_3_d_axis_3;
+  residual_jacobian[AT(30)] = d_residual_3_d_point_1;
+  residual_jacobian[AT(31)] = d_residual_3_d_point_2;
+  residual_jacobian[AT(32)] = d_residual_3_d_point_3;
+  ANGLE(0, half_angle);
 }
 
 /* velocity_axis: 78 add, 122 mul, 3 div, 1 sqrt */
-void TYPED(helical_axis_velocity_axis)(const REAL omega[3], const REAL velocity[3], const REAL position[3], const REAL origin[3], REAL helical[9], REAL helical_jacobian[81]) {
+KERNEL(helical_axis_velocity_axis, const REAL omega[3], const REAL velocity[3], const REAL position[3], const REAL origin[3], REAL helical[9], REAL helical_jacobian[81]) {
   /* inputs */
-  const REAL omega_1 = omega[0];
-  const REAL omega_2 = omega[1];
-  const REAL omega_3 = omega[2];
-  const REAL velocity_1 = velocity[0];
-  const REAL velocity_2 = velocity[1];
-  const REAL velocity_3 = velocity[2];
-  const REAL position_1 = position[0];
-  const REAL position_2 = position[1];
-  const REAL position_3 = position[2];
-  const REAL origin_1 = origin[0];
-  const REAL origin_2 = origin[1];
-  const REAL origin_3 = origin[2];
+  const REAL omega_1 = omega[AT(0)];
+  const REAL omega_2 = omega[AT(1)];
+  const REAL omega_3 = omega[AT(2)];
+  const REAL velocity_1 = velocity[AT(0)];
+  const REAL velocity_2 = velocity[AT(1)];
+  const REAL velocity_3 = velocity[AT(2)];
+  const REAL position_1 = position[AT(0)];
+  const REAL position_2 = position[AT(1)];
+  const REAL position_3 = position[AT(2)];
+  const REAL origin_1 = origin[AT(0)];
+  const REAL origin_2 = origin[AT(1)];
+  const REAL origin_3 = origin[AT(2)];
   /* intermediate terms */
   const REAL x2 = SQRT((omega_1*omega_1) + (omega_2*omega_2) + (omega_3*omega_3));
   const REAL rate = x2;
@@ -317,101 +323,108 @@ void TYPED(helical_axis_velocity_axis)(const REAL omega[3], const REAL velocity[
   const REAL d_helical_7_d_velocity_2 = x12;
   const REAL d_helical_7_d_velocity_3 = x11;
   /* outputs */
-  helical[0] = along_1;
-  helical[1] = along_2;
-  helical[2] = along_3;
-  helical[3] = place_1;
-  helical[4] = place_2;
-  helical[5] = place_3;
-  helical[6] = slide_rate*x0;
-  helical[7] = rate;
-  helical[8] = slide_rate;
-  helical_jacobian[0] = d_along_1_d_omega_1;
-  helical_jacobian[1] = d_along_1_d_omega_2;
-  helical_jacobian[2] = d_along_1_d_omega_3;
-  helical_jacobian[3] = K(0.0);
-  helical_jacobian[4] = K(0.0);
-  helical_jacobian[5] = K(0.0);
-  helical_jacobian[6] = K(0.0);
-  helical_jacobian[7] = K(0.0);
-  helical_jacobian[8] = K(0.0);
-  helical_jacobian[9] = d_along_2_d_omega_1;
-  helical_jacobian[10] = d_along_2_d_omega_2;
-  helical_jacobian[11] = d_along_2_d_omega_3;
-  helical_jacobian[12] = K(0.0);
-  helical_jacobian[13] = K(0.0);
-  helical_jacobian[14] = K(0.0);
-  helical_jacobian[15] = K(0.0);
-  helical_jacobian[16] = K(0.0);
-  helical_jacobian[17] = K(0.0);
-  helical_jacobian[18] = d_along_3_d_omega_1;
-  helical_jacobian[19] = d_along_3_d_omega_2;
-  helical_jacobian[20] = d_along_3_d_omega_3;
-  helical_jacobian[21] = K(0.0);
-  helical_jacobian[22] = K(0.0);
-  helical_jacobian[23] = K(0.0);
-  helical_jacobian[24] = K(0.0);
-  helical_jacobian[25] = K(0.0);
-  helical_jacobian[26] = K(0.0);
-  helical_jacobian[27] = d_place_1_d_omega_1;
-  helical_jacobian[28] = d_place_1_d_omega_2;
-  helical_jacobian[29] = d_place_1_d_omega_3;
-  helical_jacobian[30] = K(0.0);
-  helical_jacobian[31] = d_place_1_d_velocity_2;
-  helical_jacobian[32] = d_place_1_d_velocity_3;
-  helical_jacobian[33] = d_across_1_d_position_1;
-  helical_jacobian[34] = d_across_1_d_position_2;
-  helical_jacobian[35] = d_across_1_d_position_3;
-  helical_jacobian[36] = d_place_2_d_omega_1;
-  helical_jacobian[37] = d_place_2_d_omega_2;
-  helical_jacobian[38] = d_place_2_d_omega_3;
-  helical_jacobian[39] = d_place_2_d_velocity_1;
-  helical_jacobian[40] = K(0.0);
-  helical_jacobian[41] = d_place_2_d_velocity_3;
-  helical_jacobian[42] = d_across_2_d_position_1;
-  helical_jacobian[43] = d_across_2_d_position_2;
-  helical_jacobian[44] = d_across_2_d_position_3;
-  helical_jacobian[45] = d_place_3_d_omega_1;
-  helical_jacobian[46] = d_place_3_d_omega_2;
-  helical_jacobian[47] = d_place_3_d_omega_3;
-  helical_jacobian[48] = d_place_3_d_velocity_1;
-  helical_jacobian[49] = d_place_3_d_velocity_2;
-  helical_jacobian[50] = K(0.0);
-  helical_jacobian[51] = d_across_3_d_position_1;
-  helical_jacobian[52] = d_across_3_d_position_2;
-  helical_jacobian[53] = d_across_3_d_position_3;
-  helical_jacobian[54] = d_helical_7_d_omega_1;
-  helical_jacobian[55] = d_helical_7_d_omega_2;
-  helical_jacobian[56] = d_helical_7_d_omega_3;
-  helical_jacobian[57] = d_helical_7_d_velocity_1;
-  helical_jacobian[58] = d_helical_7_d_velocity_2;
-  helical_jacobian[59] = d_helical_7_d_velocity_3;
-  helical_jacobian[60] = K(0.0);
-  helical_jacobian[61] = K(0.0);
-  helical_jacobian[62] = K(0.0);
-  helical_jacobian[63] = d_rate_d_omega_1;
-  helical_jacobian[64] = d_rate_d_omega_2;
-  helical_jacobian[65] = d_rate_d_omega_3;
-  helical_jacobian[66] = K(0.0);
-  helical_jacobian[67] = K(0.0);
-  helical_jacobian[68] = K(0.0);
-  helical_jacobian[69] = K(0.0);
-  helical_jacobian[70] = K(0.0);
-  helical_jacobian[71] = K(0.0);
-  helical_jacobian[72] = d_slide_rate_d_omega_1;
-  helical_jacobian[73] = d_slide_rate_d_omega_2;
-  helical_jacobian[74] = d_slide_rate_d_omega_3;
-  helical_jacobian[75] = along_1;
-  helical_jacobian[76] = along_2;
-  helical_jacobian[77] = along_3;
-  helical_jacobian[78] = K(0.0);
-  helical_jacobian[79] = K(0.0);
-  helical_jacobian[80] = K(0.0);
+  helical[AT(0)] = along_1;
+  helical[AT(1)] = along_2;
+  helical[AT(2)] = along_3;
+  helical[AT(3)] = place_1;
+  helical[AT(4)] = place_2;
+  helical[AT(5)] = place_3;
+  helical[AT(6)] = slide_rate*x0;
+  helical[AT(7)] = rate;
+  helical[AT(8)] = slide_rate;
+  helical_jacobian[AT(0)] = d_along_1_d_omega_1;
+  helical_jacobian[AT(1)] = d_along_1_d_omega_2;
+  helical_jacobian[AT(2)] = d_along_1_d_omega_3;
+  helical_jacobian[AT(3)] = K(0.0);
+  helical_jacobian[AT(4)] = K(0.0);
+  helical_jacobian[AT(5)] = K(0.0);
+  helical_jacobian[AT(6)] = K(0.0);
+  helical_jacobian[AT(7)] = K(0.0);
+  helical_jacobian[AT(8)] = K(0.0);
+  helical_jacobian[AT(9)] = d_along_2_d_omega_1;
+  helical_jacobian[AT(10)] = d_along_2_d_omega_2;
+  helical_jacobian[AT(11)] = d_along_2_d_omega_3;
+  helical_jacobian[AT(12)] = K(0.0);
+  helical_jacobian[AT(13)] = K(0.0);
+  helical_jacobian[AT(14)] = K(0.0);
+  helical_jacobian[AT(15)] = K(0.0);
+  helical_jacobian[AT(16)] = K(0.0);
+  helical_jacobian[AT(17)] = K(0.0);
+  helical_jacobian[AT(18)] = d_along_3_d_omega_1;
+  helical_jacobian[AT(19)] = d_along_3_d_omega_2;
+  helical_jacobian[AT(20)] = d_along_3_d_omega_3;
+  helical_jacobian[AT(21)] = K(0.0);
+  helical_jacobian[AT(22)] = K(0.0);
+  helical_jacobian[AT(23)] = K(0.0);
+  helical_jacobian[AT(24)] = K(0.0);
+  helical_jacobian[AT(25)] = K(0.0);
+  helical_jacobian[AT(26)] = K(0.0);
+  helical_jacobian[AT(27)] = d_place_1_d_omega_1;
+  helical_jacobian[AT(28)] = d_place_1_d_omega_2;
+  helical_jacobian[AT(29)] = d_place_1_d_omega_3;
+  helical_jacobian[AT(30)] = K(0.0);
+  helical_jacobian[AT(31)] = d_place_1_d_velocity_2;
+  helical_jacobian[AT(32)] = d_place_1_d_velocity_3;
+  helical_jacobian[AT(33)] = d_across_1_d_position_1;
+  helical_jacobian[AT(34)] = d_across_1_d_position_2;
+  helical_jacobian[AT(35)] = d_across_1_d_position_3;
+  helical_jacobian[AT(36)] = d_place_2_d_omega_1;
+  helical_jacobian[AT(37)] = d_place_2_d_omega_2;
+  helical_jacobian[AT(38)] = d_place_2_d_omega_3;
+  helical_jacobian[AT(39)] = d_place_2_d_velocity_1;
+  helical_jacobian[AT(40)] = K(0.0);
+  helical_jacobian[AT(41)] = d_place_2_d_velocity_3;
+  helical_jacobian[AT(42)] = d_across_2_d_position_1;
+  helical_jacobian[AT(43)] = d_across_2_d_position_2;
+  helical_jacobian[AT(44)] = d_across_2_d_position_3;
+  helical_jacobian[AT(45)] = d_place_3_d_omega_1;
+  helical_jacobian[AT(46)] = d_place_3_d_omega_2;
+  helical_jacobian[AT(47)] = d_place_3_d_omega_3;
+  helical_jacobian[AT(48)] = d_place_3_d_velocity_1;
+  helical_jacobian[AT(49)] = d_place_3_d_velocity_2;
+  helical_jacobian[AT(50)] = K(0.0);
+  helical_jacobian[AT(51)] = d_across_3_d_position_1;
+  helical_jacobian[AT(52)] = d_across_3_d_position_2;
+  helical_jacobian[AT(53)] = d_across_3_d_position_3;
+  helical_jacobian[AT(54)] = d_helical_7_d_omega_1;
+  helical_jacobian[AT(55)] = d_helical_7_d_omega_2;
+  helical_jacobian[AT(56)] = d_helical_7_d_omega_3;
+  helical_jacobian[AT(57)] = d_helical_7_d_velocity_1;
+  helical_jacobian[AT(58)] = d_helical_7_d_velocity_2;
+  helical_jacobian[AT(59)] = d_helical_7_d_velocity_3;
+  helical_jacobian[AT(60)] = K(0.0);
+  helical_jacobian[AT(61)] = K(0.0);
+  helical_jacobian[AT(62)] = K(0.0);
+  helical_jacobian[AT(63)] = d_rate_d_omega_1;
+  helical_jacobian[AT(64)] = d_rate_d_omega_2;
+  helical_jacobian[AT(65)] = d_rate_d_omega_3;
+  helical_jacobian[AT(66)] = K(0.0);
+  helical_jacobian[AT(67)] = K(0.0);
+  helical_jacobian[AT(68)] = K(0.0);
+  helical_jacobian[AT(69)] = K(0.0);
+  helical_jacobian[AT(70)] = K(0.0);
+  helical_jacobian[AT(71)] = K(0.0);
+  helical_jacobian[AT(72)] = d_slide_rate_d_omega_1;
+  helical_jacobian[AT(73)] = d_slide_rate_d_omega_2;
+  helical_jacobian[AT(74)] = d_slide_rate_d_omega_3;
+  helical_jacobian[AT(75)] = along_1;
+  helical_jacobian[AT(76)] = along_2;
+  helical_jacobian[AT(77)] = along_3;
+  helical_jacobian[AT(78)] = K(0.0);
+  helical_jacobian[AT(79)] = K(0.0);
+  helical_jacobian[AT(80)] = K(0.0);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(helical_axis_screw_residual_batch)(size_t count, const REAL *before, const REAL *reading, const REAL *angle, const REAL *slide, const REAL *axis, const REAL *point, REAL *residual, REAL *residual_jacobian) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(helical_axis_screw_residual)(before + 3 * i, reading + 3 * i, angle[i], slide[i], axis + 3 * i, point + 3 * i, residual + 3 * i, residual_jacobian + 33 * i);
 }
 
 void TYPED(helical_axis_velocity_axis_batch)(size_t count, const REAL *omega, const REAL *velocity, const REAL *position, const REAL *origin, REAL *helical, REAL *helical_jacobian) {
   for (size_t i = 0; i < count; ++i)
     TYPED(helical_axis_velocity_axis)(omega + 3 * i, velocity + 3 * i, position + 3 * i, origin + 3 * i, helical + 9 * i, helical_jacobian + 81 * i);
 }
+#endif
 
 #endif

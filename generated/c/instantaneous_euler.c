@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -40,6 +41,15 @@ static inline float power_of_two_scale_f32(float x) {
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -92,12 +102,12 @@ static inline float power_of_two_scale_f32(float x) {
 #else
 
 /* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
-void TYPED(instantaneous_euler_chi_from_quaternion)(const REAL quaternion[4], REAL chi[3], int8_t *status) {
+KERNEL(instantaneous_euler_chi_from_quaternion, const REAL quaternion[4], REAL chi[3], CODE *status) {
   /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
   const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
@@ -106,13 +116,13 @@ void TYPED(instantaneous_euler_chi_from_quaternion)(const REAL quaternion[4], RE
   const REAL quaternion_scaled_3 = quaternion_3*x0;
   const REAL quaternion_scaled_4 = quaternion_4*x0;
   const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = ((quaternion_length > K(0.0)) ? K(1.0)/quaternion_length : K(1.0));
+  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
   const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
   const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
   const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
   const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
   const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const int good = (quaternion_size <= REAL_MAX) && (quaternion_size > K(0.0));
+  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
   const REAL x2 = FABS(quaternion_unit_3);
   const REAL x3 = FABS(quaternion_unit_4);
   const REAL sine_x_scale = POWER_OF_TWO_SCALE(x2 + x3);
@@ -141,31 +151,26 @@ void TYPED(instantaneous_euler_chi_from_quaternion)(const REAL quaternion[4], RE
   const REAL cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
   const REAL cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
   const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((quaternion_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : (((sine_x == K(0.0)) && (sine_y == K(0.0)) && (sine_z == K(0.0))) ? K(2.0) : (((cosine_x <= REAL_EPSILON) || (cosine_y <= REAL_EPSILON) || (cosine_z <= REAL_EPSILON) || (sine_x <= REAL_EPSILON) || (sine_y <= REAL_EPSILON) || (sine_z <= REAL_EPSILON)) ? K(1.0) : K(0.0)))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
   /* outputs */
-  chi[0] = ((good) ? K(2.0)*ATAN2(sine_x, cosine_x) : (REAL)NAN);
-  chi[1] = ((good) ? K(2.0)*ATAN2(sine_y, cosine_y) : (REAL)NAN);
-  chi[2] = ((good) ? K(2.0)*ATAN2(sine_z, cosine_z) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(instantaneous_euler_chi_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *chi, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_chi_from_quaternion)(quaternion + 4 * i, chi + 3 * i, status + i);
+  chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
+  chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
+  chi[AT(2)] = SELECT(good, K(2.0)*ATAN2(sine_z, cosine_z), (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
-void TYPED(instantaneous_euler_chi_from_matrix)(const REAL matrix[9], REAL chi[3], int8_t *status) {
+KERNEL(instantaneous_euler_chi_from_matrix, const REAL matrix[9], REAL chi[3], CODE *status) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
   /* intermediate terms */
   const REAL x0 = matrix_1_1 + K(1.0);
   const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
@@ -191,20 +196,20 @@ void TYPED(instantaneous_euler_chi_from_matrix)(const REAL matrix[9], REAL chi[3
   const REAL products_4_2 = x7;
   const REAL products_4_3 = x9;
   const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
-  const REAL column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
-  const REAL column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
-  const REAL column_a_4 = ((products_1_1 < products_2_2) ? products_4_2 : products_4_1);
-  const REAL largest_a = ((products_1_1 < products_2_2) ? products_2_2 : products_1_1);
-  const REAL column_b_1 = ((largest_a < products_3_3) ? products_1_3 : column_a_1);
-  const REAL column_b_2 = ((largest_a < products_3_3) ? products_2_3 : column_a_2);
-  const REAL column_b_3 = ((largest_a < products_3_3) ? products_3_3 : column_a_3);
-  const REAL column_b_4 = ((largest_a < products_3_3) ? products_4_3 : column_a_4);
-  const REAL largest_b = ((largest_a < products_3_3) ? products_3_3 : largest_a);
-  const REAL column_c_1 = ((largest_b < products_4_4) ? products_1_4 : column_b_1);
-  const REAL column_c_2 = ((largest_b < products_4_4) ? products_2_4 : column_b_2);
-  const REAL column_c_3 = ((largest_b < products_4_4) ? products_3_4 : column_b_3);
-  const REAL column_c_4 = ((largest_b < products_4_4) ? products_4_4 : column_b_4);
+  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
+  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
+  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
+  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
+  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
+  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
+  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
   const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
   const REAL x10 = K(1.0)/length;
   const REAL unit_1 = column_c_1*x10;
@@ -213,7 +218,7 @@ void TYPED(instantaneous_euler_chi_from_matrix)(const REAL matrix[9], REAL chi[3
   const REAL unit_4 = column_c_4*x10;
   const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
   const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const int good = (deviation <= REAL_MAX) && (determinant > K(0.0));
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
   const REAL x11 = FABS(unit_3);
   const REAL x12 = FABS(unit_4);
   const REAL sine_x_scale = POWER_OF_TWO_SCALE(x11 + x12);
@@ -242,25 +247,20 @@ void TYPED(instantaneous_euler_chi_from_matrix)(const REAL matrix[9], REAL chi[3
   const REAL cosine_z_scaled_1 = cosine_z_scale*unit_1;
   const REAL cosine_z_scaled_2 = cosine_z_scale*unit_4;
   const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((deviation > K(64.0)*REAL_EPSILON) ? K(3.0) : (((sine_x == K(0.0)) && (sine_y == K(0.0)) && (sine_z == K(0.0))) ? K(2.0) : (((cosine_x <= REAL_EPSILON) || (cosine_y <= REAL_EPSILON) || (cosine_z <= REAL_EPSILON) || (sine_x <= REAL_EPSILON) || (sine_y <= REAL_EPSILON) || (sine_z <= REAL_EPSILON)) ? K(1.0) : K(0.0)))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
   /* outputs */
-  chi[0] = ((good) ? K(2.0)*ATAN2(sine_x, cosine_x) : (REAL)NAN);
-  chi[1] = ((good) ? K(2.0)*ATAN2(sine_y, cosine_y) : (REAL)NAN);
-  chi[2] = ((good) ? K(2.0)*ATAN2(sine_z, cosine_z) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(instantaneous_euler_chi_from_matrix_batch)(size_t count, const REAL *matrix, REAL *chi, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_chi_from_matrix)(matrix + 9 * i, chi + 3 * i, status + i);
+  chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
+  chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
+  chi[AT(2)] = SELECT(good, K(2.0)*ATAN2(sine_z, cosine_z), (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
-void TYPED(instantaneous_euler_chi_from_zyx)(const REAL angles[3], REAL chi[3], int8_t *status) {
+KERNEL(instantaneous_euler_chi_from_zyx, const REAL angles[3], REAL chi[3], CODE *status) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
   /* intermediate terms */
   const REAL half_1 = K(0.5)*angles_1;
   const REAL half_2 = K(0.5)*angles_2;
@@ -271,7 +271,7 @@ void TYPED(instantaneous_euler_chi_from_zyx)(const REAL angles[3], REAL chi[3], 
   const REAL cos_1 = COS(half_1);
   const REAL cos_2 = COS(half_2);
   const REAL cos_3 = COS(half_3);
-  const int good = K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX;
+  const CONDITION good = TEST(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
   const REAL x0 = cos_1*cos_2;
   const REAL x1 = sin_1*sin_2;
   const REAL w = cos_3*x0 + sin_3*x1;
@@ -308,32 +308,30 @@ void TYPED(instantaneous_euler_chi_from_zyx)(const REAL angles[3], REAL chi[3], 
   const REAL cosine_z_scaled_1 = cosine_z_scale*x6;
   const REAL cosine_z_scaled_2 = cosine_z_scale*x7;
   const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-  const REAL status_value = ((!(good)) ? K(4.0) : (((sine_x == K(0.0)) && (sine_y == K(0.0)) && (sine_z == K(0.0))) ? K(2.0) : (((cosine_x <= REAL_EPSILON) || (cosine_y <= REAL_EPSILON) || (cosine_z <= REAL_EPSILON) || (sine_x <= REAL_EPSILON) || (sine_y <= REAL_EPSILON) || (sine_z <= REAL_EPSILON)) ? K(1.0) : K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
   /* outputs */
-  chi[0] = ((good) ? K(2.0)*ATAN2(sine_x, cosine_x) : (REAL)NAN);
-  chi[1] = ((good) ? K(2.0)*ATAN2(sine_y, cosine_y) : (REAL)NAN);
-  chi[2] = ((good) ? K(2.0)*ATAN2(sine_z, cosine_z) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(instantaneous_euler_chi_from_zyx_batch)(size_t count, const REAL *angles, REAL *chi, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_chi_from_zyx)(angles + 3 * i, chi + 3 * i, status + i);
+  chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
+  chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
+  chi[AT(2)] = SELECT(good, K(2.0)*ATAN2(sine_z, cosine_z), (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, half_1);
+  ANGLE(1, half_2);
+  ANGLE(2, half_3);
 }
 
 /* chi_from_zyz: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
-void TYPED(instantaneous_euler_chi_from_zyz)(const REAL angles[3], REAL chi[3], int8_t *status) {
+KERNEL(instantaneous_euler_chi_from_zyz, const REAL angles[3], REAL chi[3], CODE *status) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
   /* intermediate terms */
   const REAL half_1 = K(0.5)*angles_1;
   const REAL half_2 = K(0.5)*angles_2;
   const REAL half_3 = K(0.5)*angles_3;
   const REAL sin_2 = SIN(half_2);
   const REAL cos_2 = COS(half_2);
-  const int good = K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX;
+  const CONDITION good = TEST(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
   const REAL half_sum = half_1 + half_3;
   const REAL half_difference = half_1 - half_3;
   const REAL w = cos_2*COS(half_sum);
@@ -362,17 +360,37 @@ void TYPED(instantaneous_euler_chi_from_zyz)(const REAL angles[3], REAL chi[3], 
   const REAL cosine_y_scaled_2 = cosine_y_scale*y;
   const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
   const REAL cosine_z = FABS(cos_2);
-  const REAL status_value = ((!(good)) ? K(4.0) : (((sine_x == K(0.0)) && (sine_y == K(0.0)) && (sine_z == K(0.0))) ? K(2.0) : (((cosine_x <= REAL_EPSILON) || (cosine_y <= REAL_EPSILON) || (cosine_z <= REAL_EPSILON) || (sine_x <= REAL_EPSILON) || (sine_y <= REAL_EPSILON) || (sine_z <= REAL_EPSILON)) ? K(1.0) : K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
   /* outputs */
-  chi[0] = ((good) ? K(2.0)*ATAN2(sine_x, cosine_x) : (REAL)NAN);
-  chi[1] = ((good) ? K(2.0)*ATAN2(sine_y, cosine_y) : (REAL)NAN);
-  chi[2] = ((good) ? K(2.0)*ATAN2(sine_z, cosine_z) : (REAL)NAN);
-  *status = (int8_t)status_value;
+  chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
+  chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
+  chi[AT(2)] = SELECT(good, K(2.0)*ATAN2(sine_z, cosine_z), (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, half_2);
+  ANGLE(1, half_difference);
+  ANGLE(2, half_sum);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(instantaneous_euler_chi_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *chi, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_chi_from_quaternion)(quaternion + 4 * i, chi + 3 * i, status + i);
+}
+
+void TYPED(instantaneous_euler_chi_from_matrix_batch)(size_t count, const REAL *matrix, REAL *chi, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_chi_from_matrix)(matrix + 9 * i, chi + 3 * i, status + i);
+}
+
+void TYPED(instantaneous_euler_chi_from_zyx_batch)(size_t count, const REAL *angles, REAL *chi, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_chi_from_zyx)(angles + 3 * i, chi + 3 * i, status + i);
 }
 
 void TYPED(instantaneous_euler_chi_from_zyz_batch)(size_t count, const REAL *angles, REAL *chi, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(instantaneous_euler_chi_from_zyz)(angles + 3 * i, chi + 3 * i, status + i);
 }
+#endif
 
 #endif

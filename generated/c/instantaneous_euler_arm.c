@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -50,18 +60,18 @@
 #else
 
 /* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
-void TYPED(instantaneous_euler_arm_chi_arm_pose)(const REAL joints[6], const REAL lengths[4], REAL matrix[9], REAL point[3], REAL wrist[3]) {
+KERNEL(instantaneous_euler_arm_chi_arm_pose, const REAL joints[6], const REAL lengths[4], REAL matrix[9], REAL point[3], REAL wrist[3]) {
   /* inputs */
-  const REAL joints_1 = joints[0];
-  const REAL joints_2 = joints[1];
-  const REAL joints_3 = joints[2];
-  const REAL joints_4 = joints[3];
-  const REAL joints_5 = joints[4];
-  const REAL joints_6 = joints[5];
-  const REAL lengths_1 = lengths[0];
-  const REAL lengths_2 = lengths[1];
-  const REAL lengths_3 = lengths[2];
-  const REAL lengths_4 = lengths[3];
+  const REAL joints_1 = joints[AT(0)];
+  const REAL joints_2 = joints[AT(1)];
+  const REAL joints_3 = joints[AT(2)];
+  const REAL joints_4 = joints[AT(3)];
+  const REAL joints_5 = joints[AT(4)];
+  const REAL joints_6 = joints[AT(5)];
+  const REAL lengths_1 = lengths[AT(0)];
+  const REAL lengths_2 = lengths[AT(1)];
+  const REAL lengths_3 = lengths[AT(2)];
+  const REAL lengths_4 = lengths[AT(3)];
   /* intermediate terms */
   const REAL x0 = SIN(joints_1);
   const REAL x2 = COS(joints_5);
@@ -104,26 +114,34 @@ void TYPED(instantaneous_euler_arm_chi_arm_pose)(const REAL joints[6], const REA
   const REAL x38 = x0*x36;
   const REAL x39 = lengths_1 + x10*x35 - lengths_3*x8;
   /* outputs */
-  matrix[0] = x16;
-  matrix[1] = x15*x24 + x19*x22 - x0*x21;
-  matrix[2] = x15*x26 + x17*x22 - x0*x25;
-  matrix[3] = x29;
-  matrix[4] = x19*x30 + x21*x5 + x24*x28;
-  matrix[5] = x17*x30 + x25*x5 + x26*x28;
-  matrix[6] = x33;
-  matrix[7] = x19*x34 + x24*x32;
-  matrix[8] = x17*x34 + x26*x32;
-  point[0] = lengths_4*x16 + x37;
-  point[1] = lengths_4*x29 + x38;
-  point[2] = lengths_4*x33 + x39;
-  wrist[0] = x37;
-  wrist[1] = x38;
-  wrist[2] = x39;
+  matrix[AT(0)] = x16;
+  matrix[AT(1)] = x15*x24 + x19*x22 - x0*x21;
+  matrix[AT(2)] = x15*x26 + x17*x22 - x0*x25;
+  matrix[AT(3)] = x29;
+  matrix[AT(4)] = x19*x30 + x21*x5 + x24*x28;
+  matrix[AT(5)] = x17*x30 + x25*x5 + x26*x28;
+  matrix[AT(6)] = x33;
+  matrix[AT(7)] = x19*x34 + x24*x32;
+  matrix[AT(8)] = x17*x34 + x26*x32;
+  point[AT(0)] = lengths_4*x16 + x37;
+  point[AT(1)] = lengths_4*x29 + x38;
+  point[AT(2)] = lengths_4*x33 + x39;
+  wrist[AT(0)] = x37;
+  wrist[AT(1)] = x38;
+  wrist[AT(2)] = x39;
+  ANGLE(0, joints_1);
+  ANGLE(1, joints_2);
+  ANGLE(2, joints_3);
+  ANGLE(3, joints_4);
+  ANGLE(4, joints_5);
+  ANGLE(5, joints_6);
 }
 
+#ifndef ON_COLUMNS
 void TYPED(instantaneous_euler_arm_chi_arm_pose_batch)(size_t count, const REAL *joints, const REAL *lengths, REAL *matrix, REAL *point, REAL *wrist) {
   for (size_t i = 0; i < count; ++i)
     TYPED(instantaneous_euler_arm_chi_arm_pose)(joints + 6 * i, lengths + 4 * i, matrix + 9 * i, point + 3 * i, wrist + 3 * i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -58,16 +68,16 @@
 #else
 
 /* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
-void TYPED(instantaneous_euler_inverse_chi_rotations)(const REAL chi[3], REAL tolerance, REAL quaternions[32], REAL *distance, REAL nearest[3], int8_t *status) {
+KERNEL(instantaneous_euler_inverse_chi_rotations, const REAL chi[3], REAL tolerance, REAL quaternions[32], REAL *distance, REAL nearest[3], CODE *status) {
   /* inputs */
-  const REAL chi_1 = chi[0];
-  const REAL chi_2 = chi[1];
-  const REAL chi_3 = chi[2];
+  const REAL chi_1 = chi[AT(0)];
+  const REAL chi_2 = chi[AT(1)];
+  const REAL chi_3 = chi[AT(2)];
   /* intermediate terms */
   const REAL x22 = K(3.141592653589793)*(K(4.0)*REAL_EPSILON + K(1.0));
-  const int good = (chi_1 >= K(0.0)) && (chi_2 >= K(0.0)) && (chi_3 >= K(0.0)) && (tolerance >= K(0.0)) && (chi_1 <= x22) && (chi_2 <= x22) && (chi_3 <= x22);
+  const CONDITION good = (TEST(chi_1 >= K(0.0))) & (TEST(chi_2 >= K(0.0))) & (TEST(chi_3 >= K(0.0))) & (TEST(tolerance >= K(0.0))) & (TEST(chi_1 <= x22)) & (TEST(chi_2 <= x22)) & (TEST(chi_3 <= x22));
   const REAL x0 = K(16.0)*REAL_EPSILON;
-  const REAL slack = ((tolerance < x0) ? x0 : tolerance);
+  const REAL slack = SELECT(TEST(tolerance < x0), x0, tolerance);
   const REAL x1 = K(0.5)*chi_1;
   const REAL s_1 = (SIN(x1)*SIN(x1));
   const REAL x2 = K(0.5)*chi_2;
@@ -82,127 +92,132 @@ void TYPED(instantaneous_euler_inverse_chi_rotations)(const REAL chi[3], REAL to
   const REAL share_1 = whole - s_1;
   const REAL share_2 = whole - s_2;
   const REAL share_3 = whole - s_3;
-  const int above_1 = share_1 > share_0;
-  const REAL largest_1 = ((above_1) ? share_1 : share_0);
-  const int above_2 = share_2 > largest_1;
-  const REAL largest_2 = ((above_2) ? share_2 : largest_1);
-  const int above_3 = share_3 > largest_2;
-  const int at_2 = (above_2) && (!(above_3));
-  const int at_1 = (above_1) && (!(above_2)) && (!(above_3));
-  const REAL part_1 = (((above_3) || (at_2)) ? c_1 : s_1);
-  const REAL part_2 = (((above_3) || (at_1)) ? c_2 : s_2);
-  const REAL part_3 = (((at_1) || (at_2)) ? c_3 : s_3);
+  const CONDITION above_1 = TEST(share_1 > share_0);
+  const REAL largest_1 = SELECT(above_1, share_1, share_0);
+  const CONDITION above_2 = TEST(share_2 > largest_1);
+  const REAL largest_2 = SELECT(above_2, share_2, largest_1);
+  const CONDITION above_3 = TEST(share_3 > largest_2);
+  const CONDITION at_2 = (above_2) & (NOT(above_3));
+  const CONDITION at_1 = (above_1) & (NOT(above_2)) & (NOT(above_3));
+  const REAL part_1 = SELECT((above_3) | (at_2), c_1, s_1);
+  const REAL part_2 = SELECT((above_3) | (at_1), c_2, s_2);
+  const REAL part_3 = SELECT((at_1) | (at_2), c_3, s_3);
   const REAL size = part_1 + part_2 + part_3;
   const REAL x5 = -K(0.5)*size;
   const REAL raw_1 = -part_1 - x5;
   const REAL raw_2 = -part_2 - x5;
   const REAL raw_3 = -part_3 - x5;
-  const REAL coarse = (((above_3) || (at_1) || (at_2)) ? x0*(REAL_EPSILON + SQRT(size)) : K(0.0));
+  const REAL coarse = SELECT((above_3) | (at_1) | (at_2), x0*(REAL_EPSILON + SQRT(size)), K(0.0));
   const REAL floor = coarse + size*slack;
-  const int outside = (raw_1 < -floor) || (raw_2 < -floor) || (raw_3 < -floor);
-  const REAL rest_1 = ((floor >= raw_1) ? K(0.0) : raw_1);
-  const REAL rest_2 = ((floor >= raw_2) ? K(0.0) : raw_2);
-  const REAL rest_3 = ((floor >= raw_3) ? K(0.0) : raw_3);
+  const CONDITION outside = (TEST(raw_1 < -floor)) | (TEST(raw_2 < -floor)) | (TEST(raw_3 < -floor));
+  const REAL rest_1 = SELECT(TEST(floor >= raw_1), K(0.0), raw_1);
+  const REAL rest_2 = SELECT(TEST(floor >= raw_2), K(0.0), raw_2);
+  const REAL rest_3 = SELECT(TEST(floor >= raw_3), K(0.0), raw_3);
   const REAL rest_0 = K(1.0) - rest_1 - rest_2 - rest_3;
   const REAL x6 = SQRT(rest_3);
   const REAL x7 = SQRT(rest_2);
   const REAL x8 = SQRT(rest_1);
   const REAL x9 = SQRT(rest_0);
-  const REAL component_0 = ((above_3) ? x6 : ((at_2) ? x7 : ((at_1) ? x8 : x9)));
-  const REAL component_1 = ((above_3) ? x7 : ((at_2) ? x6 : ((at_1) ? x9 : x8)));
-  const REAL component_2 = ((above_3) ? x8 : ((at_2) ? x9 : ((at_1) ? x6 : x7)));
-  const REAL component_3 = ((above_3) ? x9 : ((at_2) ? x8 : ((at_1) ? x7 : x6)));
-  const int present_0 = component_0 > K(0.0);
-  const int present_1 = component_1 > K(0.0);
-  const int present_2 = component_2 > K(0.0);
-  const int present_3 = component_3 > K(0.0);
-  const int free_1 = (present_0) && (present_1);
-  const int free_2 = (present_2) && ((present_0) || (present_1));
-  const int free_3 = (present_3) && ((present_0) || (present_1) || (present_2));
-  const REAL x10 = ((free_1) ? K(1.0) : K(0.0));
-  const REAL x11 = ((free_2) ? K(1.0) : K(0.0));
-  const REAL freedom = x10 + x11 + ((free_3) ? K(1.0) : K(0.0));
+  const REAL component_0 = SELECT(above_3, x6, SELECT(at_2, x7, SELECT(at_1, x8, x9)));
+  const REAL component_1 = SELECT(above_3, x7, SELECT(at_2, x6, SELECT(at_1, x9, x8)));
+  const REAL component_2 = SELECT(above_3, x8, SELECT(at_2, x9, SELECT(at_1, x6, x7)));
+  const REAL component_3 = SELECT(above_3, x9, SELECT(at_2, x8, SELECT(at_1, x7, x6)));
+  const CONDITION present_0 = TEST(component_0 > K(0.0));
+  const CONDITION present_1 = TEST(component_1 > K(0.0));
+  const CONDITION present_2 = TEST(component_2 > K(0.0));
+  const CONDITION present_3 = TEST(component_3 > K(0.0));
+  const CONDITION free_1 = (present_0) & (present_1);
+  const CONDITION free_2 = (present_2) & ((present_0) | (present_1));
+  const CONDITION free_3 = (present_3) & ((present_0) | (present_1) | (present_2));
+  const REAL x10 = SELECT(free_1, K(1.0), K(0.0));
+  const REAL x11 = SELECT(free_2, K(1.0), K(0.0));
+  const REAL freedom = x10 + x11 + SELECT(free_3, K(1.0), K(0.0));
   const REAL before_2 = x10;
   const REAL before_3 = before_2 + x11;
-  const int known = (good) && (!(outside));
-  const REAL x12 = ((free_1) ? -component_1 : component_1);
-  const REAL x13 = (((known) && (freedom > K(1.5))) ? component_0 : (REAL)NAN);
-  const REAL x14 = ((before_2 < K(1.5)) ? -K(1.0) : K(1.0));
-  const REAL x15 = ((before_3 < K(1.5)) ? -K(1.0) : K(1.0));
-  const REAL x16 = (((known) && (freedom > K(2.5))) ? component_0 : (REAL)NAN);
-  const REAL x17 = (((known) && (freedom > K(2.5))) ? component_1 : (REAL)NAN);
-  const REAL x18 = ((before_2 < K(1.5)) ? K(1.0) : -K(1.0));
-  const REAL x19 = ((before_3 < K(1.5)) ? K(1.0) : -K(1.0));
-  const REAL x20 = (((known) && (freedom > K(2.5))) ? x12 : (REAL)NAN);
-  const REAL upper_0 = ((share_0 < share_1) ? share_1 : share_0);
-  const REAL lower_0 = ((share_0 < share_1) ? share_0 : share_1);
-  const REAL upper_1 = ((share_2 < share_3) ? share_3 : share_2);
-  const REAL lower_1 = ((share_2 < share_3) ? share_2 : share_3);
-  const REAL upper_2 = ((upper_0 < upper_1) ? upper_1 : upper_0);
-  const REAL lower_2 = ((upper_0 < upper_1) ? upper_0 : upper_1);
-  const REAL upper_3 = ((lower_0 < lower_1) ? lower_1 : lower_0);
-  const REAL lower_3 = ((lower_0 < lower_1) ? lower_0 : lower_1);
-  const REAL upper_4 = ((lower_2 > upper_3) ? lower_2 : upper_3);
-  const REAL lower_4 = ((lower_2 > upper_3) ? upper_3 : lower_2);
+  const CONDITION known = (good) & (NOT(outside));
+  const REAL x12 = SELECT(free_1, -component_1, component_1);
+  const REAL x13 = SELECT((known) & (TEST(freedom > K(1.5))), component_0, (REAL)NAN);
+  const REAL x14 = SELECT(TEST(before_2 < K(1.5)), -K(1.0), K(1.0));
+  const REAL x15 = SELECT(TEST(before_3 < K(1.5)), -K(1.0), K(1.0));
+  const REAL x16 = SELECT((known) & (TEST(freedom > K(2.5))), component_0, (REAL)NAN);
+  const REAL x17 = SELECT((known) & (TEST(freedom > K(2.5))), component_1, (REAL)NAN);
+  const REAL x18 = SELECT(TEST(before_2 < K(1.5)), K(1.0), -K(1.0));
+  const REAL x19 = SELECT(TEST(before_3 < K(1.5)), K(1.0), -K(1.0));
+  const REAL x20 = SELECT((known) & (TEST(freedom > K(2.5))), x12, (REAL)NAN);
+  const REAL upper_0 = SELECT(TEST(share_0 < share_1), share_1, share_0);
+  const REAL lower_0 = SELECT(TEST(share_0 < share_1), share_0, share_1);
+  const REAL upper_1 = SELECT(TEST(share_2 < share_3), share_3, share_2);
+  const REAL lower_1 = SELECT(TEST(share_2 < share_3), share_2, share_3);
+  const REAL upper_2 = SELECT(TEST(upper_0 < upper_1), upper_1, upper_0);
+  const REAL lower_2 = SELECT(TEST(upper_0 < upper_1), upper_0, upper_1);
+  const REAL upper_3 = SELECT(TEST(lower_0 < lower_1), lower_1, lower_0);
+  const REAL lower_3 = SELECT(TEST(lower_0 < lower_1), lower_0, lower_1);
+  const REAL upper_4 = SELECT(TEST(lower_2 > upper_3), lower_2, upper_3);
+  const REAL lower_4 = SELECT(TEST(lower_2 > upper_3), upper_3, lower_2);
   const REAL total_1 = upper_2;
   const REAL mean_1 = total_1 - K(1.0);
   const REAL total_2 = total_1 + upper_4;
   const REAL mean_2 = K(0.5)*total_2 - K(0.5);
-  const REAL shift_2 = ((mean_1 < mean_2) ? mean_2 : mean_1);
+  const REAL shift_2 = SELECT(TEST(mean_1 < mean_2), mean_2, mean_1);
   const REAL total_3 = lower_4 + total_2;
   const REAL mean_3 = total_3/K(3.0) - K(1.0)/K(3.0);
-  const REAL shift_3 = ((mean_3 > shift_2) ? mean_3 : shift_2);
+  const REAL shift_3 = SELECT(TEST(mean_3 > shift_2), mean_3, shift_2);
   const REAL total_4 = lower_3 + total_3;
   const REAL mean_4 = K(0.25)*total_4 - K(0.25);
-  const REAL shift_4 = ((mean_4 > shift_3) ? mean_4 : shift_3);
-  const REAL kept_0 = ((share_0 > shift_4) ? share_0 - shift_4 : K(0.0));
-  const REAL kept_1 = ((share_1 > shift_4) ? share_1 - shift_4 : K(0.0));
-  const REAL kept_2 = ((share_2 > shift_4) ? share_2 - shift_4 : K(0.0));
-  const REAL kept_3 = ((share_3 > shift_4) ? share_3 - shift_4 : K(0.0));
-  const REAL status_value = ((!(good)) ? K(5.0) : ((outside) ? K(4.0) : ((freedom > K(2.5)) ? K(0.0) : ((freedom > K(1.5)) ? K(1.0) : ((freedom > K(0.5)) ? K(2.0) : K(3.0))))));
+  const REAL shift_4 = SELECT(TEST(mean_4 > shift_3), mean_4, shift_3);
+  const REAL kept_0 = SELECT(TEST(share_0 > shift_4), share_0 - shift_4, K(0.0));
+  const REAL kept_1 = SELECT(TEST(share_1 > shift_4), share_1 - shift_4, K(0.0));
+  const REAL kept_2 = SELECT(TEST(share_2 > shift_4), share_2 - shift_4, K(0.0));
+  const REAL kept_3 = SELECT(TEST(share_3 > shift_4), share_3 - shift_4, K(0.0));
+  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT(outside, K(4.0), SELECT(TEST(freedom > K(2.5)), K(0.0), SELECT(TEST(freedom > K(1.5)), K(1.0), SELECT(TEST(freedom > K(0.5)), K(2.0), K(3.0))))));
   /* outputs */
-  quaternions[0] = (((known) && (freedom > -K(0.5))) ? component_0 : (REAL)NAN);
-  quaternions[1] = (((known) && (freedom > -K(0.5))) ? component_1 : (REAL)NAN);
-  quaternions[2] = (((known) && (freedom > -K(0.5))) ? component_2 : (REAL)NAN);
-  quaternions[3] = (((known) && (freedom > -K(0.5))) ? component_3 : (REAL)NAN);
-  quaternions[4] = (((known) && (freedom > K(0.5))) ? component_0 : (REAL)NAN);
-  quaternions[5] = (((known) && (freedom > K(0.5))) ? x12 : (REAL)NAN);
-  quaternions[6] = (((known) && (freedom > K(0.5))) ? ((free_2) ? component_2*((before_2 < K(0.5)) ? -K(1.0) : K(1.0)) : component_2) : (REAL)NAN);
-  quaternions[7] = (((known) && (freedom > K(0.5))) ? ((free_3) ? component_3*((before_3 < K(0.5)) ? -K(1.0) : K(1.0)) : component_3) : (REAL)NAN);
-  quaternions[8] = x13;
-  quaternions[9] = (((known) && (freedom > K(1.5))) ? component_1 : (REAL)NAN);
-  quaternions[10] = (((known) && (freedom > K(1.5))) ? ((free_2) ? component_2*((before_2 < K(0.5)) ? K(1.0) : x14) : component_2) : (REAL)NAN);
-  quaternions[11] = (((known) && (freedom > K(1.5))) ? ((free_3) ? component_3*((before_3 < K(0.5)) ? K(1.0) : x15) : component_3) : (REAL)NAN);
-  quaternions[12] = x13;
-  quaternions[13] = (((known) && (freedom > K(1.5))) ? x12 : (REAL)NAN);
-  quaternions[14] = (((known) && (freedom > K(1.5))) ? ((free_2) ? component_2*((before_2 < K(0.5)) ? -K(1.0) : x14) : component_2) : (REAL)NAN);
-  quaternions[15] = (((known) && (freedom > K(1.5))) ? ((free_3) ? component_3*((before_3 < K(0.5)) ? -K(1.0) : x15) : component_3) : (REAL)NAN);
-  quaternions[16] = x16;
-  quaternions[17] = x17;
-  quaternions[18] = (((known) && (freedom > K(2.5))) ? ((free_2) ? component_2*((before_2 < K(0.5)) ? K(1.0) : x18) : component_2) : (REAL)NAN);
-  quaternions[19] = (((known) && (freedom > K(2.5))) ? ((free_3) ? component_3*((before_3 < K(0.5)) ? K(1.0) : x19) : component_3) : (REAL)NAN);
-  quaternions[20] = x16;
-  quaternions[21] = x20;
-  quaternions[22] = (((known) && (freedom > K(2.5))) ? ((free_2) ? component_2*((before_2 < K(0.5)) ? -K(1.0) : x18) : component_2) : (REAL)NAN);
-  quaternions[23] = (((known) && (freedom > K(2.5))) ? ((free_3) ? component_3*((before_3 < K(0.5)) ? -K(1.0) : x19) : component_3) : (REAL)NAN);
-  quaternions[24] = x16;
-  quaternions[25] = x17;
-  quaternions[26] = (((known) && (freedom > K(2.5))) ? ((free_2) ? component_2*((before_2 < K(0.5)) ? K(1.0) : -K(1.0)) : component_2) : (REAL)NAN);
-  quaternions[27] = (((known) && (freedom > K(2.5))) ? ((free_3) ? component_3*((before_3 < K(0.5)) ? K(1.0) : -K(1.0)) : component_3) : (REAL)NAN);
-  quaternions[28] = x16;
-  quaternions[29] = x20;
-  quaternions[30] = (((known) && (freedom > K(2.5))) ? ((free_2) ? -component_2 : component_2) : (REAL)NAN);
-  quaternions[31] = (((known) && (freedom > K(2.5))) ? ((free_3) ? -component_3 : component_3) : (REAL)NAN);
-  *distance = ((good) ? ((outside) ? K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))) : K(0.0)) : (REAL)NAN);
-  nearest[0] = ((good) ? ((outside) ? K(2.0)*ATAN2(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)) : chi_1) : (REAL)NAN);
-  nearest[1] = ((good) ? ((outside) ? K(2.0)*ATAN2(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)) : chi_2) : (REAL)NAN);
-  nearest[2] = ((good) ? ((outside) ? K(2.0)*ATAN2(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)) : chi_3) : (REAL)NAN);
-  *status = (int8_t)status_value;
+  quaternions[AT(0)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_0, (REAL)NAN);
+  quaternions[AT(1)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_1, (REAL)NAN);
+  quaternions[AT(2)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_2, (REAL)NAN);
+  quaternions[AT(3)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_3, (REAL)NAN);
+  quaternions[AT(4)] = SELECT((known) & (TEST(freedom > K(0.5))), component_0, (REAL)NAN);
+  quaternions[AT(5)] = SELECT((known) & (TEST(freedom > K(0.5))), x12, (REAL)NAN);
+  quaternions[AT(6)] = SELECT((known) & (TEST(freedom > K(0.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), -K(1.0), K(1.0)), component_2), (REAL)NAN);
+  quaternions[AT(7)] = SELECT((known) & (TEST(freedom > K(0.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), -K(1.0), K(1.0)), component_3), (REAL)NAN);
+  quaternions[AT(8)] = x13;
+  quaternions[AT(9)] = SELECT((known) & (TEST(freedom > K(1.5))), component_1, (REAL)NAN);
+  quaternions[AT(10)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), K(1.0), x14), component_2), (REAL)NAN);
+  quaternions[AT(11)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), K(1.0), x15), component_3), (REAL)NAN);
+  quaternions[AT(12)] = x13;
+  quaternions[AT(13)] = SELECT((known) & (TEST(freedom > K(1.5))), x12, (REAL)NAN);
+  quaternions[AT(14)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), -K(1.0), x14), component_2), (REAL)NAN);
+  quaternions[AT(15)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), -K(1.0), x15), component_3), (REAL)NAN);
+  quaternions[AT(16)] = x16;
+  quaternions[AT(17)] = x17;
+  quaternions[AT(18)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), K(1.0), x18), component_2), (REAL)NAN);
+  quaternions[AT(19)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), K(1.0), x19), component_3), (REAL)NAN);
+  quaternions[AT(20)] = x16;
+  quaternions[AT(21)] = x20;
+  quaternions[AT(22)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), -K(1.0), x18), component_2), (REAL)NAN);
+  quaternions[AT(23)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), -K(1.0), x19), component_3), (REAL)NAN);
+  quaternions[AT(24)] = x16;
+  quaternions[AT(25)] = x17;
+  quaternions[AT(26)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), K(1.0), -K(1.0)), component_2), (REAL)NAN);
+  quaternions[AT(27)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), K(1.0), -K(1.0)), component_3), (REAL)NAN);
+  quaternions[AT(28)] = x16;
+  quaternions[AT(29)] = x20;
+  quaternions[AT(30)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, -component_2, component_2), (REAL)NAN);
+  quaternions[AT(31)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, -component_3, component_3), (REAL)NAN);
+  *distance = SELECT(good, SELECT(outside, K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), K(0.0)), (REAL)NAN);
+  nearest[AT(0)] = SELECT(good, SELECT(outside, K(2.0)*ATAN2(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)), chi_1), (REAL)NAN);
+  nearest[AT(1)] = SELECT(good, SELECT(outside, K(2.0)*ATAN2(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)), chi_2), (REAL)NAN);
+  nearest[AT(2)] = SELECT(good, SELECT(outside, K(2.0)*ATAN2(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)), chi_3), (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, x1);
+  ANGLE(1, x2);
+  ANGLE(2, x3);
 }
 
+#ifndef ON_COLUMNS
 void TYPED(instantaneous_euler_inverse_chi_rotations_batch)(size_t count, const REAL *chi, const REAL *tolerance, REAL *quaternions, REAL *distance, REAL *nearest, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(instantaneous_euler_inverse_chi_rotations)(chi + 3 * i, tolerance[i], quaternions + 32 * i, distance + i, nearest + 3 * i, status + i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -40,6 +41,15 @@ static inline float power_of_two_scale_f32(float x) {
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -92,76 +102,71 @@ static inline float power_of_two_scale_f32(float x) {
 #else
 
 /* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
-void TYPED(instantaneous_euler_motion_chi_rates)(const REAL matrix[9], const REAL omega[3], REAL rate[3], REAL *determinant, int8_t *status) {
+KERNEL(instantaneous_euler_motion_chi_rates, const REAL matrix[9], const REAL omega[3], REAL rate[3], REAL *determinant, CODE *status) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
-  const REAL omega_1 = omega[0];
-  const REAL omega_2 = omega[1];
-  const REAL omega_3 = omega[2];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
+  const REAL omega_1 = omega[AT(0)];
+  const REAL omega_2 = omega[AT(1)];
+  const REAL omega_3 = omega[AT(2)];
   /* intermediate terms */
   const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
   const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
   const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
   const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
   const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const int good = (deviation <= REAL_MAX) && (handed > K(0.0));
-  const int abnormal = deviation > K(64.0)*REAL_EPSILON;
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(handed > K(0.0)));
+  const CONDITION abnormal = TEST(deviation > K(64.0)*REAL_EPSILON);
   const REAL sine_x = SQRT(x0);
   const REAL sine_y = SQRT(x1);
   const REAL sine_z = SQRT(x2);
   const REAL x6 = K(4.0)*REAL_EPSILON;
-  const int kink_x = sine_x <= x6;
-  const int kink_y = sine_y <= x6;
-  const int kink_z = sine_z <= x6;
+  const CONDITION kink_x = TEST(sine_x <= x6);
+  const CONDITION kink_y = TEST(sine_y <= x6);
+  const CONDITION kink_z = TEST(sine_z <= x6);
   const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
   const REAL most = sine_x*sine_y*sine_z;
   const REAL x7 = FABS(volume);
-  const int flat = x7 <= K(16.0)*REAL_EPSILON*most;
-  const int near = x7 <= SQRT(REAL_EPSILON)*most;
-  const int known = (good) && (K(0.25)*FABS(omega_1) + K(0.25)*FABS(omega_2) + K(0.25)*FABS(omega_3) <= REAL_MAX);
+  const CONDITION flat = TEST(x7 <= K(16.0)*REAL_EPSILON*most);
+  const CONDITION near = TEST(x7 <= SQRT(REAL_EPSILON)*most);
+  const CONDITION known = (good) & (TEST(K(0.25)*FABS(omega_1) + K(0.25)*FABS(omega_2) + K(0.25)*FABS(omega_3) <= REAL_MAX));
   const REAL x3 = (omega_2*omega_2);
   const REAL x4 = (omega_3*omega_3);
   const REAL speed_x = SQRT(x3 + x4);
   const REAL x5 = (omega_1*omega_1);
   const REAL speed_y = SQRT(x4 + x5);
   const REAL speed_z = SQRT(x3 + x5);
-  const REAL status_value = ((!(known)) ? K(5.0) : (((kink_x) || (kink_y) || (kink_z)) ? K(3.0) : ((flat) ? K(2.0) : ((abnormal) ? K(4.0) : ((near) ? K(1.0) : K(0.0))))));
+  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT((kink_x) | (kink_y) | (kink_z), K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
   /* outputs */
-  rate[0] = ((known) ? ((kink_x) ? ((matrix_1_1 > K(0.0)) ? speed_x : -speed_x) : (matrix_2_1*omega_3 - matrix_3_1*omega_2)*((kink_x) ? K(1.0) : K(1.0)/sine_x)) : (REAL)NAN);
-  rate[1] = ((known) ? ((kink_y) ? ((matrix_2_2 > K(0.0)) ? speed_y : -speed_y) : (matrix_3_2*omega_1 - matrix_1_2*omega_3)*((kink_y) ? K(1.0) : K(1.0)/sine_y)) : (REAL)NAN);
-  rate[2] = ((known) ? ((kink_z) ? ((matrix_3_3 > K(0.0)) ? speed_z : -speed_z) : (matrix_1_3*omega_2 - matrix_2_3*omega_1)*((kink_z) ? K(1.0) : K(1.0)/sine_z)) : (REAL)NAN);
-  *determinant = ((good) ? volume : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(instantaneous_euler_motion_chi_rates_batch)(size_t count, const REAL *matrix, const REAL *omega, REAL *rate, REAL *determinant, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_motion_chi_rates)(matrix + 9 * i, omega + 3 * i, rate + 3 * i, determinant + i, status + i);
+  rate[AT(0)] = SELECT(known, SELECT(kink_x, SELECT(TEST(matrix_1_1 > K(0.0)), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*SELECT(kink_x, K(1.0), K(1.0)/sine_x)), (REAL)NAN);
+  rate[AT(1)] = SELECT(known, SELECT(kink_y, SELECT(TEST(matrix_2_2 > K(0.0)), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*SELECT(kink_y, K(1.0), K(1.0)/sine_y)), (REAL)NAN);
+  rate[AT(2)] = SELECT(known, SELECT(kink_z, SELECT(TEST(matrix_3_3 > K(0.0)), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*SELECT(kink_z, K(1.0), K(1.0)/sine_z)), (REAL)NAN);
+  *determinant = SELECT(good, volume, (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
-void TYPED(instantaneous_euler_motion_chi_angular_velocity)(const REAL matrix[9], const REAL rate[3], REAL omega[3], int8_t *status) {
+KERNEL(instantaneous_euler_motion_chi_angular_velocity, const REAL matrix[9], const REAL rate[3], REAL omega[3], CODE *status) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
-  const REAL rate_1 = rate[0];
-  const REAL rate_2 = rate[1];
-  const REAL rate_3 = rate[2];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
+  const REAL rate_1 = rate[AT(0)];
+  const REAL rate_2 = rate[AT(1)];
+  const REAL rate_3 = rate[AT(2)];
   /* intermediate terms */
   const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
   const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
@@ -172,49 +177,44 @@ void TYPED(instantaneous_euler_motion_chi_angular_velocity)(const REAL matrix[9]
   const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + K(2.0)*FABS(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5);
   const REAL x6 = matrix_1_2*matrix_2_3;
   const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2);
-  const int good = (deviation <= REAL_MAX) && (handed > K(0.0));
-  const int abnormal = deviation > K(64.0)*REAL_EPSILON;
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(handed > K(0.0)));
+  const CONDITION abnormal = TEST(deviation > K(64.0)*REAL_EPSILON);
   const REAL sine_x = SQRT(x0);
   const REAL sine_y = SQRT(x1);
   const REAL sine_z = SQRT(x2);
   const REAL x8 = K(4.0)*REAL_EPSILON;
-  const int kink_x = sine_x <= x8;
-  const int kink_y = sine_y <= x8;
-  const int kink_z = sine_z <= x8;
+  const CONDITION kink_x = TEST(sine_x <= x8);
+  const CONDITION kink_y = TEST(sine_y <= x8);
+  const CONDITION kink_z = TEST(sine_z <= x8);
   const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
   const REAL most = sine_x*sine_y*sine_z;
   const REAL x9 = FABS(volume);
-  const int flat = x9 <= K(16.0)*REAL_EPSILON*most;
-  const int near = x9 <= SQRT(REAL_EPSILON)*most;
-  const int known = (good) && (K(0.25)*FABS(rate_1) + K(0.25)*FABS(rate_2) + K(0.25)*FABS(rate_3) <= REAL_MAX);
+  const CONDITION flat = TEST(x9 <= K(16.0)*REAL_EPSILON*most);
+  const CONDITION near = TEST(x9 <= SQRT(REAL_EPSILON)*most);
+  const CONDITION known = (good) & (TEST(K(0.25)*FABS(rate_1) + K(0.25)*FABS(rate_2) + K(0.25)*FABS(rate_3) <= REAL_MAX));
   const REAL b_x = rate_1*sine_x;
   const REAL b_y = rate_2*sine_y;
   const REAL b_z = rate_3*sine_z;
-  const int lost = (flat) || (kink_x) || (kink_y) || (kink_z);
-  const REAL divisor = ((lost) ? K(1.0) : volume);
+  const CONDITION lost = (flat) | (kink_x) | (kink_y) | (kink_z);
+  const REAL divisor = SELECT(lost, K(1.0), volume);
   const REAL x7 = K(1.0)/divisor;
-  const REAL status_value = ((!(known)) ? K(5.0) : (((kink_x) || (kink_y) || (kink_z)) ? K(3.0) : ((flat) ? K(2.0) : ((abnormal) ? K(4.0) : ((near) ? K(1.0) : K(0.0))))));
+  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT((kink_x) | (kink_y) | (kink_z), K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
   /* outputs */
-  omega[0] = (((known) && (!(lost))) ? x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1) : (REAL)NAN);
-  omega[1] = (((known) && (!(lost))) ? x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2) : (REAL)NAN);
-  omega[2] = (((known) && (!(lost))) ? x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(instantaneous_euler_motion_chi_angular_velocity_batch)(size_t count, const REAL *matrix, const REAL *rate, REAL *omega, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_motion_chi_angular_velocity)(matrix + 9 * i, rate + 3 * i, omega + 3 * i, status + i);
+  omega[AT(0)] = SELECT((known) & (NOT(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (REAL)NAN);
+  omega[AT(1)] = SELECT((known) & (NOT(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (REAL)NAN);
+  omega[AT(2)] = SELECT((known) & (NOT(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* chi_motion_from_zyx: 7 add, 19 mul, 3 cos, 3 sin */
-void TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(const REAL angles[3], const REAL angle_rates[3], REAL matrix[9], REAL omega[3]) {
+KERNEL(instantaneous_euler_motion_chi_motion_from_zyx, const REAL angles[3], const REAL angle_rates[3], REAL matrix[9], REAL omega[3]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angle_rates_1 = angle_rates[0];
-  const REAL angle_rates_2 = angle_rates[1];
-  const REAL angle_rates_3 = angle_rates[2];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angle_rates_1 = angle_rates[AT(0)];
+  const REAL angle_rates_2 = angle_rates[AT(1)];
+  const REAL angle_rates_3 = angle_rates[AT(2)];
   /* intermediate terms */
   const REAL x0 = COS(angles_1);
   const REAL x1 = COS(angles_2);
@@ -227,34 +227,32 @@ void TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(const REAL angles[3],
   const REAL x8 = x0*x3;
   const REAL x9 = x1*x2;
   /* outputs */
-  matrix[0] = x0*x1;
-  matrix[1] = x0*x5*x6 - x4;
-  matrix[2] = x5*x8 + x7;
-  matrix[3] = x9;
-  matrix[4] = x5*x7 + x8;
-  matrix[5] = x4*x5 - x0*x6;
-  matrix[6] = -x5;
-  matrix[7] = x1*x6;
-  matrix[8] = x1*x3;
-  omega[0] = angle_rates_3*x0*x1 - angle_rates_2*x2;
-  omega[1] = angle_rates_2*x0 + angle_rates_3*x9;
-  omega[2] = angle_rates_1 - angle_rates_3*x5;
-}
-
-void TYPED(instantaneous_euler_motion_chi_motion_from_zyx_batch)(size_t count, const REAL *angles, const REAL *angle_rates, REAL *matrix, REAL *omega) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(angles + 3 * i, angle_rates + 3 * i, matrix + 9 * i, omega + 3 * i);
+  matrix[AT(0)] = x0*x1;
+  matrix[AT(1)] = x0*x5*x6 - x4;
+  matrix[AT(2)] = x5*x8 + x7;
+  matrix[AT(3)] = x9;
+  matrix[AT(4)] = x5*x7 + x8;
+  matrix[AT(5)] = x4*x5 - x0*x6;
+  matrix[AT(6)] = -x5;
+  matrix[AT(7)] = x1*x6;
+  matrix[AT(8)] = x1*x3;
+  omega[AT(0)] = angle_rates_3*x0*x1 - angle_rates_2*x2;
+  omega[AT(1)] = angle_rates_2*x0 + angle_rates_3*x9;
+  omega[AT(2)] = angle_rates_1 - angle_rates_3*x5;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
 }
 
 /* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
-void TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(const REAL angles[3], const REAL angle_rates[3], REAL matrix[9], REAL omega[3]) {
+KERNEL(instantaneous_euler_motion_chi_motion_from_zyz, const REAL angles[3], const REAL angle_rates[3], REAL matrix[9], REAL omega[3]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angle_rates_1 = angle_rates[0];
-  const REAL angle_rates_2 = angle_rates[1];
-  const REAL angle_rates_3 = angle_rates[2];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angle_rates_1 = angle_rates[AT(0)];
+  const REAL angle_rates_2 = angle_rates[AT(1)];
+  const REAL angle_rates_3 = angle_rates[AT(2)];
   /* intermediate terms */
   const REAL x0 = SIN(angles_1);
   const REAL x1 = SIN(angles_3);
@@ -267,32 +265,30 @@ void TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(const REAL angles[3],
   const REAL x8 = SIN(angles_2);
   const REAL x9 = x0*x8;
   /* outputs */
-  matrix[0] = x3*x4*x5 - x2;
-  matrix[1] = -x4*x7 - x6;
-  matrix[2] = x3*x8;
-  matrix[3] = x4*x6 + x7;
-  matrix[4] = x3*x5 - x2*x4;
-  matrix[5] = x9;
-  matrix[6] = -x5*x8;
-  matrix[7] = x1*x8;
-  matrix[8] = x4;
-  omega[0] = angle_rates_3*x3*x8 - angle_rates_2*x0;
-  omega[1] = angle_rates_2*x3 + angle_rates_3*x9;
-  omega[2] = angle_rates_1 + angle_rates_3*x4;
-}
-
-void TYPED(instantaneous_euler_motion_chi_motion_from_zyz_batch)(size_t count, const REAL *angles, const REAL *angle_rates, REAL *matrix, REAL *omega) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(angles + 3 * i, angle_rates + 3 * i, matrix + 9 * i, omega + 3 * i);
+  matrix[AT(0)] = x3*x4*x5 - x2;
+  matrix[AT(1)] = -x4*x7 - x6;
+  matrix[AT(2)] = x3*x8;
+  matrix[AT(3)] = x4*x6 + x7;
+  matrix[AT(4)] = x3*x5 - x2*x4;
+  matrix[AT(5)] = x9;
+  matrix[AT(6)] = -x5*x8;
+  matrix[AT(7)] = x1*x8;
+  matrix[AT(8)] = x4;
+  omega[AT(0)] = angle_rates_3*x3*x8 - angle_rates_2*x0;
+  omega[AT(1)] = angle_rates_2*x3 + angle_rates_3*x9;
+  omega[AT(2)] = angle_rates_1 + angle_rates_3*x4;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
 }
 
 /* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-void TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(const REAL quaternion[4], REAL angles[3], int8_t *status) {
+KERNEL(instantaneous_euler_motion_chi_zyx_from_quaternion, const REAL quaternion[4], REAL angles[3], CODE *status) {
   /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
   const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
@@ -301,13 +297,13 @@ void TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(const REAL quater
   const REAL quaternion_scaled_3 = quaternion_3*x0;
   const REAL quaternion_scaled_4 = quaternion_4*x0;
   const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = ((quaternion_length > K(0.0)) ? K(1.0)/quaternion_length : K(1.0));
+  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
   const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
   const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
   const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
   const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
   const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const int good = (quaternion_size <= REAL_MAX) && (quaternion_size > K(0.0));
+  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
   const REAL x2 = K(0.5)*SQRT(K(2.0));
   const REAL turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
   const REAL turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
@@ -322,36 +318,31 @@ void TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(const REAL quater
   const REAL cosine_scaled_2 = cosine_scale*turned_4;
   const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
   const REAL x5 = K(4.0)*REAL_EPSILON;
-  const int low = sine <= x5;
-  const int high = cosine <= x5;
+  const CONDITION low = TEST(sine <= x5);
+  const CONDITION high = TEST(cosine <= x5);
   const REAL sigma = ATAN2(turned_4, turned_1);
   const REAL delta = ATAN2(-turned_2, turned_3);
-  const REAL half_sum = ((high) ? delta : sigma);
-  const REAL half_difference = ((low) ? sigma : delta);
+  const REAL half_sum = SELECT(high, delta, sigma);
+  const REAL half_difference = SELECT(low, sigma, delta);
   const REAL first = half_difference + half_sum;
   const REAL third = half_sum - half_difference;
   const REAL x3 = K(2.0)*K(3.141592653589793);
   const REAL x6 = -K(3.141592653589793);
-  const REAL status_value = ((!(good)) ? K(5.0) : (((high) || (low)) ? K(2.0) : ((quaternion_deviation > K(16.0)*REAL_EPSILON) ? K(4.0) : K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT((high) | (low), K(2.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
   /* outputs */
-  angles[0] = ((good) ? ((first > K(3.141592653589793)) ? first - x3 : ((first <= x6) ? first + x3 : first)) : (REAL)NAN);
-  angles[1] = ((good) ? ATAN2(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine) : (REAL)NAN);
-  angles[2] = ((good) ? ((third > K(3.141592653589793)) ? third - x3 : ((third <= x6) ? third + x3 : third)) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *angles, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(quaternion + 4 * i, angles + 3 * i, status + i);
+  angles[AT(0)] = SELECT(good, SELECT(TEST(first > K(3.141592653589793)), first - x3, SELECT(TEST(first <= x6), first + x3, first)), (REAL)NAN);
+  angles[AT(1)] = SELECT(good, ATAN2(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine), (REAL)NAN);
+  angles[AT(2)] = SELECT(good, SELECT(TEST(third > K(3.141592653589793)), third - x3, SELECT(TEST(third <= x6), third + x3, third)), (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-void TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(const REAL quaternion[4], REAL angles[3], int8_t *status) {
+KERNEL(instantaneous_euler_motion_chi_zyz_from_quaternion, const REAL quaternion[4], REAL angles[3], CODE *status) {
   /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
   const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
@@ -360,13 +351,13 @@ void TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(const REAL quater
   const REAL quaternion_scaled_3 = quaternion_3*x0;
   const REAL quaternion_scaled_4 = quaternion_4*x0;
   const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = ((quaternion_length > K(0.0)) ? K(1.0)/quaternion_length : K(1.0));
+  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
   const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
   const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
   const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
   const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
   const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const int good = (quaternion_size <= REAL_MAX) && (quaternion_size > K(0.0));
+  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(quaternion_unit_2) + FABS(quaternion_unit_3));
   const REAL sine_scaled_1 = quaternion_unit_2*sine_scale;
   const REAL sine_scaled_2 = quaternion_unit_3*sine_scale;
@@ -376,27 +367,54 @@ void TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(const REAL quater
   const REAL cosine_scaled_2 = cosine_scale*quaternion_unit_4;
   const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
   const REAL x4 = K(4.0)*REAL_EPSILON;
-  const int low = sine <= x4;
-  const int high = cosine <= x4;
+  const CONDITION low = TEST(sine <= x4);
+  const CONDITION high = TEST(cosine <= x4);
   const REAL sigma = ATAN2(quaternion_unit_4, quaternion_unit_1);
   const REAL delta = ATAN2(-quaternion_unit_2, quaternion_unit_3);
-  const REAL half_sum = ((high) ? delta : sigma);
-  const REAL half_difference = ((low) ? sigma : delta);
+  const REAL half_sum = SELECT(high, delta, sigma);
+  const REAL half_difference = SELECT(low, sigma, delta);
   const REAL first = half_difference + half_sum;
   const REAL third = half_sum - half_difference;
   const REAL x2 = K(2.0)*K(3.141592653589793);
   const REAL x5 = -K(3.141592653589793);
-  const REAL status_value = ((!(good)) ? K(5.0) : (((high) || (low)) ? K(2.0) : ((quaternion_deviation > K(16.0)*REAL_EPSILON) ? K(4.0) : K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT((high) | (low), K(2.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
   /* outputs */
-  angles[0] = ((good) ? ((first > K(3.141592653589793)) ? first - x2 : ((first <= x5) ? first + x2 : first)) : (REAL)NAN);
-  angles[1] = ((good) ? K(2.0)*ATAN2(sine, cosine) : (REAL)NAN);
-  angles[2] = ((good) ? ((third > K(3.141592653589793)) ? third - x2 : ((third <= x5) ? third + x2 : third)) : (REAL)NAN);
-  *status = (int8_t)status_value;
+  angles[AT(0)] = SELECT(good, SELECT(TEST(first > K(3.141592653589793)), first - x2, SELECT(TEST(first <= x5), first + x2, first)), (REAL)NAN);
+  angles[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine, cosine), (REAL)NAN);
+  angles[AT(2)] = SELECT(good, SELECT(TEST(third > K(3.141592653589793)), third - x2, SELECT(TEST(third <= x5), third + x2, third)), (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+#ifndef ON_COLUMNS
+void TYPED(instantaneous_euler_motion_chi_rates_batch)(size_t count, const REAL *matrix, const REAL *omega, REAL *rate, REAL *determinant, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_motion_chi_rates)(matrix + 9 * i, omega + 3 * i, rate + 3 * i, determinant + i, status + i);
+}
+
+void TYPED(instantaneous_euler_motion_chi_angular_velocity_batch)(size_t count, const REAL *matrix, const REAL *rate, REAL *omega, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_motion_chi_angular_velocity)(matrix + 9 * i, rate + 3 * i, omega + 3 * i, status + i);
+}
+
+void TYPED(instantaneous_euler_motion_chi_motion_from_zyx_batch)(size_t count, const REAL *angles, const REAL *angle_rates, REAL *matrix, REAL *omega) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(angles + 3 * i, angle_rates + 3 * i, matrix + 9 * i, omega + 3 * i);
+}
+
+void TYPED(instantaneous_euler_motion_chi_motion_from_zyz_batch)(size_t count, const REAL *angles, const REAL *angle_rates, REAL *matrix, REAL *omega) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(angles + 3 * i, angle_rates + 3 * i, matrix + 9 * i, omega + 3 * i);
+}
+
+void TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *angles, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(quaternion + 4 * i, angles + 3 * i, status + i);
 }
 
 void TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *angles, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(quaternion + 4 * i, angles + 3 * i, status + i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -50,20 +60,20 @@
 #else
 
 /* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
-void TYPED(instantaneous_euler_ridges_chi_ridge_lines)(const REAL matrix[9], const REAL point[3], REAL lines[18], int8_t *status_x, int8_t *status_y, int8_t *status_z) {
+KERNEL(instantaneous_euler_ridges_chi_ridge_lines, const REAL matrix[9], const REAL point[3], REAL lines[18], CODE *status_x, CODE *status_y, CODE *status_z) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
-  const REAL point_1 = point[0];
-  const REAL point_2 = point[1];
-  const REAL point_3 = point[2];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
+  const REAL point_1 = point[AT(0)];
+  const REAL point_2 = point[AT(1)];
+  const REAL point_3 = point[AT(2)];
   /* intermediate terms */
   const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
   const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
@@ -71,58 +81,60 @@ void TYPED(instantaneous_euler_ridges_chi_ridge_lines)(const REAL matrix[9], con
   const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
   const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const REAL size = FABS(point_1) + FABS(point_2) + FABS(point_3);
-  const int good = (deviation <= REAL_MAX) && (size <= REAL_MAX) && (determinant > K(0.0));
-  const int abnormal = deviation > K(64.0)*REAL_EPSILON;
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(size <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const CONDITION abnormal = TEST(deviation > K(64.0)*REAL_EPSILON);
   const REAL sine_x = SQRT(x0);
   const REAL height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
   const REAL x9 = K(4.0)*REAL_EPSILON;
-  const int flat_x = sine_x <= x9;
-  const REAL length_x = ((flat_x) ? (REAL)NAN : sine_x);
+  const CONDITION flat_x = TEST(sine_x <= x9);
+  const REAL length_x = SELECT(flat_x, (REAL)NAN, sine_x);
   const REAL sine_y = SQRT(x1);
   const REAL height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-  const int flat_y = sine_y <= x9;
-  const REAL length_y = ((flat_y) ? (REAL)NAN : sine_y);
+  const CONDITION flat_y = TEST(sine_y <= x9);
+  const REAL length_y = SELECT(flat_y, (REAL)NAN, sine_y);
   const REAL sine_z = SQRT(x2);
   const REAL height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-  const int flat_z = sine_z <= x9;
-  const REAL length_z = ((flat_z) ? (REAL)NAN : sine_z);
-  const REAL x3 = (((flat_x) || (!(good))) ? (REAL)NAN : K(0.0));
+  const CONDITION flat_z = TEST(sine_z <= x9);
+  const REAL length_z = SELECT(flat_z, (REAL)NAN, sine_z);
+  const REAL x3 = SELECT((flat_x) | (NOT(good)), (REAL)NAN, K(0.0));
   const REAL x4 = K(1.0)/length_x;
   const REAL x5 = K(1.0)/length_y;
-  const REAL x6 = (((flat_y) || (!(good))) ? (REAL)NAN : K(0.0));
+  const REAL x6 = SELECT((flat_y) | (NOT(good)), (REAL)NAN, K(0.0));
   const REAL x7 = K(1.0)/length_z;
-  const REAL x8 = (((flat_z) || (!(good))) ? (REAL)NAN : K(0.0));
+  const REAL x8 = SELECT((flat_z) | (NOT(good)), (REAL)NAN, K(0.0));
   const REAL x10 = size*x9;
-  const REAL status_x_value = ((!(good)) ? K(4.0) : ((abnormal) ? K(3.0) : (((flat_x) && (FABS(height_x) <= x10)) ? K(1.0) : ((flat_x) ? K(2.0) : K(0.0)))));
-  const REAL status_y_value = ((!(good)) ? K(4.0) : ((abnormal) ? K(3.0) : (((flat_y) && (FABS(height_y) <= x10)) ? K(1.0) : ((flat_y) ? K(2.0) : K(0.0)))));
-  const REAL status_z_value = ((!(good)) ? K(4.0) : ((abnormal) ? K(3.0) : (((flat_z) && (FABS(height_z) <= x10)) ? K(1.0) : ((flat_z) ? K(2.0) : K(0.0)))));
+  const REAL status_x_value = SELECT(NOT(good), K(4.0), SELECT(abnormal, K(3.0), SELECT((flat_x) & (TEST(FABS(height_x) <= x10)), K(1.0), SELECT(flat_x, K(2.0), K(0.0)))));
+  const REAL status_y_value = SELECT(NOT(good), K(4.0), SELECT(abnormal, K(3.0), SELECT((flat_y) & (TEST(FABS(height_y) <= x10)), K(1.0), SELECT(flat_y, K(2.0), K(0.0)))));
+  const REAL status_z_value = SELECT(NOT(good), K(4.0), SELECT(abnormal, K(3.0), SELECT((flat_z) & (TEST(FABS(height_z) <= x10)), K(1.0), SELECT(flat_z, K(2.0), K(0.0)))));
   /* outputs */
-  lines[0] = x3;
-  lines[1] = (((flat_x) || (!(good))) ? (REAL)NAN : -matrix_3_1*x4);
-  lines[2] = (((flat_x) || (!(good))) ? (REAL)NAN : matrix_2_1*x4);
-  lines[3] = (((flat_x) || (!(good))) ? (REAL)NAN : height_x*x4);
-  lines[4] = x3;
-  lines[5] = x3;
-  lines[6] = (((flat_y) || (!(good))) ? (REAL)NAN : matrix_3_2*x5);
-  lines[7] = x6;
-  lines[8] = (((flat_y) || (!(good))) ? (REAL)NAN : -matrix_1_2*x5);
-  lines[9] = x6;
-  lines[10] = (((flat_y) || (!(good))) ? (REAL)NAN : height_y*x5);
-  lines[11] = x6;
-  lines[12] = (((flat_z) || (!(good))) ? (REAL)NAN : -matrix_2_3*x7);
-  lines[13] = (((flat_z) || (!(good))) ? (REAL)NAN : matrix_1_3*x7);
-  lines[14] = x8;
-  lines[15] = x8;
-  lines[16] = x8;
-  lines[17] = (((flat_z) || (!(good))) ? (REAL)NAN : height_z*x7);
-  *status_x = (int8_t)status_x_value;
-  *status_y = (int8_t)status_y_value;
-  *status_z = (int8_t)status_z_value;
+  lines[AT(0)] = x3;
+  lines[AT(1)] = SELECT((flat_x) | (NOT(good)), (REAL)NAN, -matrix_3_1*x4);
+  lines[AT(2)] = SELECT((flat_x) | (NOT(good)), (REAL)NAN, matrix_2_1*x4);
+  lines[AT(3)] = SELECT((flat_x) | (NOT(good)), (REAL)NAN, height_x*x4);
+  lines[AT(4)] = x3;
+  lines[AT(5)] = x3;
+  lines[AT(6)] = SELECT((flat_y) | (NOT(good)), (REAL)NAN, matrix_3_2*x5);
+  lines[AT(7)] = x6;
+  lines[AT(8)] = SELECT((flat_y) | (NOT(good)), (REAL)NAN, -matrix_1_2*x5);
+  lines[AT(9)] = x6;
+  lines[AT(10)] = SELECT((flat_y) | (NOT(good)), (REAL)NAN, height_y*x5);
+  lines[AT(11)] = x6;
+  lines[AT(12)] = SELECT((flat_z) | (NOT(good)), (REAL)NAN, -matrix_2_3*x7);
+  lines[AT(13)] = SELECT((flat_z) | (NOT(good)), (REAL)NAN, matrix_1_3*x7);
+  lines[AT(14)] = x8;
+  lines[AT(15)] = x8;
+  lines[AT(16)] = x8;
+  lines[AT(17)] = SELECT((flat_z) | (NOT(good)), (REAL)NAN, height_z*x7);
+  *status_x = (CODE)status_x_value;
+  *status_y = (CODE)status_y_value;
+  *status_z = (CODE)status_z_value;
 }
 
+#ifndef ON_COLUMNS
 void TYPED(instantaneous_euler_ridges_chi_ridge_lines_batch)(size_t count, const REAL *matrix, const REAL *point, REAL *lines, int8_t *status_x, int8_t *status_y, int8_t *status_z) {
   for (size_t i = 0; i < count; ++i)
     TYPED(instantaneous_euler_ridges_chi_ridge_lines)(matrix + 9 * i, point + 3 * i, lines + 18 * i, status_x + i, status_y + i, status_z + i);
 }
+#endif
 
 #endif

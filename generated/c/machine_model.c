@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of Multi-Coordinate Systems", sec. 2 and eq. (1)
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -50,27 +60,27 @@
 #else
 
 /* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-void TYPED(machine_model_rotation_from_vector)(const REAL w[3], REAL matrix[9], REAL left_jacobian[9]) {
+KERNEL(machine_model_rotation_from_vector, const REAL w[3], REAL matrix[9], REAL left_jacobian[9]) {
   /* inputs */
-  const REAL w_1 = w[0];
-  const REAL w_2 = w[1];
-  const REAL w_3 = w[2];
+  const REAL w_1 = w[AT(0)];
+  const REAL w_2 = w[AT(1)];
+  const REAL w_3 = w[AT(2)];
   /* intermediate terms */
   const REAL x0 = (w_1*w_1);
   const REAL x1 = (w_2*w_2);
   const REAL x2 = (w_3*w_3);
   const REAL x3 = x1 + x2;
   const REAL square = x0 + x3;
-  const int is_small = square < K(0.25);
-  const REAL safe = ((is_small) ? K(1.0) : square);
+  const CONDITION is_small = TEST(square < K(0.25));
+  const REAL safe = SELECT(is_small, K(1.0), square);
   const REAL angle = SQRT(safe);
   const REAL half_angle = K(0.5)*angle;
   const REAL sine = SIN(angle);
   const REAL half_sine = SIN(half_angle);
   const REAL x4 = K(1.0)/angle;
-  const REAL S = ((is_small) ? square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0) : sine*x4);
-  const REAL K = ((is_small) ? square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5) : K(2.0)*(half_sine*half_sine)/(angle*angle));
-  const REAL T = ((is_small) ? square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0) : x4*(angle - sine)/safe);
+  const REAL S = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x4);
+  const REAL K = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
+  const REAL T = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x4*(angle - sine)/safe);
   const REAL x6 = S*w_3;
   const REAL x7 = K*w_2;
   const REAL x8 = w_1*x7;
@@ -84,60 +94,57 @@ void TYPED(machine_model_rotation_from_vector)(const REAL w[3], REAL matrix[9], 
   const REAL x16 = T*w_1;
   const REAL x17 = K*w_1;
   /* outputs */
-  matrix[0] = K(1.0) - K*x3;
-  matrix[1] = x8 - x6;
-  matrix[2] = x11 + x9;
-  matrix[3] = x6 + x8;
-  matrix[4] = K*x12 + K(1.0);
-  matrix[5] = x14 - x13;
-  matrix[6] = x11 - x9;
-  matrix[7] = x13 + x14;
-  matrix[8] = K*x15 + K(1.0);
-  left_jacobian[0] = K(1.0) - T*x3;
-  left_jacobian[1] = T*w_1*w_2 - x10;
-  left_jacobian[2] = w_3*x16 + x7;
-  left_jacobian[3] = w_2*x16 + x10;
-  left_jacobian[4] = T*x12 + K(1.0);
-  left_jacobian[5] = T*w_2*w_3 - x17;
-  left_jacobian[6] = T*w_1*w_3 - x7;
-  left_jacobian[7] = T*w_2*w_3 + x17;
-  left_jacobian[8] = T*x15 + K(1.0);
-}
-
-void TYPED(machine_model_rotation_from_vector_batch)(size_t count, const REAL *w, REAL *matrix, REAL *left_jacobian) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(machine_model_rotation_from_vector)(w + 3 * i, matrix + 9 * i, left_jacobian + 9 * i);
+  matrix[AT(0)] = K(1.0) - K*x3;
+  matrix[AT(1)] = x8 - x6;
+  matrix[AT(2)] = x11 + x9;
+  matrix[AT(3)] = x6 + x8;
+  matrix[AT(4)] = K*x12 + K(1.0);
+  matrix[AT(5)] = x14 - x13;
+  matrix[AT(6)] = x11 - x9;
+  matrix[AT(7)] = x13 + x14;
+  matrix[AT(8)] = K*x15 + K(1.0);
+  left_jacobian[AT(0)] = K(1.0) - T*x3;
+  left_jacobian[AT(1)] = T*w_1*w_2 - x10;
+  left_jacobian[AT(2)] = w_3*x16 + x7;
+  left_jacobian[AT(3)] = w_2*x16 + x10;
+  left_jacobian[AT(4)] = T*x12 + K(1.0);
+  left_jacobian[AT(5)] = T*w_2*w_3 - x17;
+  left_jacobian[AT(6)] = T*w_1*w_3 - x7;
+  left_jacobian[AT(7)] = T*w_2*w_3 + x17;
+  left_jacobian[AT(8)] = T*x15 + K(1.0);
+  ANGLE(0, angle);
+  ANGLE(1, half_angle);
 }
 
 /* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-void TYPED(machine_model_tilted_axis)(const REAL axis[3], const REAL u[3], const REAL v[3], const REAL tilt[2], REAL tilted[3], REAL tilted_jacobian[6]) {
+KERNEL(machine_model_tilted_axis, const REAL axis[3], const REAL u[3], const REAL v[3], const REAL tilt[2], REAL tilted[3], REAL tilted_jacobian[6]) {
   /* inputs */
-  const REAL axis_1 = axis[0];
-  const REAL axis_2 = axis[1];
-  const REAL axis_3 = axis[2];
-  const REAL u_1 = u[0];
-  const REAL u_2 = u[1];
-  const REAL u_3 = u[2];
-  const REAL v_1 = v[0];
-  const REAL v_2 = v[1];
-  const REAL v_3 = v[2];
-  const REAL tilt_1 = tilt[0];
-  const REAL tilt_2 = tilt[1];
+  const REAL axis_1 = axis[AT(0)];
+  const REAL axis_2 = axis[AT(1)];
+  const REAL axis_3 = axis[AT(2)];
+  const REAL u_1 = u[AT(0)];
+  const REAL u_2 = u[AT(1)];
+  const REAL u_3 = u[AT(2)];
+  const REAL v_1 = v[AT(0)];
+  const REAL v_2 = v[AT(1)];
+  const REAL v_3 = v[AT(2)];
+  const REAL tilt_1 = tilt[AT(0)];
+  const REAL tilt_2 = tilt[AT(1)];
   /* intermediate terms */
   const REAL w_1 = tilt_1*u_1 + tilt_2*v_1;
   const REAL w_2 = tilt_1*u_2 + tilt_2*v_2;
   const REAL w_3 = tilt_1*u_3 + tilt_2*v_3;
   const REAL square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-  const int is_small = square < K(0.25);
-  const REAL safe = ((is_small) ? K(1.0) : square);
+  const CONDITION is_small = TEST(square < K(0.25));
+  const REAL safe = SELECT(is_small, K(1.0), square);
   const REAL angle = SQRT(safe);
   const REAL half_angle = K(0.5)*angle;
   const REAL sine = SIN(angle);
   const REAL half_sine = SIN(half_angle);
   const REAL x0 = K(1.0)/angle;
-  const REAL S = ((is_small) ? square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0) : sine*x0);
-  const REAL K = ((is_small) ? square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5) : K(2.0)*(half_sine*half_sine)/(angle*angle));
-  const REAL T = ((is_small) ? square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0) : x0*(angle - sine)/safe);
+  const REAL S = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x0);
+  const REAL K = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
+  const REAL T = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x0*(angle - sine)/safe);
   const REAL across_1 = axis_3*w_2 - axis_2*w_3;
   const REAL across_2 = axis_1*w_3 - axis_3*w_1;
   const REAL across_3 = axis_2*w_1 - axis_1*w_2;
@@ -157,20 +164,29 @@ void TYPED(machine_model_tilted_axis)(const REAL axis[3], const REAL u[3], const
   const REAL x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
   const REAL x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
   /* outputs */
-  tilted[0] = turned_axis_1;
-  tilted[1] = turned_axis_2;
-  tilted[2] = turned_axis_3;
-  tilted_jacobian[0] = turned_axis_3*x2 - turned_axis_2*x1;
-  tilted_jacobian[1] = turned_axis_3*x4 - turned_axis_2*x3;
-  tilted_jacobian[2] = turned_axis_1*x1 - turned_axis_3*x5;
-  tilted_jacobian[3] = turned_axis_1*x3 - turned_axis_3*x6;
-  tilted_jacobian[4] = turned_axis_2*x5 - turned_axis_1*x2;
-  tilted_jacobian[5] = turned_axis_2*x6 - turned_axis_1*x4;
+  tilted[AT(0)] = turned_axis_1;
+  tilted[AT(1)] = turned_axis_2;
+  tilted[AT(2)] = turned_axis_3;
+  tilted_jacobian[AT(0)] = turned_axis_3*x2 - turned_axis_2*x1;
+  tilted_jacobian[AT(1)] = turned_axis_3*x4 - turned_axis_2*x3;
+  tilted_jacobian[AT(2)] = turned_axis_1*x1 - turned_axis_3*x5;
+  tilted_jacobian[AT(3)] = turned_axis_1*x3 - turned_axis_3*x6;
+  tilted_jacobian[AT(4)] = turned_axis_2*x5 - turned_axis_1*x2;
+  tilted_jacobian[AT(5)] = turned_axis_2*x6 - turned_axis_1*x4;
+  ANGLE(0, angle);
+  ANGLE(1, half_angle);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(machine_model_rotation_from_vector_batch)(size_t count, const REAL *w, REAL *matrix, REAL *left_jacobian) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(machine_model_rotation_from_vector)(w + 3 * i, matrix + 9 * i, left_jacobian + 9 * i);
 }
 
 void TYPED(machine_model_tilted_axis_batch)(size_t count, const REAL *axis, const REAL *u, const REAL *v, const REAL *tilt, REAL *tilted, REAL *tilted_jacobian) {
   for (size_t i = 0; i < count; ++i)
     TYPED(machine_model_tilted_axis)(axis + 3 * i, u + 3 * i, v + 3 * i, tilt + 2 * i, tilted + 3 * i, tilted_jacobian + 6 * i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of Multi-Coordinate Systems", eq. (1)
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -40,6 +41,15 @@ static inline float power_of_two_scale_f32(float x) {
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -92,14 +102,14 @@ static inline float power_of_two_scale_f32(float x) {
 #else
 
 /* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
-void TYPED(rotations_rotate)(const REAL rho[3], const REAL theta[3], REAL rotated[3]) {
+KERNEL(rotations_rotate, const REAL rho[3], const REAL theta[3], REAL rotated[3]) {
   /* inputs */
-  const REAL rho_1 = rho[0];
-  const REAL rho_2 = rho[1];
-  const REAL rho_3 = rho[2];
-  const REAL theta_1 = theta[0];
-  const REAL theta_2 = theta[1];
-  const REAL theta_3 = theta[2];
+  const REAL rho_1 = rho[AT(0)];
+  const REAL rho_2 = rho[AT(1)];
+  const REAL rho_3 = rho[AT(2)];
+  const REAL theta_1 = theta[AT(0)];
+  const REAL theta_2 = theta[AT(1)];
+  const REAL theta_3 = theta[AT(2)];
   /* intermediate terms */
   const REAL factor = POWER_OF_TWO_SCALE(K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0));
   const REAL x0 = K(0.5)*factor;
@@ -113,22 +123,17 @@ void TYPED(rotations_rotate)(const REAL rho[3], const REAL theta[3], REAL rotate
   const REAL x1 = K(1.0)/divisor;
   const REAL x2 = K(2.0)*turn_3;
   /* outputs */
-  rotated[0] = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
-  rotated[1] = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
-  rotated[2] = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
-}
-
-void TYPED(rotations_rotate_batch)(size_t count, const REAL *rho, const REAL *theta, REAL *rotated) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(rotations_rotate)(rho + 3 * i, theta + 3 * i, rotated + 3 * i);
+  rotated[AT(0)] = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
+  rotated[AT(1)] = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
+  rotated[AT(2)] = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
 }
 
 /* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-void TYPED(rotations_rodrigues_vector_from_axis_angle)(const REAL axis[3], REAL angle, REAL theta[3], int8_t *status) {
+KERNEL(rotations_rodrigues_vector_from_axis_angle, const REAL axis[3], REAL angle, REAL theta[3], CODE *status) {
   /* inputs */
-  const REAL axis_1 = axis[0];
-  const REAL axis_2 = axis[1];
-  const REAL axis_3 = axis[2];
+  const REAL axis_1 = axis[AT(0)];
+  const REAL axis_2 = axis[AT(1)];
+  const REAL axis_3 = axis[AT(2)];
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
@@ -137,44 +142,40 @@ void TYPED(rotations_rodrigues_vector_from_axis_angle)(const REAL axis[3], REAL 
   const REAL axis_scaled_2 = axis_2*x0;
   const REAL axis_scaled_3 = axis_3*x0;
   const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-  const REAL x1 = ((axis_length > K(0.0)) ? K(1.0)/axis_length : K(1.0));
+  const REAL x1 = SELECT(TEST(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
   const REAL axis_unit_1 = axis_scaled_1*x1;
   const REAL axis_unit_2 = axis_scaled_2*x1;
   const REAL axis_unit_3 = axis_scaled_3*x1;
   const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
   const REAL x2 = COS(half_angle);
-  const REAL quaternion_sign = ((x2 < K(0.0)) ? -K(1.0) : K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(x2 < K(0.0)), -K(1.0), K(1.0));
   const REAL w = quaternion_sign*x2;
   const REAL x3 = quaternion_sign*SIN(half_angle);
   const REAL v_1 = axis_unit_1*x3;
   const REAL v_2 = axis_unit_2*x3;
   const REAL v_3 = axis_unit_3*x3;
-  const int good = (axis_size <= REAL_MAX) && (FABS(angle) <= REAL_MAX) && (axis_size > K(0.0));
+  const CONDITION good = (TEST(axis_size <= REAL_MAX)) & (TEST(FABS(angle) <= REAL_MAX)) & (TEST(axis_size > K(0.0)));
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
   const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x4 = K(2.0)*((w > K(0.25)*REAL_EPSILON) ? K(1.0)/w : K(4.0)/REAL_EPSILON);
-  const REAL status_value = ((!(good)) ? K(4.0) : ((axis_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
+  const REAL x4 = K(2.0)*SELECT(TEST(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x4 : (REAL)NAN);
-  theta[1] = ((good) ? v_2*x4 : (REAL)NAN);
-  theta[2] = ((good) ? v_3*x4 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(rotations_rodrigues_vector_from_axis_angle_batch)(size_t count, const REAL *axis, const REAL *angle, REAL *theta, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(rotations_rodrigues_vector_from_axis_angle)(axis + 3 * i, angle[i], theta + 3 * i, status + i);
+  theta[AT(0)] = SELECT(good, v_1*x4, (REAL)NAN);
+  theta[AT(1)] = SELECT(good, v_2*x4, (REAL)NAN);
+  theta[AT(2)] = SELECT(good, v_3*x4, (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, half_angle);
 }
 
 /* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-void TYPED(rotations_matrix_from_axis_angle)(const REAL axis[3], REAL angle, REAL matrix[9], int8_t *status) {
+KERNEL(rotations_matrix_from_axis_angle, const REAL axis[3], REAL angle, REAL matrix[9], CODE *status) {
   /* inputs */
-  const REAL axis_1 = axis[0];
-  const REAL axis_2 = axis[1];
-  const REAL axis_3 = axis[2];
+  const REAL axis_1 = axis[AT(0)];
+  const REAL axis_2 = axis[AT(1)];
+  const REAL axis_3 = axis[AT(2)];
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
@@ -183,19 +184,19 @@ void TYPED(rotations_matrix_from_axis_angle)(const REAL axis[3], REAL angle, REA
   const REAL axis_scaled_2 = axis_2*x0;
   const REAL axis_scaled_3 = axis_3*x0;
   const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-  const REAL x1 = ((axis_length > K(0.0)) ? K(1.0)/axis_length : K(1.0));
+  const REAL x1 = SELECT(TEST(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
   const REAL axis_unit_1 = axis_scaled_1*x1;
   const REAL axis_unit_2 = axis_scaled_2*x1;
   const REAL axis_unit_3 = axis_scaled_3*x1;
   const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
   const REAL x2 = COS(half_angle);
-  const REAL quaternion_sign = ((x2 < K(0.0)) ? -K(1.0) : K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(x2 < K(0.0)), -K(1.0), K(1.0));
   const REAL w = quaternion_sign*x2;
   const REAL x3 = quaternion_sign*SIN(half_angle);
   const REAL v_1 = axis_unit_1*x3;
   const REAL v_2 = axis_unit_2*x3;
   const REAL v_3 = axis_unit_3*x3;
-  const int good = (axis_size <= REAL_MAX) && (FABS(angle) <= REAL_MAX) && (axis_size > K(0.0));
+  const CONDITION good = (TEST(axis_size <= REAL_MAX)) & (TEST(FABS(angle) <= REAL_MAX)) & (TEST(axis_size > K(0.0)));
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
@@ -211,31 +212,27 @@ void TYPED(rotations_matrix_from_axis_angle)(const REAL axis[3], REAL angle, REA
   const REAL x11 = w*x6;
   const REAL x12 = K(2.0)*(v_1*v_1);
   const REAL x13 = K(2.0)*v_1*w;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((axis_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   /* outputs */
-  matrix[0] = ((good) ? -x4 - x5 : (REAL)NAN);
-  matrix[1] = ((good) ? x7 - x9 : (REAL)NAN);
-  matrix[2] = ((good) ? x10 + x11 : (REAL)NAN);
-  matrix[3] = ((good) ? x7 + x9 : (REAL)NAN);
-  matrix[4] = ((good) ? -x12 - x5 : (REAL)NAN);
-  matrix[5] = ((good) ? K(2.0)*v_2*v_3 - x13 : (REAL)NAN);
-  matrix[6] = ((good) ? x10 - x11 : (REAL)NAN);
-  matrix[7] = ((good) ? v_2*x8 + x13 : (REAL)NAN);
-  matrix[8] = ((good) ? K(1.0) - x12 - x4 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(rotations_matrix_from_axis_angle_batch)(size_t count, const REAL *axis, const REAL *angle, REAL *matrix, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(rotations_matrix_from_axis_angle)(axis + 3 * i, angle[i], matrix + 9 * i, status + i);
+  matrix[AT(0)] = SELECT(good, -x4 - x5, (REAL)NAN);
+  matrix[AT(1)] = SELECT(good, x7 - x9, (REAL)NAN);
+  matrix[AT(2)] = SELECT(good, x10 + x11, (REAL)NAN);
+  matrix[AT(3)] = SELECT(good, x7 + x9, (REAL)NAN);
+  matrix[AT(4)] = SELECT(good, -x12 - x5, (REAL)NAN);
+  matrix[AT(5)] = SELECT(good, K(2.0)*v_2*v_3 - x13, (REAL)NAN);
+  matrix[AT(6)] = SELECT(good, x10 - x11, (REAL)NAN);
+  matrix[AT(7)] = SELECT(good, v_2*x8 + x13, (REAL)NAN);
+  matrix[AT(8)] = SELECT(good, K(1.0) - x12 - x4, (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, half_angle);
 }
 
 /* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-void TYPED(rotations_quaternion_from_axis_angle)(const REAL axis[3], REAL angle, REAL quaternion[4], int8_t *status) {
+KERNEL(rotations_quaternion_from_axis_angle, const REAL axis[3], REAL angle, REAL quaternion[4], CODE *status) {
   /* inputs */
-  const REAL axis_1 = axis[0];
-  const REAL axis_2 = axis[1];
-  const REAL axis_3 = axis[2];
+  const REAL axis_1 = axis[AT(0)];
+  const REAL axis_2 = axis[AT(1)];
+  const REAL axis_3 = axis[AT(2)];
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
@@ -244,31 +241,540 @@ void TYPED(rotations_quaternion_from_axis_angle)(const REAL axis[3], REAL angle,
   const REAL axis_scaled_2 = axis_2*x0;
   const REAL axis_scaled_3 = axis_3*x0;
   const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-  const REAL x1 = ((axis_length > K(0.0)) ? K(1.0)/axis_length : K(1.0));
+  const REAL x1 = SELECT(TEST(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
   const REAL axis_unit_1 = axis_scaled_1*x1;
   const REAL axis_unit_2 = axis_scaled_2*x1;
   const REAL axis_unit_3 = axis_scaled_3*x1;
   const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
   const REAL x2 = COS(half_angle);
-  const REAL quaternion_sign = ((x2 < K(0.0)) ? -K(1.0) : K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(x2 < K(0.0)), -K(1.0), K(1.0));
   const REAL w = quaternion_sign*x2;
   const REAL x3 = quaternion_sign*SIN(half_angle);
   const REAL v_1 = axis_unit_1*x3;
   const REAL v_2 = axis_unit_2*x3;
   const REAL v_3 = axis_unit_3*x3;
-  const int good = (axis_size <= REAL_MAX) && (FABS(angle) <= REAL_MAX) && (axis_size > K(0.0));
+  const CONDITION good = (TEST(axis_size <= REAL_MAX)) & (TEST(FABS(angle) <= REAL_MAX)) & (TEST(axis_size > K(0.0)));
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
   const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((axis_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
   /* outputs */
-  quaternion[0] = ((good) ? w : (REAL)NAN);
-  quaternion[1] = ((good) ? v_1 : (REAL)NAN);
-  quaternion[2] = ((good) ? v_2 : (REAL)NAN);
-  quaternion[3] = ((good) ? v_3 : (REAL)NAN);
-  *status = (int8_t)status_value;
+  quaternion[AT(0)] = SELECT(good, w, (REAL)NAN);
+  quaternion[AT(1)] = SELECT(good, v_1, (REAL)NAN);
+  quaternion[AT(2)] = SELECT(good, v_2, (REAL)NAN);
+  quaternion[AT(3)] = SELECT(good, v_3, (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, half_angle);
+}
+
+/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
+KERNEL(rotations_axis_angle_from_rodrigues_vector, const REAL theta[3], REAL axis[3], REAL *angle, CODE *status) {
+  /* inputs */
+  const REAL theta_1 = theta[AT(0)];
+  const REAL theta_2 = theta[AT(1)];
+  const REAL theta_3 = theta[AT(2)];
+  /* intermediate terms */
+  const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
+  const REAL factor = POWER_OF_TWO_SCALE(size);
+  const REAL x0 = K(0.5)*factor;
+  const REAL theta_scaled_1 = theta_1*x0;
+  const REAL theta_scaled_2 = theta_2*x0;
+  const REAL theta_scaled_3 = theta_3*x0;
+  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+  const REAL x1 = K(1.0)/length;
+  const REAL w = factor*x1;
+  const REAL v_1 = theta_scaled_1*x1;
+  const REAL v_2 = theta_scaled_2*x1;
+  const REAL v_3 = theta_scaled_3*x1;
+  const CONDITION good = TEST(size <= REAL_MAX);
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const REAL sine = x2/sine_scale;
+  const REAL x3 = SELECT(TEST(sine > K(0.0)), K(1.0)/x2, K(1.0));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  /* outputs */
+  axis[AT(0)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
+  axis[AT(1)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
+  axis[AT(2)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+  *angle = SELECT(good, K(2.0)*ATAN2(sine, w), (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
+KERNEL(rotations_matrix_from_rodrigues_vector, const REAL theta[3], REAL matrix[9], CODE *status) {
+  /* inputs */
+  const REAL theta_1 = theta[AT(0)];
+  const REAL theta_2 = theta[AT(1)];
+  const REAL theta_3 = theta[AT(2)];
+  /* intermediate terms */
+  const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
+  const REAL factor = POWER_OF_TWO_SCALE(size);
+  const REAL x0 = K(0.5)*factor;
+  const REAL theta_scaled_1 = theta_1*x0;
+  const REAL theta_scaled_2 = theta_2*x0;
+  const REAL theta_scaled_3 = theta_3*x0;
+  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+  const REAL x1 = K(1.0)/length;
+  const REAL w = factor*x1;
+  const REAL v_1 = theta_scaled_1*x1;
+  const REAL v_2 = theta_scaled_2*x1;
+  const REAL v_3 = theta_scaled_3*x1;
+  const CONDITION good = TEST(size <= REAL_MAX);
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL x2 = K(2.0)*(v_2*v_2);
+  const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
+  const REAL x4 = K(2.0)*v_2;
+  const REAL x5 = v_1*x4;
+  const REAL x6 = K(2.0)*v_3;
+  const REAL x7 = w*x6;
+  const REAL x8 = v_1*x6;
+  const REAL x9 = w*x4;
+  const REAL x10 = K(2.0)*(v_1*v_1);
+  const REAL x11 = K(2.0)*v_1*w;
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  /* outputs */
+  matrix[AT(0)] = SELECT(good, -x2 - x3, (REAL)NAN);
+  matrix[AT(1)] = SELECT(good, x5 - x7, (REAL)NAN);
+  matrix[AT(2)] = SELECT(good, x8 + x9, (REAL)NAN);
+  matrix[AT(3)] = SELECT(good, x5 + x7, (REAL)NAN);
+  matrix[AT(4)] = SELECT(good, -x10 - x3, (REAL)NAN);
+  matrix[AT(5)] = SELECT(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
+  matrix[AT(6)] = SELECT(good, x8 - x9, (REAL)NAN);
+  matrix[AT(7)] = SELECT(good, v_2*x6 + x11, (REAL)NAN);
+  matrix[AT(8)] = SELECT(good, K(1.0) - x10 - x2, (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
+KERNEL(rotations_quaternion_from_rodrigues_vector, const REAL theta[3], REAL quaternion[4], CODE *status) {
+  /* inputs */
+  const REAL theta_1 = theta[AT(0)];
+  const REAL theta_2 = theta[AT(1)];
+  const REAL theta_3 = theta[AT(2)];
+  /* intermediate terms */
+  const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
+  const REAL factor = POWER_OF_TWO_SCALE(size);
+  const REAL x0 = K(0.5)*factor;
+  const REAL theta_scaled_1 = theta_1*x0;
+  const REAL theta_scaled_2 = theta_2*x0;
+  const REAL theta_scaled_3 = theta_3*x0;
+  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+  const REAL x1 = K(1.0)/length;
+  const REAL w = factor*x1;
+  const REAL v_1 = theta_scaled_1*x1;
+  const REAL v_2 = theta_scaled_2*x1;
+  const REAL v_3 = theta_scaled_3*x1;
+  const CONDITION good = TEST(size <= REAL_MAX);
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  /* outputs */
+  quaternion[AT(0)] = SELECT(good, w, (REAL)NAN);
+  quaternion[AT(1)] = SELECT(good, v_1, (REAL)NAN);
+  quaternion[AT(2)] = SELECT(good, v_2, (REAL)NAN);
+  quaternion[AT(3)] = SELECT(good, v_3, (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
+KERNEL(rotations_axis_angle_from_matrix, const REAL matrix[9], REAL axis[3], REAL *angle, CODE *status) {
+  /* inputs */
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
+  /* intermediate terms */
+  const REAL x0 = matrix_1_1 + K(1.0);
+  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+  const REAL x1 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_2 = x1;
+  const REAL x2 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_3 = x2;
+  const REAL x3 = matrix_2_1 - matrix_1_2;
+  const REAL products_1_4 = x3;
+  const REAL products_2_1 = x1;
+  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+  const REAL x6 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_3 = x6;
+  const REAL x7 = matrix_1_3 + matrix_3_1;
+  const REAL products_2_4 = x7;
+  const REAL products_3_1 = x2;
+  const REAL products_3_2 = x6;
+  const REAL x8 = matrix_1_1 - K(1.0);
+  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+  const REAL x9 = matrix_2_3 + matrix_3_2;
+  const REAL products_3_4 = x9;
+  const REAL products_4_1 = x3;
+  const REAL products_4_2 = x7;
+  const REAL products_4_3 = x9;
+  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
+  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
+  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
+  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
+  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
+  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
+  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
+  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+  const REAL x10 = K(1.0)/length;
+  const REAL x11 = column_c_1*x10;
+  const REAL quaternion_sign = SELECT(TEST(x11 < K(0.0)), -K(1.0), K(1.0));
+  const REAL w = quaternion_sign*x11;
+  const REAL x12 = quaternion_sign*x10;
+  const REAL v_1 = column_c_2*x12;
+  const REAL v_2 = column_c_3*x12;
+  const REAL v_3 = column_c_4*x12;
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL x13 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const REAL sine = x13/sine_scale;
+  const REAL x14 = SELECT(TEST(sine > K(0.0)), K(1.0)/x13, K(1.0));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  /* outputs */
+  axis[AT(0)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_1*x14, K(0.0)), (REAL)NAN);
+  axis[AT(1)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_2*x14, K(0.0)), (REAL)NAN);
+  axis[AT(2)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_3*x14, K(1.0)), (REAL)NAN);
+  *angle = SELECT(good, K(2.0)*ATAN2(sine, w), (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
+KERNEL(rotations_rodrigues_vector_from_matrix, const REAL matrix[9], REAL theta[3], CODE *status) {
+  /* inputs */
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
+  /* intermediate terms */
+  const REAL x0 = matrix_1_1 + K(1.0);
+  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+  const REAL x1 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_2 = x1;
+  const REAL x2 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_3 = x2;
+  const REAL x3 = matrix_2_1 - matrix_1_2;
+  const REAL products_1_4 = x3;
+  const REAL products_2_1 = x1;
+  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+  const REAL x6 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_3 = x6;
+  const REAL x7 = matrix_1_3 + matrix_3_1;
+  const REAL products_2_4 = x7;
+  const REAL products_3_1 = x2;
+  const REAL products_3_2 = x6;
+  const REAL x8 = matrix_1_1 - K(1.0);
+  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+  const REAL x9 = matrix_2_3 + matrix_3_2;
+  const REAL products_3_4 = x9;
+  const REAL products_4_1 = x3;
+  const REAL products_4_2 = x7;
+  const REAL products_4_3 = x9;
+  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
+  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
+  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
+  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
+  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
+  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
+  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
+  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+  const REAL x10 = K(1.0)/length;
+  const REAL x11 = column_c_1*x10;
+  const REAL quaternion_sign = SELECT(TEST(x11 < K(0.0)), -K(1.0), K(1.0));
+  const REAL w = quaternion_sign*x11;
+  const REAL x12 = quaternion_sign*x10;
+  const REAL v_1 = column_c_2*x12;
+  const REAL v_2 = column_c_3*x12;
+  const REAL v_3 = column_c_4*x12;
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL x13 = K(2.0)*SELECT(TEST(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  /* outputs */
+  theta[AT(0)] = SELECT(good, v_1*x13, (REAL)NAN);
+  theta[AT(1)] = SELECT(good, v_2*x13, (REAL)NAN);
+  theta[AT(2)] = SELECT(good, v_3*x13, (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
+KERNEL(rotations_quaternion_from_matrix, const REAL matrix[9], REAL quaternion[4], CODE *status) {
+  /* inputs */
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_1_3 = matrix[AT(2)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_2_3 = matrix[AT(5)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
+  const REAL matrix_3_3 = matrix[AT(8)];
+  /* intermediate terms */
+  const REAL x0 = matrix_1_1 + K(1.0);
+  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+  const REAL x1 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_2 = x1;
+  const REAL x2 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_3 = x2;
+  const REAL x3 = matrix_2_1 - matrix_1_2;
+  const REAL products_1_4 = x3;
+  const REAL products_2_1 = x1;
+  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+  const REAL x6 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_3 = x6;
+  const REAL x7 = matrix_1_3 + matrix_3_1;
+  const REAL products_2_4 = x7;
+  const REAL products_3_1 = x2;
+  const REAL products_3_2 = x6;
+  const REAL x8 = matrix_1_1 - K(1.0);
+  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+  const REAL x9 = matrix_2_3 + matrix_3_2;
+  const REAL products_3_4 = x9;
+  const REAL products_4_1 = x3;
+  const REAL products_4_2 = x7;
+  const REAL products_4_3 = x9;
+  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
+  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
+  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
+  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
+  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
+  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
+  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
+  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+  const REAL x10 = K(1.0)/length;
+  const REAL x11 = column_c_1*x10;
+  const REAL quaternion_sign = SELECT(TEST(x11 < K(0.0)), -K(1.0), K(1.0));
+  const REAL w = quaternion_sign*x11;
+  const REAL x12 = quaternion_sign*x10;
+  const REAL v_1 = column_c_2*x12;
+  const REAL v_2 = column_c_3*x12;
+  const REAL v_3 = column_c_4*x12;
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  /* outputs */
+  quaternion[AT(0)] = SELECT(good, w, (REAL)NAN);
+  quaternion[AT(1)] = SELECT(good, v_1, (REAL)NAN);
+  quaternion[AT(2)] = SELECT(good, v_2, (REAL)NAN);
+  quaternion[AT(3)] = SELECT(good, v_3, (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
+KERNEL(rotations_axis_angle_from_quaternion, const REAL quaternion[4], REAL axis[3], REAL *angle, CODE *status) {
+  /* inputs */
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
+  /* intermediate terms */
+  const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x0;
+  const REAL quaternion_scaled_2 = quaternion_2*x0;
+  const REAL quaternion_scaled_3 = quaternion_3*x0;
+  const REAL quaternion_scaled_4 = quaternion_4*x0;
+  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+  const REAL w = quaternion_sign*quaternion_unit_1;
+  const REAL v_1 = quaternion_sign*quaternion_unit_2;
+  const REAL v_2 = quaternion_sign*quaternion_unit_3;
+  const REAL v_3 = quaternion_sign*quaternion_unit_4;
+  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const REAL sine = x2/sine_scale;
+  const REAL x3 = SELECT(TEST(sine > K(0.0)), K(1.0)/x2, K(1.0));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  /* outputs */
+  axis[AT(0)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
+  axis[AT(1)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
+  axis[AT(2)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+  *angle = SELECT(good, K(2.0)*ATAN2(sine, w), (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
+KERNEL(rotations_rodrigues_vector_from_quaternion, const REAL quaternion[4], REAL theta[3], CODE *status) {
+  /* inputs */
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
+  /* intermediate terms */
+  const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x0;
+  const REAL quaternion_scaled_2 = quaternion_2*x0;
+  const REAL quaternion_scaled_3 = quaternion_3*x0;
+  const REAL quaternion_scaled_4 = quaternion_4*x0;
+  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+  const REAL w = quaternion_sign*quaternion_unit_1;
+  const REAL v_1 = quaternion_sign*quaternion_unit_2;
+  const REAL v_2 = quaternion_sign*quaternion_unit_3;
+  const REAL v_3 = quaternion_sign*quaternion_unit_4;
+  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL x2 = K(2.0)*SELECT(TEST(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  /* outputs */
+  theta[AT(0)] = SELECT(good, v_1*x2, (REAL)NAN);
+  theta[AT(1)] = SELECT(good, v_2*x2, (REAL)NAN);
+  theta[AT(2)] = SELECT(good, v_3*x2, (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
+KERNEL(rotations_matrix_from_quaternion, const REAL quaternion[4], REAL matrix[9], CODE *status) {
+  /* inputs */
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
+  /* intermediate terms */
+  const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x0;
+  const REAL quaternion_scaled_2 = quaternion_2*x0;
+  const REAL quaternion_scaled_3 = quaternion_3*x0;
+  const REAL quaternion_scaled_4 = quaternion_4*x0;
+  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+  const REAL w = quaternion_sign*quaternion_unit_1;
+  const REAL v_1 = quaternion_sign*quaternion_unit_2;
+  const REAL v_2 = quaternion_sign*quaternion_unit_3;
+  const REAL v_3 = quaternion_sign*quaternion_unit_4;
+  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
+  const REAL v_scaled_1 = sine_scale*v_1;
+  const REAL v_scaled_2 = sine_scale*v_2;
+  const REAL v_scaled_3 = sine_scale*v_3;
+  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL x2 = K(2.0)*(v_2*v_2);
+  const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
+  const REAL x4 = K(2.0)*v_2;
+  const REAL x5 = v_1*x4;
+  const REAL x6 = K(2.0)*v_3;
+  const REAL x7 = w*x6;
+  const REAL x8 = v_1*x6;
+  const REAL x9 = w*x4;
+  const REAL x10 = K(2.0)*(v_1*v_1);
+  const REAL x11 = K(2.0)*v_1*w;
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  /* outputs */
+  matrix[AT(0)] = SELECT(good, -x2 - x3, (REAL)NAN);
+  matrix[AT(1)] = SELECT(good, x5 - x7, (REAL)NAN);
+  matrix[AT(2)] = SELECT(good, x8 + x9, (REAL)NAN);
+  matrix[AT(3)] = SELECT(good, x5 + x7, (REAL)NAN);
+  matrix[AT(4)] = SELECT(good, -x10 - x3, (REAL)NAN);
+  matrix[AT(5)] = SELECT(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
+  matrix[AT(6)] = SELECT(good, x8 - x9, (REAL)NAN);
+  matrix[AT(7)] = SELECT(good, v_2*x6 + x11, (REAL)NAN);
+  matrix[AT(8)] = SELECT(good, K(1.0) - x10 - x2, (REAL)NAN);
+  *status = (CODE)status_value;
+}
+
+#ifndef ON_COLUMNS
+void TYPED(rotations_rotate_batch)(size_t count, const REAL *rho, const REAL *theta, REAL *rotated) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(rotations_rotate)(rho + 3 * i, theta + 3 * i, rotated + 3 * i);
+}
+
+void TYPED(rotations_rodrigues_vector_from_axis_angle_batch)(size_t count, const REAL *axis, const REAL *angle, REAL *theta, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(rotations_rodrigues_vector_from_axis_angle)(axis + 3 * i, angle[i], theta + 3 * i, status + i);
+}
+
+void TYPED(rotations_matrix_from_axis_angle_batch)(size_t count, const REAL *axis, const REAL *angle, REAL *matrix, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(rotations_matrix_from_axis_angle)(axis + 3 * i, angle[i], matrix + 9 * i, status + i);
 }
 
 void TYPED(rotations_quaternion_from_axis_angle_batch)(size_t count, const REAL *axis, const REAL *angle, REAL *quaternion, int8_t *status) {
@@ -276,94 +782,9 @@ void TYPED(rotations_quaternion_from_axis_angle_batch)(size_t count, const REAL 
     TYPED(rotations_quaternion_from_axis_angle)(axis + 3 * i, angle[i], quaternion + 4 * i, status + i);
 }
 
-/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
-void TYPED(rotations_axis_angle_from_rodrigues_vector)(const REAL theta[3], REAL axis[3], REAL *angle, int8_t *status) {
-  /* inputs */
-  const REAL theta_1 = theta[0];
-  const REAL theta_2 = theta[1];
-  const REAL theta_3 = theta[2];
-  /* intermediate terms */
-  const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
-  const REAL factor = POWER_OF_TWO_SCALE(size);
-  const REAL x0 = K(0.5)*factor;
-  const REAL theta_scaled_1 = theta_1*x0;
-  const REAL theta_scaled_2 = theta_2*x0;
-  const REAL theta_scaled_3 = theta_3*x0;
-  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-  const REAL x1 = K(1.0)/length;
-  const REAL w = factor*x1;
-  const REAL v_1 = theta_scaled_1*x1;
-  const REAL v_2 = theta_scaled_2*x1;
-  const REAL v_3 = theta_scaled_3*x1;
-  const int good = size <= REAL_MAX;
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-  const REAL sine = x2/sine_scale;
-  const REAL x3 = ((sine > K(0.0)) ? K(1.0)/x2 : K(1.0));
-  const REAL status_value = ((!(good)) ? K(4.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0))));
-  /* outputs */
-  axis[0] = ((good) ? ((sine > K(0.0)) ? v_scaled_1*x3 : K(0.0)) : (REAL)NAN);
-  axis[1] = ((good) ? ((sine > K(0.0)) ? v_scaled_2*x3 : K(0.0)) : (REAL)NAN);
-  axis[2] = ((good) ? ((sine > K(0.0)) ? v_scaled_3*x3 : K(1.0)) : (REAL)NAN);
-  *angle = ((good) ? K(2.0)*ATAN2(sine, w) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
 void TYPED(rotations_axis_angle_from_rodrigues_vector_batch)(size_t count, const REAL *theta, REAL *axis, REAL *angle, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(rotations_axis_angle_from_rodrigues_vector)(theta + 3 * i, axis + 3 * i, angle + i, status + i);
-}
-
-/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
-void TYPED(rotations_matrix_from_rodrigues_vector)(const REAL theta[3], REAL matrix[9], int8_t *status) {
-  /* inputs */
-  const REAL theta_1 = theta[0];
-  const REAL theta_2 = theta[1];
-  const REAL theta_3 = theta[2];
-  /* intermediate terms */
-  const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
-  const REAL factor = POWER_OF_TWO_SCALE(size);
-  const REAL x0 = K(0.5)*factor;
-  const REAL theta_scaled_1 = theta_1*x0;
-  const REAL theta_scaled_2 = theta_2*x0;
-  const REAL theta_scaled_3 = theta_3*x0;
-  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-  const REAL x1 = K(1.0)/length;
-  const REAL w = factor*x1;
-  const REAL v_1 = theta_scaled_1*x1;
-  const REAL v_2 = theta_scaled_2*x1;
-  const REAL v_3 = theta_scaled_3*x1;
-  const int good = size <= REAL_MAX;
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x2 = K(2.0)*(v_2*v_2);
-  const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-  const REAL x4 = K(2.0)*v_2;
-  const REAL x5 = v_1*x4;
-  const REAL x6 = K(2.0)*v_3;
-  const REAL x7 = w*x6;
-  const REAL x8 = v_1*x6;
-  const REAL x9 = w*x4;
-  const REAL x10 = K(2.0)*(v_1*v_1);
-  const REAL x11 = K(2.0)*v_1*w;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0))));
-  /* outputs */
-  matrix[0] = ((good) ? -x2 - x3 : (REAL)NAN);
-  matrix[1] = ((good) ? x5 - x7 : (REAL)NAN);
-  matrix[2] = ((good) ? x8 + x9 : (REAL)NAN);
-  matrix[3] = ((good) ? x5 + x7 : (REAL)NAN);
-  matrix[4] = ((good) ? -x10 - x3 : (REAL)NAN);
-  matrix[5] = ((good) ? K(2.0)*v_2*v_3 - x11 : (REAL)NAN);
-  matrix[6] = ((good) ? x8 - x9 : (REAL)NAN);
-  matrix[7] = ((good) ? v_2*x6 + x11 : (REAL)NAN);
-  matrix[8] = ((good) ? K(1.0) - x10 - x2 : (REAL)NAN);
-  *status = (int8_t)status_value;
 }
 
 void TYPED(rotations_matrix_from_rodrigues_vector_batch)(size_t count, const REAL *theta, REAL *matrix, int8_t *status) {
@@ -371,122 +792,9 @@ void TYPED(rotations_matrix_from_rodrigues_vector_batch)(size_t count, const REA
     TYPED(rotations_matrix_from_rodrigues_vector)(theta + 3 * i, matrix + 9 * i, status + i);
 }
 
-/* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
-void TYPED(rotations_quaternion_from_rodrigues_vector)(const REAL theta[3], REAL quaternion[4], int8_t *status) {
-  /* inputs */
-  const REAL theta_1 = theta[0];
-  const REAL theta_2 = theta[1];
-  const REAL theta_3 = theta[2];
-  /* intermediate terms */
-  const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
-  const REAL factor = POWER_OF_TWO_SCALE(size);
-  const REAL x0 = K(0.5)*factor;
-  const REAL theta_scaled_1 = theta_1*x0;
-  const REAL theta_scaled_2 = theta_2*x0;
-  const REAL theta_scaled_3 = theta_3*x0;
-  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-  const REAL x1 = K(1.0)/length;
-  const REAL w = factor*x1;
-  const REAL v_1 = theta_scaled_1*x1;
-  const REAL v_2 = theta_scaled_2*x1;
-  const REAL v_3 = theta_scaled_3*x1;
-  const int good = size <= REAL_MAX;
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0))));
-  /* outputs */
-  quaternion[0] = ((good) ? w : (REAL)NAN);
-  quaternion[1] = ((good) ? v_1 : (REAL)NAN);
-  quaternion[2] = ((good) ? v_2 : (REAL)NAN);
-  quaternion[3] = ((good) ? v_3 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
 void TYPED(rotations_quaternion_from_rodrigues_vector_batch)(size_t count, const REAL *theta, REAL *quaternion, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(rotations_quaternion_from_rodrigues_vector)(theta + 3 * i, quaternion + 4 * i, status + i);
-}
-
-/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
-void TYPED(rotations_axis_angle_from_matrix)(const REAL matrix[9], REAL axis[3], REAL *angle, int8_t *status) {
-  /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
-  /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
-  const REAL column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
-  const REAL column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
-  const REAL column_a_4 = ((products_1_1 < products_2_2) ? products_4_2 : products_4_1);
-  const REAL largest_a = ((products_1_1 < products_2_2) ? products_2_2 : products_1_1);
-  const REAL column_b_1 = ((largest_a < products_3_3) ? products_1_3 : column_a_1);
-  const REAL column_b_2 = ((largest_a < products_3_3) ? products_2_3 : column_a_2);
-  const REAL column_b_3 = ((largest_a < products_3_3) ? products_3_3 : column_a_3);
-  const REAL column_b_4 = ((largest_a < products_3_3) ? products_4_3 : column_a_4);
-  const REAL largest_b = ((largest_a < products_3_3) ? products_3_3 : largest_a);
-  const REAL column_c_1 = ((largest_b < products_4_4) ? products_1_4 : column_b_1);
-  const REAL column_c_2 = ((largest_b < products_4_4) ? products_2_4 : column_b_2);
-  const REAL column_c_3 = ((largest_b < products_4_4) ? products_3_4 : column_b_3);
-  const REAL column_c_4 = ((largest_b < products_4_4) ? products_4_4 : column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL x11 = column_c_1*x10;
-  const REAL quaternion_sign = ((x11 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL w = quaternion_sign*x11;
-  const REAL x12 = quaternion_sign*x10;
-  const REAL v_1 = column_c_2*x12;
-  const REAL v_2 = column_c_3*x12;
-  const REAL v_3 = column_c_4*x12;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const int good = (deviation <= REAL_MAX) && (determinant > K(0.0));
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL x13 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-  const REAL sine = x13/sine_scale;
-  const REAL x14 = ((sine > K(0.0)) ? K(1.0)/x13 : K(1.0));
-  const REAL status_value = ((!(good)) ? K(4.0) : ((deviation > K(64.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
-  /* outputs */
-  axis[0] = ((good) ? ((sine > K(0.0)) ? v_scaled_1*x14 : K(0.0)) : (REAL)NAN);
-  axis[1] = ((good) ? ((sine > K(0.0)) ? v_scaled_2*x14 : K(0.0)) : (REAL)NAN);
-  axis[2] = ((good) ? ((sine > K(0.0)) ? v_scaled_3*x14 : K(1.0)) : (REAL)NAN);
-  *angle = ((good) ? K(2.0)*ATAN2(sine, w) : (REAL)NAN);
-  *status = (int8_t)status_value;
 }
 
 void TYPED(rotations_axis_angle_from_matrix_batch)(size_t count, const REAL *matrix, REAL *axis, REAL *angle, int8_t *status) {
@@ -494,163 +802,9 @@ void TYPED(rotations_axis_angle_from_matrix_batch)(size_t count, const REAL *mat
     TYPED(rotations_axis_angle_from_matrix)(matrix + 9 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
-void TYPED(rotations_rodrigues_vector_from_matrix)(const REAL matrix[9], REAL theta[3], int8_t *status) {
-  /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
-  /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
-  const REAL column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
-  const REAL column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
-  const REAL column_a_4 = ((products_1_1 < products_2_2) ? products_4_2 : products_4_1);
-  const REAL largest_a = ((products_1_1 < products_2_2) ? products_2_2 : products_1_1);
-  const REAL column_b_1 = ((largest_a < products_3_3) ? products_1_3 : column_a_1);
-  const REAL column_b_2 = ((largest_a < products_3_3) ? products_2_3 : column_a_2);
-  const REAL column_b_3 = ((largest_a < products_3_3) ? products_3_3 : column_a_3);
-  const REAL column_b_4 = ((largest_a < products_3_3) ? products_4_3 : column_a_4);
-  const REAL largest_b = ((largest_a < products_3_3) ? products_3_3 : largest_a);
-  const REAL column_c_1 = ((largest_b < products_4_4) ? products_1_4 : column_b_1);
-  const REAL column_c_2 = ((largest_b < products_4_4) ? products_2_4 : column_b_2);
-  const REAL column_c_3 = ((largest_b < products_4_4) ? products_3_4 : column_b_3);
-  const REAL column_c_4 = ((largest_b < products_4_4) ? products_4_4 : column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL x11 = column_c_1*x10;
-  const REAL quaternion_sign = ((x11 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL w = quaternion_sign*x11;
-  const REAL x12 = quaternion_sign*x10;
-  const REAL v_1 = column_c_2*x12;
-  const REAL v_2 = column_c_3*x12;
-  const REAL v_3 = column_c_4*x12;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const int good = (deviation <= REAL_MAX) && (determinant > K(0.0));
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x13 = K(2.0)*((w > K(0.25)*REAL_EPSILON) ? K(1.0)/w : K(4.0)/REAL_EPSILON);
-  const REAL status_value = ((!(good)) ? K(4.0) : ((deviation > K(64.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
-  /* outputs */
-  theta[0] = ((good) ? v_1*x13 : (REAL)NAN);
-  theta[1] = ((good) ? v_2*x13 : (REAL)NAN);
-  theta[2] = ((good) ? v_3*x13 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
 void TYPED(rotations_rodrigues_vector_from_matrix_batch)(size_t count, const REAL *matrix, REAL *theta, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(rotations_rodrigues_vector_from_matrix)(matrix + 9 * i, theta + 3 * i, status + i);
-}
-
-/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
-void TYPED(rotations_quaternion_from_matrix)(const REAL matrix[9], REAL quaternion[4], int8_t *status) {
-  /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_1_3 = matrix[2];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_2_3 = matrix[5];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
-  const REAL matrix_3_3 = matrix[8];
-  /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
-  const REAL column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
-  const REAL column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
-  const REAL column_a_4 = ((products_1_1 < products_2_2) ? products_4_2 : products_4_1);
-  const REAL largest_a = ((products_1_1 < products_2_2) ? products_2_2 : products_1_1);
-  const REAL column_b_1 = ((largest_a < products_3_3) ? products_1_3 : column_a_1);
-  const REAL column_b_2 = ((largest_a < products_3_3) ? products_2_3 : column_a_2);
-  const REAL column_b_3 = ((largest_a < products_3_3) ? products_3_3 : column_a_3);
-  const REAL column_b_4 = ((largest_a < products_3_3) ? products_4_3 : column_a_4);
-  const REAL largest_b = ((largest_a < products_3_3) ? products_3_3 : largest_a);
-  const REAL column_c_1 = ((largest_b < products_4_4) ? products_1_4 : column_b_1);
-  const REAL column_c_2 = ((largest_b < products_4_4) ? products_2_4 : column_b_2);
-  const REAL column_c_3 = ((largest_b < products_4_4) ? products_3_4 : column_b_3);
-  const REAL column_c_4 = ((largest_b < products_4_4) ? products_4_4 : column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL x11 = column_c_1*x10;
-  const REAL quaternion_sign = ((x11 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL w = quaternion_sign*x11;
-  const REAL x12 = quaternion_sign*x10;
-  const REAL v_1 = column_c_2*x12;
-  const REAL v_2 = column_c_3*x12;
-  const REAL v_3 = column_c_4*x12;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const int good = (deviation <= REAL_MAX) && (determinant > K(0.0));
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((deviation > K(64.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
-  /* outputs */
-  quaternion[0] = ((good) ? w : (REAL)NAN);
-  quaternion[1] = ((good) ? v_1 : (REAL)NAN);
-  quaternion[2] = ((good) ? v_2 : (REAL)NAN);
-  quaternion[3] = ((good) ? v_3 : (REAL)NAN);
-  *status = (int8_t)status_value;
 }
 
 void TYPED(rotations_quaternion_from_matrix_batch)(size_t count, const REAL *matrix, REAL *quaternion, int8_t *status) {
@@ -658,93 +812,9 @@ void TYPED(rotations_quaternion_from_matrix_batch)(size_t count, const REAL *mat
     TYPED(rotations_quaternion_from_matrix)(matrix + 9 * i, quaternion + 4 * i, status + i);
 }
 
-/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
-void TYPED(rotations_axis_angle_from_quaternion)(const REAL quaternion[4], REAL axis[3], REAL *angle, int8_t *status) {
-  /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
-  /* intermediate terms */
-  const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = ((quaternion_length > K(0.0)) ? K(1.0)/quaternion_length : K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const REAL quaternion_sign = ((quaternion_unit_1 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL w = quaternion_sign*quaternion_unit_1;
-  const REAL v_1 = quaternion_sign*quaternion_unit_2;
-  const REAL v_2 = quaternion_sign*quaternion_unit_3;
-  const REAL v_3 = quaternion_sign*quaternion_unit_4;
-  const int good = (quaternion_size <= REAL_MAX) && (quaternion_size > K(0.0));
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-  const REAL sine = x2/sine_scale;
-  const REAL x3 = ((sine > K(0.0)) ? K(1.0)/x2 : K(1.0));
-  const REAL status_value = ((!(good)) ? K(4.0) : ((quaternion_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
-  /* outputs */
-  axis[0] = ((good) ? ((sine > K(0.0)) ? v_scaled_1*x3 : K(0.0)) : (REAL)NAN);
-  axis[1] = ((good) ? ((sine > K(0.0)) ? v_scaled_2*x3 : K(0.0)) : (REAL)NAN);
-  axis[2] = ((good) ? ((sine > K(0.0)) ? v_scaled_3*x3 : K(1.0)) : (REAL)NAN);
-  *angle = ((good) ? K(2.0)*ATAN2(sine, w) : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
 void TYPED(rotations_axis_angle_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *axis, REAL *angle, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(rotations_axis_angle_from_quaternion)(quaternion + 4 * i, axis + 3 * i, angle + i, status + i);
-}
-
-/* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
-void TYPED(rotations_rodrigues_vector_from_quaternion)(const REAL quaternion[4], REAL theta[3], int8_t *status) {
-  /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
-  /* intermediate terms */
-  const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = ((quaternion_length > K(0.0)) ? K(1.0)/quaternion_length : K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const REAL quaternion_sign = ((quaternion_unit_1 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL w = quaternion_sign*quaternion_unit_1;
-  const REAL v_1 = quaternion_sign*quaternion_unit_2;
-  const REAL v_2 = quaternion_sign*quaternion_unit_3;
-  const REAL v_3 = quaternion_sign*quaternion_unit_4;
-  const int good = (quaternion_size <= REAL_MAX) && (quaternion_size > K(0.0));
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x2 = K(2.0)*((w > K(0.25)*REAL_EPSILON) ? K(1.0)/w : K(4.0)/REAL_EPSILON);
-  const REAL status_value = ((!(good)) ? K(4.0) : ((quaternion_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
-  /* outputs */
-  theta[0] = ((good) ? v_1*x2 : (REAL)NAN);
-  theta[1] = ((good) ? v_2*x2 : (REAL)NAN);
-  theta[2] = ((good) ? v_3*x2 : (REAL)NAN);
-  *status = (int8_t)status_value;
 }
 
 void TYPED(rotations_rodrigues_vector_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *theta, int8_t *status) {
@@ -752,65 +822,10 @@ void TYPED(rotations_rodrigues_vector_from_quaternion_batch)(size_t count, const
     TYPED(rotations_rodrigues_vector_from_quaternion)(quaternion + 4 * i, theta + 3 * i, status + i);
 }
 
-/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
-void TYPED(rotations_matrix_from_quaternion)(const REAL quaternion[4], REAL matrix[9], int8_t *status) {
-  /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
-  /* intermediate terms */
-  const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = ((quaternion_length > K(0.0)) ? K(1.0)/quaternion_length : K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const REAL quaternion_sign = ((quaternion_unit_1 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL w = quaternion_sign*quaternion_unit_1;
-  const REAL v_1 = quaternion_sign*quaternion_unit_2;
-  const REAL v_2 = quaternion_sign*quaternion_unit_3;
-  const REAL v_3 = quaternion_sign*quaternion_unit_4;
-  const int good = (quaternion_size <= REAL_MAX) && (quaternion_size > K(0.0));
-  const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
-  const REAL v_scaled_1 = sine_scale*v_1;
-  const REAL v_scaled_2 = sine_scale*v_2;
-  const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x2 = K(2.0)*(v_2*v_2);
-  const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-  const REAL x4 = K(2.0)*v_2;
-  const REAL x5 = v_1*x4;
-  const REAL x6 = K(2.0)*v_3;
-  const REAL x7 = w*x6;
-  const REAL x8 = v_1*x6;
-  const REAL x9 = w*x4;
-  const REAL x10 = K(2.0)*(v_1*v_1);
-  const REAL x11 = K(2.0)*v_1*w;
-  const REAL status_value = ((!(good)) ? K(4.0) : ((quaternion_deviation > K(16.0)*REAL_EPSILON) ? K(3.0) : ((sine == K(0.0)) ? K(1.0) : ((w <= REAL_EPSILON) ? K(2.0) : K(0.0)))));
-  /* outputs */
-  matrix[0] = ((good) ? -x2 - x3 : (REAL)NAN);
-  matrix[1] = ((good) ? x5 - x7 : (REAL)NAN);
-  matrix[2] = ((good) ? x8 + x9 : (REAL)NAN);
-  matrix[3] = ((good) ? x5 + x7 : (REAL)NAN);
-  matrix[4] = ((good) ? -x10 - x3 : (REAL)NAN);
-  matrix[5] = ((good) ? K(2.0)*v_2*v_3 - x11 : (REAL)NAN);
-  matrix[6] = ((good) ? x8 - x9 : (REAL)NAN);
-  matrix[7] = ((good) ? v_2*x6 + x11 : (REAL)NAN);
-  matrix[8] = ((good) ? K(1.0) - x10 - x2 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
 void TYPED(rotations_matrix_from_quaternion_batch)(size_t count, const REAL *quaternion, REAL *matrix, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(rotations_matrix_from_quaternion)(quaternion + 4 * i, matrix + 9 * i, status + i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Crane, "Robot Geometry", notes after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -62,20 +72,20 @@
 #else
 
 /* link_step: 18 add, 30 mul, 1 cos, 1 sin */
-void TYPED(spatial_links_link_step)(const REAL frame[16], REAL a, REAL cos_alpha, REAL sin_alpha, REAL offset, REAL angle, REAL next_frame[16]) {
+KERNEL(spatial_links_link_step, const REAL frame[16], REAL a, REAL cos_alpha, REAL sin_alpha, REAL offset, REAL angle, REAL next_frame[16]) {
   /* inputs */
-  const REAL frame_1_1 = frame[0];
-  const REAL frame_1_2 = frame[1];
-  const REAL frame_1_3 = frame[2];
-  const REAL frame_1_4 = frame[3];
-  const REAL frame_2_1 = frame[4];
-  const REAL frame_2_2 = frame[5];
-  const REAL frame_2_3 = frame[6];
-  const REAL frame_2_4 = frame[7];
-  const REAL frame_3_1 = frame[8];
-  const REAL frame_3_2 = frame[9];
-  const REAL frame_3_3 = frame[10];
-  const REAL frame_3_4 = frame[11];
+  const REAL frame_1_1 = frame[AT(0)];
+  const REAL frame_1_2 = frame[AT(1)];
+  const REAL frame_1_3 = frame[AT(2)];
+  const REAL frame_1_4 = frame[AT(3)];
+  const REAL frame_2_1 = frame[AT(4)];
+  const REAL frame_2_2 = frame[AT(5)];
+  const REAL frame_2_3 = frame[AT(6)];
+  const REAL frame_2_4 = frame[AT(7)];
+  const REAL frame_3_1 = frame[AT(8)];
+  const REAL frame_3_2 = frame[AT(9)];
+  const REAL frame_3_3 = frame[AT(10)];
+  const REAL frame_3_4 = frame[AT(11)];
   /* intermediate terms */
   const REAL c = COS(angle);
   const REAL s = SIN(angle);
@@ -86,99 +96,90 @@ void TYPED(spatial_links_link_step)(const REAL frame[16], REAL a, REAL cos_alpha
   const REAL x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
   const REAL x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
   /* outputs */
-  next_frame[0] = c*frame_1_1 + s*x0;
-  next_frame[1] = c*x0 - frame_1_1*s;
-  next_frame[2] = x1;
-  next_frame[3] = a*frame_1_1 + frame_1_4 + offset*x1;
-  next_frame[4] = c*frame_2_1 + s*x2;
-  next_frame[5] = c*x2 - frame_2_1*s;
-  next_frame[6] = x3;
-  next_frame[7] = a*frame_2_1 + frame_2_4 + offset*x3;
-  next_frame[8] = c*frame_3_1 + s*x4;
-  next_frame[9] = c*x4 - frame_3_1*s;
-  next_frame[10] = x5;
-  next_frame[11] = a*frame_3_1 + frame_3_4 + offset*x5;
-  next_frame[12] = K(0.0);
-  next_frame[13] = K(0.0);
-  next_frame[14] = K(0.0);
-  next_frame[15] = K(1.0);
-}
-
-void TYPED(spatial_links_link_step_batch)(size_t count, const REAL *frame, const REAL *a, const REAL *cos_alpha, const REAL *sin_alpha, const REAL *offset, const REAL *angle, REAL *next_frame) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_links_link_step)(frame + 16 * i, a[i], cos_alpha[i], sin_alpha[i], offset[i], angle[i], next_frame + 16 * i);
+  next_frame[AT(0)] = c*frame_1_1 + s*x0;
+  next_frame[AT(1)] = c*x0 - frame_1_1*s;
+  next_frame[AT(2)] = x1;
+  next_frame[AT(3)] = a*frame_1_1 + frame_1_4 + offset*x1;
+  next_frame[AT(4)] = c*frame_2_1 + s*x2;
+  next_frame[AT(5)] = c*x2 - frame_2_1*s;
+  next_frame[AT(6)] = x3;
+  next_frame[AT(7)] = a*frame_2_1 + frame_2_4 + offset*x3;
+  next_frame[AT(8)] = c*frame_3_1 + s*x4;
+  next_frame[AT(9)] = c*x4 - frame_3_1*s;
+  next_frame[AT(10)] = x5;
+  next_frame[AT(11)] = a*frame_3_1 + frame_3_4 + offset*x5;
+  next_frame[AT(12)] = K(0.0);
+  next_frame[AT(13)] = K(0.0);
+  next_frame[AT(14)] = K(0.0);
+  next_frame[AT(15)] = K(1.0);
+  ANGLE(0, angle);
 }
 
 /* link_inverse: 6 add, 9 mul */
-void TYPED(spatial_links_link_inverse)(const REAL transform[16], REAL inverse[16]) {
+KERNEL(spatial_links_link_inverse, const REAL transform[16], REAL inverse[16]) {
   /* inputs */
-  const REAL transform_1_1 = transform[0];
-  const REAL transform_1_2 = transform[1];
-  const REAL transform_1_3 = transform[2];
-  const REAL transform_1_4 = transform[3];
-  const REAL transform_2_1 = transform[4];
-  const REAL transform_2_2 = transform[5];
-  const REAL transform_2_3 = transform[6];
-  const REAL transform_2_4 = transform[7];
-  const REAL transform_3_1 = transform[8];
-  const REAL transform_3_2 = transform[9];
-  const REAL transform_3_3 = transform[10];
-  const REAL transform_3_4 = transform[11];
+  const REAL transform_1_1 = transform[AT(0)];
+  const REAL transform_1_2 = transform[AT(1)];
+  const REAL transform_1_3 = transform[AT(2)];
+  const REAL transform_1_4 = transform[AT(3)];
+  const REAL transform_2_1 = transform[AT(4)];
+  const REAL transform_2_2 = transform[AT(5)];
+  const REAL transform_2_3 = transform[AT(6)];
+  const REAL transform_2_4 = transform[AT(7)];
+  const REAL transform_3_1 = transform[AT(8)];
+  const REAL transform_3_2 = transform[AT(9)];
+  const REAL transform_3_3 = transform[AT(10)];
+  const REAL transform_3_4 = transform[AT(11)];
   /* intermediate terms */
   /* outputs */
-  inverse[0] = transform_1_1;
-  inverse[1] = transform_2_1;
-  inverse[2] = transform_3_1;
-  inverse[3] = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
-  inverse[4] = transform_1_2;
-  inverse[5] = transform_2_2;
-  inverse[6] = transform_3_2;
-  inverse[7] = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
-  inverse[8] = transform_1_3;
-  inverse[9] = transform_2_3;
-  inverse[10] = transform_3_3;
-  inverse[11] = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
-  inverse[12] = K(0.0);
-  inverse[13] = K(0.0);
-  inverse[14] = K(0.0);
-  inverse[15] = K(1.0);
-}
-
-void TYPED(spatial_links_link_inverse_batch)(size_t count, const REAL *transform, REAL *inverse) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_links_link_inverse)(transform + 16 * i, inverse + 16 * i);
+  inverse[AT(0)] = transform_1_1;
+  inverse[AT(1)] = transform_2_1;
+  inverse[AT(2)] = transform_3_1;
+  inverse[AT(3)] = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
+  inverse[AT(4)] = transform_1_2;
+  inverse[AT(5)] = transform_2_2;
+  inverse[AT(6)] = transform_3_2;
+  inverse[AT(7)] = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
+  inverse[AT(8)] = transform_1_3;
+  inverse[AT(9)] = transform_2_3;
+  inverse[AT(10)] = transform_3_3;
+  inverse[AT(11)] = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
+  inverse[AT(12)] = K(0.0);
+  inverse[AT(13)] = K(0.0);
+  inverse[AT(14)] = K(0.0);
+  inverse[AT(15)] = K(1.0);
 }
 
 /* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
-void TYPED(spatial_links_link_forward_6r)(const REAL a[5], const REAL cos_alpha[5], const REAL sin_alpha[5], const REAL offset[6], const REAL angle[6], REAL pose[16]) {
+KERNEL(spatial_links_link_forward_6r, const REAL a[5], const REAL cos_alpha[5], const REAL sin_alpha[5], const REAL offset[6], const REAL angle[6], REAL pose[16]) {
   /* inputs */
-  const REAL a_1 = a[0];
-  const REAL a_2 = a[1];
-  const REAL a_3 = a[2];
-  const REAL a_4 = a[3];
-  const REAL a_5 = a[4];
-  const REAL cos_alpha_1 = cos_alpha[0];
-  const REAL cos_alpha_2 = cos_alpha[1];
-  const REAL cos_alpha_3 = cos_alpha[2];
-  const REAL cos_alpha_4 = cos_alpha[3];
-  const REAL cos_alpha_5 = cos_alpha[4];
-  const REAL sin_alpha_1 = sin_alpha[0];
-  const REAL sin_alpha_2 = sin_alpha[1];
-  const REAL sin_alpha_3 = sin_alpha[2];
-  const REAL sin_alpha_4 = sin_alpha[3];
-  const REAL sin_alpha_5 = sin_alpha[4];
-  const REAL offset_1 = offset[0];
-  const REAL offset_2 = offset[1];
-  const REAL offset_3 = offset[2];
-  const REAL offset_4 = offset[3];
-  const REAL offset_5 = offset[4];
-  const REAL offset_6 = offset[5];
-  const REAL angle_1 = angle[0];
-  const REAL angle_2 = angle[1];
-  const REAL angle_3 = angle[2];
-  const REAL angle_4 = angle[3];
-  const REAL angle_5 = angle[4];
-  const REAL angle_6 = angle[5];
+  const REAL a_1 = a[AT(0)];
+  const REAL a_2 = a[AT(1)];
+  const REAL a_3 = a[AT(2)];
+  const REAL a_4 = a[AT(3)];
+  const REAL a_5 = a[AT(4)];
+  const REAL cos_alpha_1 = cos_alpha[AT(0)];
+  const REAL cos_alpha_2 = cos_alpha[AT(1)];
+  const REAL cos_alpha_3 = cos_alpha[AT(2)];
+  const REAL cos_alpha_4 = cos_alpha[AT(3)];
+  const REAL cos_alpha_5 = cos_alpha[AT(4)];
+  const REAL sin_alpha_1 = sin_alpha[AT(0)];
+  const REAL sin_alpha_2 = sin_alpha[AT(1)];
+  const REAL sin_alpha_3 = sin_alpha[AT(2)];
+  const REAL sin_alpha_4 = sin_alpha[AT(3)];
+  const REAL sin_alpha_5 = sin_alpha[AT(4)];
+  const REAL offset_1 = offset[AT(0)];
+  const REAL offset_2 = offset[AT(1)];
+  const REAL offset_3 = offset[AT(2)];
+  const REAL offset_4 = offset[AT(3)];
+  const REAL offset_5 = offset[AT(4)];
+  const REAL offset_6 = offset[AT(5)];
+  const REAL angle_1 = angle[AT(0)];
+  const REAL angle_2 = angle[AT(1)];
+  const REAL angle_3 = angle[AT(2)];
+  const REAL angle_4 = angle[AT(3)];
+  const REAL angle_5 = angle[AT(4)];
+  const REAL angle_6 = angle[AT(5)];
   /* intermediate terms */
   const REAL c_1 = COS(angle_1);
   const REAL c_2 = COS(angle_2);
@@ -283,58 +284,59 @@ void TYPED(spatial_links_link_forward_6r)(const REAL a[5], const REAL cos_alpha[
   const REAL p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
   const REAL p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
   /* outputs */
-  pose[0] = x_f_1;
-  pose[1] = y_f_1;
-  pose[2] = z_f_1;
-  pose[3] = p_f_1;
-  pose[4] = x_f_2;
-  pose[5] = y_f_2;
-  pose[6] = z_f_2;
-  pose[7] = p_f_2;
-  pose[8] = x_f_3;
-  pose[9] = y_f_3;
-  pose[10] = z_f_3;
-  pose[11] = p_f_3;
-  pose[12] = K(0.0);
-  pose[13] = K(0.0);
-  pose[14] = K(0.0);
-  pose[15] = K(1.0);
-}
-
-void TYPED(spatial_links_link_forward_6r_batch)(size_t count, const REAL *a, const REAL *cos_alpha, const REAL *sin_alpha, const REAL *offset, const REAL *angle, REAL *pose) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_links_link_forward_6r)(a + 5 * i, cos_alpha + 5 * i, sin_alpha + 5 * i, offset + 6 * i, angle + 6 * i, pose + 16 * i);
+  pose[AT(0)] = x_f_1;
+  pose[AT(1)] = y_f_1;
+  pose[AT(2)] = z_f_1;
+  pose[AT(3)] = p_f_1;
+  pose[AT(4)] = x_f_2;
+  pose[AT(5)] = y_f_2;
+  pose[AT(6)] = z_f_2;
+  pose[AT(7)] = p_f_2;
+  pose[AT(8)] = x_f_3;
+  pose[AT(9)] = y_f_3;
+  pose[AT(10)] = z_f_3;
+  pose[AT(11)] = p_f_3;
+  pose[AT(12)] = K(0.0);
+  pose[AT(13)] = K(0.0);
+  pose[AT(14)] = K(0.0);
+  pose[AT(15)] = K(1.0);
+  ANGLE(0, angle_1);
+  ANGLE(1, angle_2);
+  ANGLE(2, angle_3);
+  ANGLE(3, angle_4);
+  ANGLE(4, angle_5);
+  ANGLE(5, angle_6);
 }
 
 /* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
-void TYPED(spatial_links_link_jacobian_6r)(const REAL a[5], const REAL cos_alpha[5], const REAL sin_alpha[5], const REAL offset[6], const REAL angle[6], REAL jacobian[36]) {
+KERNEL(spatial_links_link_jacobian_6r, const REAL a[5], const REAL cos_alpha[5], const REAL sin_alpha[5], const REAL offset[6], const REAL angle[6], REAL jacobian[36]) {
   /* inputs */
-  const REAL a_1 = a[0];
-  const REAL a_2 = a[1];
-  const REAL a_3 = a[2];
-  const REAL a_4 = a[3];
-  const REAL a_5 = a[4];
-  const REAL cos_alpha_1 = cos_alpha[0];
-  const REAL cos_alpha_2 = cos_alpha[1];
-  const REAL cos_alpha_3 = cos_alpha[2];
-  const REAL cos_alpha_4 = cos_alpha[3];
-  const REAL cos_alpha_5 = cos_alpha[4];
-  const REAL sin_alpha_1 = sin_alpha[0];
-  const REAL sin_alpha_2 = sin_alpha[1];
-  const REAL sin_alpha_3 = sin_alpha[2];
-  const REAL sin_alpha_4 = sin_alpha[3];
-  const REAL sin_alpha_5 = sin_alpha[4];
-  const REAL offset_1 = offset[0];
-  const REAL offset_2 = offset[1];
-  const REAL offset_3 = offset[2];
-  const REAL offset_4 = offset[3];
-  const REAL offset_5 = offset[4];
-  const REAL offset_6 = offset[5];
-  const REAL angle_1 = angle[0];
-  const REAL angle_2 = angle[1];
-  const REAL angle_3 = angle[2];
-  const REAL angle_4 = angle[3];
-  const REAL angle_5 = angle[4];
+  const REAL a_1 = a[AT(0)];
+  const REAL a_2 = a[AT(1)];
+  const REAL a_3 = a[AT(2)];
+  const REAL a_4 = a[AT(3)];
+  const REAL a_5 = a[AT(4)];
+  const REAL cos_alpha_1 = cos_alpha[AT(0)];
+  const REAL cos_alpha_2 = cos_alpha[AT(1)];
+  const REAL cos_alpha_3 = cos_alpha[AT(2)];
+  const REAL cos_alpha_4 = cos_alpha[AT(3)];
+  const REAL cos_alpha_5 = cos_alpha[AT(4)];
+  const REAL sin_alpha_1 = sin_alpha[AT(0)];
+  const REAL sin_alpha_2 = sin_alpha[AT(1)];
+  const REAL sin_alpha_3 = sin_alpha[AT(2)];
+  const REAL sin_alpha_4 = sin_alpha[AT(3)];
+  const REAL sin_alpha_5 = sin_alpha[AT(4)];
+  const REAL offset_1 = offset[AT(0)];
+  const REAL offset_2 = offset[AT(1)];
+  const REAL offset_3 = offset[AT(2)];
+  const REAL offset_4 = offset[AT(3)];
+  const REAL offset_5 = offset[AT(4)];
+  const REAL offset_6 = offset[AT(5)];
+  const REAL angle_1 = angle[AT(0)];
+  const REAL angle_2 = angle[AT(1)];
+  const REAL angle_3 = angle[AT(2)];
+  const REAL angle_4 = angle[AT(3)];
+  const REAL angle_5 = angle[AT(4)];
   /* intermediate terms */
   const REAL c_1 = COS(angle_1);
   const REAL c_2 = COS(angle_2);
@@ -440,64 +442,64 @@ void TYPED(spatial_links_link_jacobian_6r)(const REAL a[5], const REAL cos_alpha
   const REAL x40 = p_f_1 - p_d_1;
   const REAL x41 = p_f_1 - p_e_1;
   /* outputs */
-  jacobian[0] = K(0.0);
-  jacobian[1] = z_b_1;
-  jacobian[2] = z_c_1;
-  jacobian[3] = z_d_1;
-  jacobian[4] = z_e_1;
-  jacobian[5] = z_f_1;
-  jacobian[6] = K(0.0);
-  jacobian[7] = z_b_2;
-  jacobian[8] = z_c_2;
-  jacobian[9] = z_d_2;
-  jacobian[10] = z_e_2;
-  jacobian[11] = z_f_2;
-  jacobian[12] = K(1.0);
-  jacobian[13] = z_b_3;
-  jacobian[14] = z_c_3;
-  jacobian[15] = z_d_3;
-  jacobian[16] = z_e_3;
-  jacobian[17] = z_f_3;
-  jacobian[18] = -p_f_2;
-  jacobian[19] = x29*z_b_2 - x30*z_b_3;
-  jacobian[20] = x31*z_c_2 - x32*z_c_3;
-  jacobian[21] = x33*z_d_2 - x34*z_d_3;
-  jacobian[22] = x35*z_e_2 - x36*z_e_3;
-  jacobian[23] = K(0.0);
-  jacobian[24] = p_f_1;
-  jacobian[25] = x38*z_b_3 - x29*z_b_1;
-  jacobian[26] = x39*z_c_3 - x31*z_c_1;
-  jacobian[27] = x40*z_d_3 - x33*z_d_1;
-  jacobian[28] = x41*z_e_3 - x35*z_e_1;
-  jacobian[29] = K(0.0);
-  jacobian[30] = K(0.0);
-  jacobian[31] = x30*z_b_1 - x38*z_b_2;
-  jacobian[32] = x32*z_c_1 - x39*z_c_2;
-  jacobian[33] = x34*z_d_1 - x40*z_d_2;
-  jacobian[34] = x36*z_e_1 - x41*z_e_2;
-  jacobian[35] = K(0.0);
-}
-
-void TYPED(spatial_links_link_jacobian_6r_batch)(size_t count, const REAL *a, const REAL *cos_alpha, const REAL *sin_alpha, const REAL *offset, const REAL *angle, REAL *jacobian) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_links_link_jacobian_6r)(a + 5 * i, cos_alpha + 5 * i, sin_alpha + 5 * i, offset + 6 * i, angle + 6 * i, jacobian + 36 * i);
+  jacobian[AT(0)] = K(0.0);
+  jacobian[AT(1)] = z_b_1;
+  jacobian[AT(2)] = z_c_1;
+  jacobian[AT(3)] = z_d_1;
+  jacobian[AT(4)] = z_e_1;
+  jacobian[AT(5)] = z_f_1;
+  jacobian[AT(6)] = K(0.0);
+  jacobian[AT(7)] = z_b_2;
+  jacobian[AT(8)] = z_c_2;
+  jacobian[AT(9)] = z_d_2;
+  jacobian[AT(10)] = z_e_2;
+  jacobian[AT(11)] = z_f_2;
+  jacobian[AT(12)] = K(1.0);
+  jacobian[AT(13)] = z_b_3;
+  jacobian[AT(14)] = z_c_3;
+  jacobian[AT(15)] = z_d_3;
+  jacobian[AT(16)] = z_e_3;
+  jacobian[AT(17)] = z_f_3;
+  jacobian[AT(18)] = -p_f_2;
+  jacobian[AT(19)] = x29*z_b_2 - x30*z_b_3;
+  jacobian[AT(20)] = x31*z_c_2 - x32*z_c_3;
+  jacobian[AT(21)] = x33*z_d_2 - x34*z_d_3;
+  jacobian[AT(22)] = x35*z_e_2 - x36*z_e_3;
+  jacobian[AT(23)] = K(0.0);
+  jacobian[AT(24)] = p_f_1;
+  jacobian[AT(25)] = x38*z_b_3 - x29*z_b_1;
+  jacobian[AT(26)] = x39*z_c_3 - x31*z_c_1;
+  jacobian[AT(27)] = x40*z_d_3 - x33*z_d_1;
+  jacobian[AT(28)] = x41*z_e_3 - x35*z_e_1;
+  jacobian[AT(29)] = K(0.0);
+  jacobian[AT(30)] = K(0.0);
+  jacobian[AT(31)] = x30*z_b_1 - x38*z_b_2;
+  jacobian[AT(32)] = x32*z_c_1 - x39*z_c_2;
+  jacobian[AT(33)] = x34*z_d_1 - x40*z_d_2;
+  jacobian[AT(34)] = x36*z_e_1 - x41*z_e_2;
+  jacobian[AT(35)] = K(0.0);
+  ANGLE(0, angle_1);
+  ANGLE(1, angle_2);
+  ANGLE(2, angle_3);
+  ANGLE(3, angle_4);
+  ANGLE(4, angle_5);
 }
 
 /* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
-void TYPED(spatial_links_hypothetical_link)(const REAL pose[16], REAL a67, REAL alpha67, REAL tolerance, REAL *S7, REAL *theta7, REAL *a71, REAL *alpha71, REAL *S1, REAL *gamma1, int8_t *status) {
+KERNEL(spatial_links_hypothetical_link, const REAL pose[16], REAL a67, REAL alpha67, REAL tolerance, REAL *S7, REAL *theta7, REAL *a71, REAL *alpha71, REAL *S1, REAL *gamma1, CODE *status) {
   /* inputs */
-  const REAL pose_1_1 = pose[0];
-  const REAL pose_1_2 = pose[1];
-  const REAL pose_1_3 = pose[2];
-  const REAL pose_1_4 = pose[3];
-  const REAL pose_2_1 = pose[4];
-  const REAL pose_2_2 = pose[5];
-  const REAL pose_2_3 = pose[6];
-  const REAL pose_2_4 = pose[7];
-  const REAL pose_3_1 = pose[8];
-  const REAL pose_3_2 = pose[9];
-  const REAL pose_3_3 = pose[10];
-  const REAL pose_3_4 = pose[11];
+  const REAL pose_1_1 = pose[AT(0)];
+  const REAL pose_1_2 = pose[AT(1)];
+  const REAL pose_1_3 = pose[AT(2)];
+  const REAL pose_1_4 = pose[AT(3)];
+  const REAL pose_2_1 = pose[AT(4)];
+  const REAL pose_2_2 = pose[AT(5)];
+  const REAL pose_2_3 = pose[AT(6)];
+  const REAL pose_2_4 = pose[AT(7)];
+  const REAL pose_3_1 = pose[AT(8)];
+  const REAL pose_3_2 = pose[AT(9)];
+  const REAL pose_3_3 = pose[AT(10)];
+  const REAL pose_3_4 = pose[AT(11)];
   /* intermediate terms */
   const REAL x0 = SIN(alpha67);
   const REAL x1 = COS(alpha67);
@@ -511,36 +513,59 @@ void TYPED(spatial_links_hypothetical_link)(const REAL pose[16], REAL a67, REAL 
   const REAL x2 = (end_1*end_1) + (end_2*end_2);
   const REAL level_length = SQRT(x2);
   const REAL size = SQRT((end_3*end_3) + x2);
-  const int skewed = sine > tolerance;
-  const int apart = level_length > size*tolerance;
-  const REAL divisor = ((skewed) ? sine : K(1.0));
+  const CONDITION skewed = TEST(sine > tolerance);
+  const CONDITION apart = TEST(level_length > size*tolerance);
+  const REAL divisor = SELECT(skewed, sine, K(1.0));
   const REAL x3 = K(1.0)/divisor;
   const REAL x4 = S7v_2*x3;
   const REAL a71v_1 = x4;
   const REAL x5 = S7v_1*x3;
   const REAL a71v_2 = -x5;
   const REAL a71v_3 = K(0.0);
-  const REAL x6 = ((apart) ? K(1.0)/level_length : K(1.0));
-  const REAL chosen_1 = ((skewed) ? a71v_1 : ((apart) ? -end_1*x6 : pose_1_1));
-  const REAL chosen_2 = ((skewed) ? a71v_2 : ((apart) ? -end_2*x6 : pose_2_1));
-  const REAL chosen_3 = ((skewed) ? a71v_3 : ((apart) ? K(0.0) : pose_3_1));
+  const REAL x6 = SELECT(apart, K(1.0)/level_length, K(1.0));
+  const REAL chosen_1 = SELECT(skewed, a71v_1, SELECT(apart, -end_1*x6, pose_1_1));
+  const REAL chosen_2 = SELECT(skewed, a71v_2, SELECT(apart, -end_2*x6, pose_2_1));
+  const REAL chosen_3 = SELECT(skewed, a71v_3, SELECT(apart, K(0.0), pose_3_1));
   const REAL deviation = K(2.0)*FABS(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + K(2.0)*FABS(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + K(2.0)*FABS(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + FABS((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - K(1.0)) + FABS((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - K(1.0)) + FABS((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - K(1.0));
   const REAL volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
-  const int good = (deviation <= K(1.0)/K(1000.0)) && (FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX) && (volume > K(0.0));
-  const REAL status_value = ((!(good)) ? K(3.0) : ((skewed) ? K(0.0) : ((apart) ? K(1.0) : K(2.0))));
+  const CONDITION good = (TEST(deviation <= K(1.0)/K(1000.0))) & (TEST(FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX)) & (TEST(volume > K(0.0)));
+  const REAL status_value = SELECT(NOT(good), K(3.0), SELECT(skewed, K(0.0), SELECT(apart, K(1.0), K(2.0))));
   /* outputs */
-  *S7 = ((good) ? ((skewed) ? x3*(-end_1*x5 - end_2*x4) : K(0.0)) : (REAL)NAN);
-  *theta7 = ((good) ? (((!(apart)) && (!(skewed))) ? K(0.0) : ATAN2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)) : (REAL)NAN);
-  *a71 = ((good) ? ((skewed) ? x3*(S7v_1*end_2 - S7v_2*end_1) : ((apart) ? level_length : K(0.0))) : (REAL)NAN);
-  *alpha71 = ((good) ? ((skewed) ? ATAN2(sine, S7v_3) : ((S7v_3 > K(0.0)) ? K(0.0) : K(3.141592653589793))) : (REAL)NAN);
-  *S1 = ((good) ? ((skewed) ? x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)) : -end_3) : (REAL)NAN);
-  *gamma1 = ((good) ? ATAN2(-chosen_2, chosen_1) : (REAL)NAN);
-  *status = (int8_t)status_value;
+  *S7 = SELECT(good, SELECT(skewed, x3*(-end_1*x5 - end_2*x4), K(0.0)), (REAL)NAN);
+  *theta7 = SELECT(good, SELECT((NOT(apart)) & (NOT(skewed)), K(0.0), ATAN2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (REAL)NAN);
+  *a71 = SELECT(good, SELECT(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), SELECT(apart, level_length, K(0.0))), (REAL)NAN);
+  *alpha71 = SELECT(good, SELECT(skewed, ATAN2(sine, S7v_3), SELECT(TEST(S7v_3 > K(0.0)), K(0.0), K(3.141592653589793))), (REAL)NAN);
+  *S1 = SELECT(good, SELECT(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (REAL)NAN);
+  *gamma1 = SELECT(good, ATAN2(-chosen_2, chosen_1), (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, alpha67);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(spatial_links_link_step_batch)(size_t count, const REAL *frame, const REAL *a, const REAL *cos_alpha, const REAL *sin_alpha, const REAL *offset, const REAL *angle, REAL *next_frame) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_links_link_step)(frame + 16 * i, a[i], cos_alpha[i], sin_alpha[i], offset[i], angle[i], next_frame + 16 * i);
+}
+
+void TYPED(spatial_links_link_inverse_batch)(size_t count, const REAL *transform, REAL *inverse) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_links_link_inverse)(transform + 16 * i, inverse + 16 * i);
+}
+
+void TYPED(spatial_links_link_forward_6r_batch)(size_t count, const REAL *a, const REAL *cos_alpha, const REAL *sin_alpha, const REAL *offset, const REAL *angle, REAL *pose) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_links_link_forward_6r)(a + 5 * i, cos_alpha + 5 * i, sin_alpha + 5 * i, offset + 6 * i, angle + 6 * i, pose + 16 * i);
+}
+
+void TYPED(spatial_links_link_jacobian_6r_batch)(size_t count, const REAL *a, const REAL *cos_alpha, const REAL *sin_alpha, const REAL *offset, const REAL *angle, REAL *jacobian) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_links_link_jacobian_6r)(a + 5 * i, cos_alpha + 5 * i, sin_alpha + 5 * i, offset + 6 * i, angle + 6 * i, jacobian + 36 * i);
 }
 
 void TYPED(spatial_links_hypothetical_link_batch)(size_t count, const REAL *pose, const REAL *a67, const REAL *alpha67, const REAL *tolerance, REAL *S7, REAL *theta7, REAL *a71, REAL *alpha71, REAL *S1, REAL *gamma1, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(spatial_links_hypothetical_link)(pose + 16 * i, a67[i], alpha67[i], tolerance[i], S7 + i, theta7 + i, a71 + i, alpha71 + i, S1 + i, gamma1 + i, status + i);
 }
+#endif
 
 #endif

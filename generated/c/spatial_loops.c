@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Crane and Duffy, "Kinematic Analysis of Robot Manipulators", as in the lecture notes "Robot Geometry"
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -62,16 +72,16 @@
 #else
 
 /* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
-void TYPED(spatial_loops_loop_rccc)(const REAL alpha[4], const REAL a[4], REAL S_4, REAL theta_4, REAL theta[6], REAL S[6], int8_t *status) {
+KERNEL(spatial_loops_loop_rccc, const REAL alpha[4], const REAL a[4], REAL S_4, REAL theta_4, REAL theta[6], REAL S[6], CODE *status) {
   /* inputs */
-  const REAL alpha_1 = alpha[0];
-  const REAL alpha_2 = alpha[1];
-  const REAL alpha_3 = alpha[2];
-  const REAL alpha_4 = alpha[3];
-  const REAL a_1 = a[0];
-  const REAL a_2 = a[1];
-  const REAL a_3 = a[2];
-  const REAL a_4 = a[3];
+  const REAL alpha_1 = alpha[AT(0)];
+  const REAL alpha_2 = alpha[AT(1)];
+  const REAL alpha_3 = alpha[AT(2)];
+  const REAL alpha_4 = alpha[AT(3)];
+  const REAL a_1 = a[AT(0)];
+  const REAL a_2 = a[AT(1)];
+  const REAL a_3 = a[AT(2)];
+  const REAL a_4 = a[AT(3)];
   /* intermediate terms */
   const REAL cos_alpha_1 = COS(alpha_1);
   const REAL cos_alpha_2 = COS(alpha_2);
@@ -94,7 +104,7 @@ void TYPED(spatial_loops_loop_rccc)(const REAL alpha[4], const REAL a[4], REAL S
   const REAL r = sin_alpha_1*SQRT((X_4*X_4) + (Y_4*Y_4));
   const REAL size = FABS(r);
   const REAL square = (size - D)*(D + size);
-  const REAL root = ((square > K(0.0)) ? SQRT(square) : K(0.0));
+  const REAL root = SELECT(TEST(square > K(0.0)), SQRT(square), K(0.0));
   const REAL middle = ATAN2(X_4*sin_alpha_1, Y_4*sin_alpha_1);
   const REAL half = ATAN2(root, -D);
   const REAL theta_1_a = half + middle;
@@ -150,50 +160,54 @@ void TYPED(spatial_loops_loop_rccc)(const REAL alpha[4], const REAL a[4], REAL S
   const REAL S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
   const REAL S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b);
   const REAL total = K(0.015625)*FABS(S_4) + K(0.015625)*FABS(a_1) + K(0.015625)*FABS(a_2) + K(0.015625)*FABS(a_3) + K(0.015625)*FABS(a_4) + K(0.015625)*FABS(cos_alpha_1) + K(0.015625)*FABS(cos_alpha_2) + K(0.015625)*FABS(cos_alpha_3) + K(0.015625)*FABS(cos_alpha_4) + K(0.015625)*FABS(cos_theta_4) + K(0.015625)*FABS(sin_alpha_1) + K(0.015625)*FABS(sin_alpha_2) + K(0.015625)*FABS(sin_alpha_3) + K(0.015625)*FABS(sin_alpha_4) + K(0.015625)*FABS(sin_theta_4);
-  const int good = total <= REAL_MAX;
-  const int closes = FABS(D) <= K(4.0)*REAL_EPSILON + size;
+  const CONDITION good = TEST(total <= REAL_MAX);
+  const CONDITION closes = TEST(FABS(D) <= K(4.0)*REAL_EPSILON + size);
   const REAL x26 = sin_alpha_1*sin_alpha_2;
   const REAL x27 = K(8.0)*REAL_EPSILON;
-  const int determined = (FABS(sin_theta_2_a*x26) > x27) && (FABS(sin_theta_2_b*x26) > x27);
-  const int there = (closes) && (good);
-  const REAL status_value = ((!(good)) ? K(4.0) : ((!(closes)) ? K(2.0) : ((!(determined)) ? K(3.0) : ((root <= K(4.0)*SQRT(REAL_EPSILON)*size) ? K(1.0) : K(0.0)))));
+  const CONDITION determined = (TEST(FABS(sin_theta_2_a*x26) > x27)) & (TEST(FABS(sin_theta_2_b*x26) > x27));
+  const CONDITION there = (closes) & (good);
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(NOT(closes), K(2.0), SELECT(NOT(determined), K(3.0), SELECT(TEST(root <= K(4.0)*SQRT(REAL_EPSILON)*size), K(1.0), K(0.0)))));
   /* outputs */
-  theta[0] = ((there) ? theta_1_a : (REAL)NAN);
-  theta[1] = ((there) ? theta_2_a : (REAL)NAN);
-  theta[2] = ((there) ? theta_3_a : (REAL)NAN);
-  theta[3] = ((there) ? theta_1_b : (REAL)NAN);
-  theta[4] = ((there) ? theta_2_b : (REAL)NAN);
-  theta[5] = ((there) ? theta_3_b : (REAL)NAN);
-  S[0] = (((determined) && (there)) ? S_1_a : (REAL)NAN);
-  S[1] = (((determined) && (there)) ? vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2 : (REAL)NAN);
-  S[2] = (((determined) && (there)) ? S_3_a : (REAL)NAN);
-  S[3] = (((determined) && (there)) ? S_1_b : (REAL)NAN);
-  S[4] = (((determined) && (there)) ? vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2 : (REAL)NAN);
-  S[5] = (((determined) && (there)) ? S_3_b : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(spatial_loops_loop_rccc_batch)(size_t count, const REAL *alpha, const REAL *a, const REAL *S_4, const REAL *theta_4, REAL *theta, REAL *S, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_rccc)(alpha + 4 * i, a + 4 * i, S_4[i], theta_4[i], theta + 6 * i, S + 6 * i, status + i);
+  theta[AT(0)] = SELECT(there, theta_1_a, (REAL)NAN);
+  theta[AT(1)] = SELECT(there, theta_2_a, (REAL)NAN);
+  theta[AT(2)] = SELECT(there, theta_3_a, (REAL)NAN);
+  theta[AT(3)] = SELECT(there, theta_1_b, (REAL)NAN);
+  theta[AT(4)] = SELECT(there, theta_2_b, (REAL)NAN);
+  theta[AT(5)] = SELECT(there, theta_3_b, (REAL)NAN);
+  S[AT(0)] = SELECT((determined) & (there), S_1_a, (REAL)NAN);
+  S[AT(1)] = SELECT((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
+  S[AT(2)] = SELECT((determined) & (there), S_3_a, (REAL)NAN);
+  S[AT(3)] = SELECT((determined) & (there), S_1_b, (REAL)NAN);
+  S[AT(4)] = SELECT((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
+  S[AT(5)] = SELECT((determined) & (there), S_3_b, (REAL)NAN);
+  *status = (CODE)status_value;
+  ANGLE(0, alpha_1);
+  ANGLE(1, alpha_2);
+  ANGLE(2, alpha_3);
+  ANGLE(3, alpha_4);
+  ANGLE(4, theta_1_a);
+  ANGLE(5, theta_1_b);
+  ANGLE(6, theta_2_a);
+  ANGLE(7, theta_2_b);
+  ANGLE(8, theta_4);
 }
 
 /* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
-void TYPED(spatial_loops_loop_rrrcc_pair)(const REAL alpha[5], const REAL a[5], const REAL S[3], REAL theta_5, REAL pair[18]) {
+KERNEL(spatial_loops_loop_rrrcc_pair, const REAL alpha[5], const REAL a[5], const REAL S[3], REAL theta_5, REAL pair[18]) {
   /* inputs */
-  const REAL alpha_1 = alpha[0];
-  const REAL alpha_2 = alpha[1];
-  const REAL alpha_3 = alpha[2];
-  const REAL alpha_4 = alpha[3];
-  const REAL alpha_5 = alpha[4];
-  const REAL a_1 = a[0];
-  const REAL a_2 = a[1];
-  const REAL a_3 = a[2];
-  const REAL a_4 = a[3];
-  const REAL a_5 = a[4];
-  const REAL S_1 = S[0];
-  const REAL S_2 = S[1];
-  const REAL S_3 = S[2];
+  const REAL alpha_1 = alpha[AT(0)];
+  const REAL alpha_2 = alpha[AT(1)];
+  const REAL alpha_3 = alpha[AT(2)];
+  const REAL alpha_4 = alpha[AT(3)];
+  const REAL alpha_5 = alpha[AT(4)];
+  const REAL a_1 = a[AT(0)];
+  const REAL a_2 = a[AT(1)];
+  const REAL a_3 = a[AT(2)];
+  const REAL a_4 = a[AT(3)];
+  const REAL a_5 = a[AT(4)];
+  const REAL S_1 = S[AT(0)];
+  const REAL S_2 = S[AT(1)];
+  const REAL S_3 = S[AT(2)];
   /* intermediate terms */
   const REAL cos_alpha_1 = COS(alpha_1);
   const REAL cos_alpha_2 = COS(alpha_2);
@@ -235,46 +249,47 @@ void TYPED(spatial_loops_loop_rrrcc_pair)(const REAL alpha[5], const REAL a[5], 
   const REAL x19 = Y0_5*sin_alpha_2;
   const REAL x20 = sin_alpha_1*x11;
   /* outputs */
-  pair[0] = Z_5*x4 - cos_alpha_3;
-  pair[1] = -x6;
-  pair[2] = K(0.0);
-  pair[3] = x8;
-  pair[4] = x10;
-  pair[5] = x11;
-  pair[6] = x12;
-  pair[7] = x13;
-  pair[8] = -x9;
-  pair[9] = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
-  pair[10] = -Z0_5*x5 - x14*x15 - x16*x7;
-  pair[11] = S_2*x6;
-  pair[12] = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
-  pair[13] = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
-  pair[14] = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
-  pair[15] = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
-  pair[16] = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
-  pair[17] = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
-}
-
-void TYPED(spatial_loops_loop_rrrcc_pair_batch)(size_t count, const REAL *alpha, const REAL *a, const REAL *S, const REAL *theta_5, REAL *pair) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_rrrcc_pair)(alpha + 5 * i, a + 5 * i, S + 3 * i, theta_5[i], pair + 18 * i);
+  pair[AT(0)] = Z_5*x4 - cos_alpha_3;
+  pair[AT(1)] = -x6;
+  pair[AT(2)] = K(0.0);
+  pair[AT(3)] = x8;
+  pair[AT(4)] = x10;
+  pair[AT(5)] = x11;
+  pair[AT(6)] = x12;
+  pair[AT(7)] = x13;
+  pair[AT(8)] = -x9;
+  pair[AT(9)] = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
+  pair[AT(10)] = -Z0_5*x5 - x14*x15 - x16*x7;
+  pair[AT(11)] = S_2*x6;
+  pair[AT(12)] = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
+  pair[AT(13)] = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
+  pair[AT(14)] = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
+  pair[AT(15)] = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
+  pair[AT(16)] = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
+  pair[AT(17)] = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
+  ANGLE(0, alpha_1);
+  ANGLE(1, alpha_2);
+  ANGLE(2, alpha_3);
+  ANGLE(3, alpha_4);
+  ANGLE(4, alpha_5);
+  ANGLE(5, theta_5);
 }
 
 /* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
-void TYPED(spatial_loops_loop_rrrcc_back)(const REAL alpha[5], const REAL a[5], const REAL S[3], REAL theta_5, REAL theta_1, REAL theta_2, REAL angles[2], REAL offsets[2]) {
+KERNEL(spatial_loops_loop_rrrcc_back, const REAL alpha[5], const REAL a[5], const REAL S[3], REAL theta_5, REAL theta_1, REAL theta_2, REAL angles[2], REAL offsets[2]) {
   /* inputs */
-  const REAL alpha_1 = alpha[0];
-  const REAL alpha_2 = alpha[1];
-  const REAL alpha_3 = alpha[2];
-  const REAL alpha_4 = alpha[3];
-  const REAL alpha_5 = alpha[4];
-  const REAL a_1 = a[0];
-  const REAL a_2 = a[1];
-  const REAL a_4 = a[3];
-  const REAL a_5 = a[4];
-  const REAL S_1 = S[0];
-  const REAL S_2 = S[1];
-  const REAL S_3 = S[2];
+  const REAL alpha_1 = alpha[AT(0)];
+  const REAL alpha_2 = alpha[AT(1)];
+  const REAL alpha_3 = alpha[AT(2)];
+  const REAL alpha_4 = alpha[AT(3)];
+  const REAL alpha_5 = alpha[AT(4)];
+  const REAL a_1 = a[AT(0)];
+  const REAL a_2 = a[AT(1)];
+  const REAL a_4 = a[AT(3)];
+  const REAL a_5 = a[AT(4)];
+  const REAL S_1 = S[AT(0)];
+  const REAL S_2 = S[AT(1)];
+  const REAL S_3 = S[AT(2)];
   /* intermediate terms */
   const REAL cos_alpha_1 = COS(alpha_1);
   const REAL cos_alpha_2 = COS(alpha_2);
@@ -327,62 +342,66 @@ void TYPED(spatial_loops_loop_rrrcc_back)(const REAL alpha[5], const REAL a[5], 
   const REAL sin_theta_3 = SIN(theta_3);
   const REAL S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
   /* outputs */
-  angles[0] = theta_3;
-  angles[1] = theta_4;
-  offsets[0] = vector_3 - S_4*cos_alpha_3;
-  offsets[1] = S_4;
-}
-
-void TYPED(spatial_loops_loop_rrrcc_back_batch)(size_t count, const REAL *alpha, const REAL *a, const REAL *S, const REAL *theta_5, const REAL *theta_1, const REAL *theta_2, REAL *angles, REAL *offsets) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_rrrcc_back)(alpha + 5 * i, a + 5 * i, S + 3 * i, theta_5[i], theta_1[i], theta_2[i], angles + 2 * i, offsets + 2 * i);
+  angles[AT(0)] = theta_3;
+  angles[AT(1)] = theta_4;
+  offsets[AT(0)] = vector_3 - S_4*cos_alpha_3;
+  offsets[AT(1)] = S_4;
+  ANGLE(0, alpha_1);
+  ANGLE(1, alpha_2);
+  ANGLE(2, alpha_3);
+  ANGLE(3, alpha_4);
+  ANGLE(4, alpha_5);
+  ANGLE(5, theta_1);
+  ANGLE(6, theta_2);
+  ANGLE(7, theta_3);
+  ANGLE(8, theta_5);
 }
 
 /* loop_pair_12_12: 83 add, 144 mul, 1 div */
-void TYPED(spatial_loops_loop_pair_12_12)(const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
+KERNEL(spatial_loops_loop_pair_12_12, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
-  const REAL rotation_1_1_1 = rotation[0];
-  const REAL rotation_1_1_2 = rotation[1];
-  const REAL rotation_1_1_3 = rotation[2];
-  const REAL rotation_1_2_1 = rotation[3];
-  const REAL rotation_1_2_2 = rotation[4];
-  const REAL rotation_1_2_3 = rotation[5];
-  const REAL rotation_1_3_1 = rotation[6];
-  const REAL rotation_1_3_2 = rotation[7];
-  const REAL rotation_1_3_3 = rotation[8];
-  const REAL rotation_2_1_1 = rotation[9];
-  const REAL rotation_2_1_2 = rotation[10];
-  const REAL rotation_2_1_3 = rotation[11];
-  const REAL rotation_2_2_1 = rotation[12];
-  const REAL rotation_2_2_2 = rotation[13];
-  const REAL rotation_2_2_3 = rotation[14];
-  const REAL rotation_2_3_1 = rotation[15];
-  const REAL rotation_2_3_2 = rotation[16];
-  const REAL rotation_2_3_3 = rotation[17];
-  const REAL rotation_3_1_3 = rotation[20];
-  const REAL rotation_3_2_3 = rotation[23];
-  const REAL rotation_3_3_3 = rotation[26];
-  const REAL rotation_4_1_3 = rotation[29];
-  const REAL rotation_4_2_3 = rotation[32];
-  const REAL rotation_4_3_3 = rotation[35];
-  const REAL vector_1_1 = vector[0];
-  const REAL vector_1_2 = vector[1];
-  const REAL vector_1_3 = vector[2];
-  const REAL vector_2_1 = vector[3];
-  const REAL vector_2_2 = vector[4];
-  const REAL vector_2_3 = vector[5];
-  const REAL vector_3_1 = vector[6];
-  const REAL vector_3_2 = vector[7];
-  const REAL vector_3_3 = vector[8];
-  const REAL vector_4_1 = vector[9];
-  const REAL vector_4_2 = vector[10];
-  const REAL vector_4_3 = vector[11];
-  const REAL p_1 = p[0];
-  const REAL p_2 = p[1];
-  const REAL p_3 = p[2];
-  const REAL q_1 = q[0];
-  const REAL q_2 = q[1];
-  const REAL q_3 = q[2];
+  const REAL rotation_1_1_1 = rotation[AT(0)];
+  const REAL rotation_1_1_2 = rotation[AT(1)];
+  const REAL rotation_1_1_3 = rotation[AT(2)];
+  const REAL rotation_1_2_1 = rotation[AT(3)];
+  const REAL rotation_1_2_2 = rotation[AT(4)];
+  const REAL rotation_1_2_3 = rotation[AT(5)];
+  const REAL rotation_1_3_1 = rotation[AT(6)];
+  const REAL rotation_1_3_2 = rotation[AT(7)];
+  const REAL rotation_1_3_3 = rotation[AT(8)];
+  const REAL rotation_2_1_1 = rotation[AT(9)];
+  const REAL rotation_2_1_2 = rotation[AT(10)];
+  const REAL rotation_2_1_3 = rotation[AT(11)];
+  const REAL rotation_2_2_1 = rotation[AT(12)];
+  const REAL rotation_2_2_2 = rotation[AT(13)];
+  const REAL rotation_2_2_3 = rotation[AT(14)];
+  const REAL rotation_2_3_1 = rotation[AT(15)];
+  const REAL rotation_2_3_2 = rotation[AT(16)];
+  const REAL rotation_2_3_3 = rotation[AT(17)];
+  const REAL rotation_3_1_3 = rotation[AT(20)];
+  const REAL rotation_3_2_3 = rotation[AT(23)];
+  const REAL rotation_3_3_3 = rotation[AT(26)];
+  const REAL rotation_4_1_3 = rotation[AT(29)];
+  const REAL rotation_4_2_3 = rotation[AT(32)];
+  const REAL rotation_4_3_3 = rotation[AT(35)];
+  const REAL vector_1_1 = vector[AT(0)];
+  const REAL vector_1_2 = vector[AT(1)];
+  const REAL vector_1_3 = vector[AT(2)];
+  const REAL vector_2_1 = vector[AT(3)];
+  const REAL vector_2_2 = vector[AT(4)];
+  const REAL vector_2_3 = vector[AT(5)];
+  const REAL vector_3_1 = vector[AT(6)];
+  const REAL vector_3_2 = vector[AT(7)];
+  const REAL vector_3_3 = vector[AT(8)];
+  const REAL vector_4_1 = vector[AT(9)];
+  const REAL vector_4_2 = vector[AT(10)];
+  const REAL vector_4_3 = vector[AT(11)];
+  const REAL p_1 = p[AT(0)];
+  const REAL p_2 = p[AT(1)];
+  const REAL p_3 = p[AT(2)];
+  const REAL q_1 = q[AT(0)];
+  const REAL q_2 = q[AT(1)];
+  const REAL q_3 = q[AT(2)];
   /* intermediate terms */
   const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
   const REAL x0 = K(1.0)/square;
@@ -426,76 +445,71 @@ void TYPED(spatial_loops_loop_pair_12_12)(const REAL rotation[36], const REAL ve
   const REAL x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
   const REAL x25 = -part_3*x17;
   /* outputs */
-  pair[0] = rotation_1_3_3*x2 - rotation_4_3_3;
-  pair[1] = rotation_1_3_3*x3;
-  pair[2] = rotation_1_3_3*x4;
-  pair[3] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[4] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-  pair[5] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-  pair[6] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-  pair[7] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-  pair[8] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-  pair[9] = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
-  pair[10] = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
-  pair[11] = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
-  pair[12] = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
-  pair[13] = x11*x21 + x12*x20 + x18*x7 + x19*x8;
-  pair[14] = x10*x19 + x11*x23 + x12*x22 + x18*x9;
-  pair[15] = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
-  pair[16] = x12*x21 + x19*x7 + x25*x8 - x11*x20;
-  pair[17] = x10*x25 + x12*x23 + x19*x9 - x11*x22;
-}
-
-void TYPED(spatial_loops_loop_pair_12_12_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_pair_12_12)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+  pair[AT(0)] = rotation_1_3_3*x2 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*x3;
+  pair[AT(2)] = rotation_1_3_3*x4;
+  pair[AT(3)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+  pair[AT(4)] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+  pair[AT(5)] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+  pair[AT(7)] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+  pair[AT(8)] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+  pair[AT(9)] = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
+  pair[AT(10)] = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
+  pair[AT(11)] = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
+  pair[AT(12)] = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
+  pair[AT(13)] = x11*x21 + x12*x20 + x18*x7 + x19*x8;
+  pair[AT(14)] = x10*x19 + x11*x23 + x12*x22 + x18*x9;
+  pair[AT(15)] = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
+  pair[AT(16)] = x12*x21 + x19*x7 + x25*x8 - x11*x20;
+  pair[AT(17)] = x10*x25 + x12*x23 + x19*x9 - x11*x22;
 }
 
 /* loop_pair_23_23: 73 add, 134 mul, 1 div */
-void TYPED(spatial_loops_loop_pair_23_23)(const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
+KERNEL(spatial_loops_loop_pair_23_23, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
-  const REAL rotation_1_1_1 = rotation[0];
-  const REAL rotation_1_1_2 = rotation[1];
-  const REAL rotation_1_1_3 = rotation[2];
-  const REAL rotation_1_2_1 = rotation[3];
-  const REAL rotation_1_2_2 = rotation[4];
-  const REAL rotation_1_2_3 = rotation[5];
-  const REAL rotation_1_3_1 = rotation[6];
-  const REAL rotation_1_3_2 = rotation[7];
-  const REAL rotation_1_3_3 = rotation[8];
-  const REAL rotation_2_1_1 = rotation[9];
-  const REAL rotation_2_1_2 = rotation[10];
-  const REAL rotation_2_1_3 = rotation[11];
-  const REAL rotation_2_2_1 = rotation[12];
-  const REAL rotation_2_2_2 = rotation[13];
-  const REAL rotation_2_2_3 = rotation[14];
-  const REAL rotation_2_3_1 = rotation[15];
-  const REAL rotation_2_3_2 = rotation[16];
-  const REAL rotation_2_3_3 = rotation[17];
-  const REAL rotation_3_1_3 = rotation[20];
-  const REAL rotation_3_2_3 = rotation[23];
-  const REAL rotation_3_3_3 = rotation[26];
-  const REAL rotation_4_1_3 = rotation[29];
-  const REAL rotation_4_2_3 = rotation[32];
-  const REAL rotation_4_3_3 = rotation[35];
-  const REAL vector_1_1 = vector[0];
-  const REAL vector_1_2 = vector[1];
-  const REAL vector_1_3 = vector[2];
-  const REAL vector_2_1 = vector[3];
-  const REAL vector_2_2 = vector[4];
-  const REAL vector_2_3 = vector[5];
-  const REAL vector_3_1 = vector[6];
-  const REAL vector_3_2 = vector[7];
-  const REAL vector_3_3 = vector[8];
-  const REAL vector_4_1 = vector[9];
-  const REAL vector_4_2 = vector[10];
-  const REAL vector_4_3 = vector[11];
-  const REAL p_1 = p[0];
-  const REAL p_2 = p[1];
-  const REAL p_3 = p[2];
-  const REAL q_1 = q[0];
-  const REAL q_2 = q[1];
-  const REAL q_3 = q[2];
+  const REAL rotation_1_1_1 = rotation[AT(0)];
+  const REAL rotation_1_1_2 = rotation[AT(1)];
+  const REAL rotation_1_1_3 = rotation[AT(2)];
+  const REAL rotation_1_2_1 = rotation[AT(3)];
+  const REAL rotation_1_2_2 = rotation[AT(4)];
+  const REAL rotation_1_2_3 = rotation[AT(5)];
+  const REAL rotation_1_3_1 = rotation[AT(6)];
+  const REAL rotation_1_3_2 = rotation[AT(7)];
+  const REAL rotation_1_3_3 = rotation[AT(8)];
+  const REAL rotation_2_1_1 = rotation[AT(9)];
+  const REAL rotation_2_1_2 = rotation[AT(10)];
+  const REAL rotation_2_1_3 = rotation[AT(11)];
+  const REAL rotation_2_2_1 = rotation[AT(12)];
+  const REAL rotation_2_2_2 = rotation[AT(13)];
+  const REAL rotation_2_2_3 = rotation[AT(14)];
+  const REAL rotation_2_3_1 = rotation[AT(15)];
+  const REAL rotation_2_3_2 = rotation[AT(16)];
+  const REAL rotation_2_3_3 = rotation[AT(17)];
+  const REAL rotation_3_1_3 = rotation[AT(20)];
+  const REAL rotation_3_2_3 = rotation[AT(23)];
+  const REAL rotation_3_3_3 = rotation[AT(26)];
+  const REAL rotation_4_1_3 = rotation[AT(29)];
+  const REAL rotation_4_2_3 = rotation[AT(32)];
+  const REAL rotation_4_3_3 = rotation[AT(35)];
+  const REAL vector_1_1 = vector[AT(0)];
+  const REAL vector_1_2 = vector[AT(1)];
+  const REAL vector_1_3 = vector[AT(2)];
+  const REAL vector_2_1 = vector[AT(3)];
+  const REAL vector_2_2 = vector[AT(4)];
+  const REAL vector_2_3 = vector[AT(5)];
+  const REAL vector_3_1 = vector[AT(6)];
+  const REAL vector_3_2 = vector[AT(7)];
+  const REAL vector_3_3 = vector[AT(8)];
+  const REAL vector_4_1 = vector[AT(9)];
+  const REAL vector_4_2 = vector[AT(10)];
+  const REAL vector_4_3 = vector[AT(11)];
+  const REAL p_1 = p[AT(0)];
+  const REAL p_2 = p[AT(1)];
+  const REAL p_3 = p[AT(2)];
+  const REAL q_1 = q[AT(0)];
+  const REAL q_2 = q[AT(1)];
+  const REAL q_3 = q[AT(2)];
   /* intermediate terms */
   const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
   const REAL x0 = K(1.0)/square;
@@ -537,76 +551,71 @@ void TYPED(spatial_loops_loop_pair_23_23)(const REAL rotation[36], const REAL ve
   const REAL x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
   const REAL x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
   /* outputs */
-  pair[0] = rotation_1_3_3*x2 - rotation_4_3_3;
-  pair[1] = rotation_1_3_3*x3;
-  pair[2] = rotation_1_3_3*x4;
-  pair[3] = x6 + x8;
-  pair[4] = x10 + x12;
-  pair[5] = x14 + x16;
-  pair[6] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
-  pair[7] = rotation_1_3_2*x9 - x18;
-  pair[8] = rotation_1_3_2*x13 - x19;
-  pair[9] = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
-  pair[10] = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
-  pair[11] = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
-  pair[12] = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
-  pair[13] = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
-  pair[14] = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
-  pair[15] = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
-  pair[16] = -x10*x26 - x12*x26 - x28*x3;
-  pair[17] = -x14*x26 - x16*x26 - x28*x4;
-}
-
-void TYPED(spatial_loops_loop_pair_23_23_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_pair_23_23)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+  pair[AT(0)] = rotation_1_3_3*x2 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*x3;
+  pair[AT(2)] = rotation_1_3_3*x4;
+  pair[AT(3)] = x6 + x8;
+  pair[AT(4)] = x10 + x12;
+  pair[AT(5)] = x14 + x16;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
+  pair[AT(7)] = rotation_1_3_2*x9 - x18;
+  pair[AT(8)] = rotation_1_3_2*x13 - x19;
+  pair[AT(9)] = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
+  pair[AT(10)] = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
+  pair[AT(11)] = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
+  pair[AT(12)] = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
+  pair[AT(13)] = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
+  pair[AT(14)] = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
+  pair[AT(15)] = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
+  pair[AT(16)] = -x10*x26 - x12*x26 - x28*x3;
+  pair[AT(17)] = -x14*x26 - x16*x26 - x28*x4;
 }
 
 /* loop_pair_34_34: 81 add, 149 mul, 1 div */
-void TYPED(spatial_loops_loop_pair_34_34)(const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
+KERNEL(spatial_loops_loop_pair_34_34, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
-  const REAL rotation_1_1_1 = rotation[0];
-  const REAL rotation_1_1_2 = rotation[1];
-  const REAL rotation_1_1_3 = rotation[2];
-  const REAL rotation_1_2_1 = rotation[3];
-  const REAL rotation_1_2_2 = rotation[4];
-  const REAL rotation_1_2_3 = rotation[5];
-  const REAL rotation_1_3_1 = rotation[6];
-  const REAL rotation_1_3_2 = rotation[7];
-  const REAL rotation_1_3_3 = rotation[8];
-  const REAL rotation_2_1_1 = rotation[9];
-  const REAL rotation_2_1_2 = rotation[10];
-  const REAL rotation_2_1_3 = rotation[11];
-  const REAL rotation_2_2_1 = rotation[12];
-  const REAL rotation_2_2_2 = rotation[13];
-  const REAL rotation_2_2_3 = rotation[14];
-  const REAL rotation_2_3_1 = rotation[15];
-  const REAL rotation_2_3_2 = rotation[16];
-  const REAL rotation_2_3_3 = rotation[17];
-  const REAL rotation_3_1_3 = rotation[20];
-  const REAL rotation_3_2_3 = rotation[23];
-  const REAL rotation_3_3_3 = rotation[26];
-  const REAL rotation_4_1_3 = rotation[29];
-  const REAL rotation_4_2_3 = rotation[32];
-  const REAL rotation_4_3_3 = rotation[35];
-  const REAL vector_1_1 = vector[0];
-  const REAL vector_1_2 = vector[1];
-  const REAL vector_1_3 = vector[2];
-  const REAL vector_2_1 = vector[3];
-  const REAL vector_2_2 = vector[4];
-  const REAL vector_2_3 = vector[5];
-  const REAL vector_3_1 = vector[6];
-  const REAL vector_3_2 = vector[7];
-  const REAL vector_3_3 = vector[8];
-  const REAL vector_4_1 = vector[9];
-  const REAL vector_4_2 = vector[10];
-  const REAL vector_4_3 = vector[11];
-  const REAL p_1 = p[0];
-  const REAL p_2 = p[1];
-  const REAL p_3 = p[2];
-  const REAL q_1 = q[0];
-  const REAL q_2 = q[1];
-  const REAL q_3 = q[2];
+  const REAL rotation_1_1_1 = rotation[AT(0)];
+  const REAL rotation_1_1_2 = rotation[AT(1)];
+  const REAL rotation_1_1_3 = rotation[AT(2)];
+  const REAL rotation_1_2_1 = rotation[AT(3)];
+  const REAL rotation_1_2_2 = rotation[AT(4)];
+  const REAL rotation_1_2_3 = rotation[AT(5)];
+  const REAL rotation_1_3_1 = rotation[AT(6)];
+  const REAL rotation_1_3_2 = rotation[AT(7)];
+  const REAL rotation_1_3_3 = rotation[AT(8)];
+  const REAL rotation_2_1_1 = rotation[AT(9)];
+  const REAL rotation_2_1_2 = rotation[AT(10)];
+  const REAL rotation_2_1_3 = rotation[AT(11)];
+  const REAL rotation_2_2_1 = rotation[AT(12)];
+  const REAL rotation_2_2_2 = rotation[AT(13)];
+  const REAL rotation_2_2_3 = rotation[AT(14)];
+  const REAL rotation_2_3_1 = rotation[AT(15)];
+  const REAL rotation_2_3_2 = rotation[AT(16)];
+  const REAL rotation_2_3_3 = rotation[AT(17)];
+  const REAL rotation_3_1_3 = rotation[AT(20)];
+  const REAL rotation_3_2_3 = rotation[AT(23)];
+  const REAL rotation_3_3_3 = rotation[AT(26)];
+  const REAL rotation_4_1_3 = rotation[AT(29)];
+  const REAL rotation_4_2_3 = rotation[AT(32)];
+  const REAL rotation_4_3_3 = rotation[AT(35)];
+  const REAL vector_1_1 = vector[AT(0)];
+  const REAL vector_1_2 = vector[AT(1)];
+  const REAL vector_1_3 = vector[AT(2)];
+  const REAL vector_2_1 = vector[AT(3)];
+  const REAL vector_2_2 = vector[AT(4)];
+  const REAL vector_2_3 = vector[AT(5)];
+  const REAL vector_3_1 = vector[AT(6)];
+  const REAL vector_3_2 = vector[AT(7)];
+  const REAL vector_3_3 = vector[AT(8)];
+  const REAL vector_4_1 = vector[AT(9)];
+  const REAL vector_4_2 = vector[AT(10)];
+  const REAL vector_4_3 = vector[AT(11)];
+  const REAL p_1 = p[AT(0)];
+  const REAL p_2 = p[AT(1)];
+  const REAL p_3 = p[AT(2)];
+  const REAL q_1 = q[AT(0)];
+  const REAL q_2 = q[AT(1)];
+  const REAL q_3 = q[AT(2)];
   /* intermediate terms */
   const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
   const REAL x0 = K(1.0)/square;
@@ -650,76 +659,71 @@ void TYPED(spatial_loops_loop_pair_34_34)(const REAL rotation[36], const REAL ve
   const REAL x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
   const REAL x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
   /* outputs */
-  pair[0] = rotation_3_3_3*x2 - rotation_4_3_3;
-  pair[1] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-  pair[2] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-  pair[3] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
-  pair[4] = rotation_1_3_1*x4 + rotation_1_3_2*x5;
-  pair[5] = rotation_1_3_1*x6 + rotation_1_3_2*x7;
-  pair[6] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
-  pair[7] = rotation_1_3_2*x4 - rotation_1_3_1*x5;
-  pair[8] = rotation_1_3_2*x6 - rotation_1_3_1*x7;
-  pair[9] = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
-  pair[10] = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
-  pair[11] = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
-  pair[12] = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
-  pair[13] = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
-  pair[14] = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
-  pair[15] = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
-  pair[16] = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
-  pair[17] = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
-}
-
-void TYPED(spatial_loops_loop_pair_34_34_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_pair_34_34)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+  pair[AT(0)] = rotation_3_3_3*x2 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+  pair[AT(2)] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
+  pair[AT(4)] = rotation_1_3_1*x4 + rotation_1_3_2*x5;
+  pair[AT(5)] = rotation_1_3_1*x6 + rotation_1_3_2*x7;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
+  pair[AT(7)] = rotation_1_3_2*x4 - rotation_1_3_1*x5;
+  pair[AT(8)] = rotation_1_3_2*x6 - rotation_1_3_1*x7;
+  pair[AT(9)] = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
+  pair[AT(10)] = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
+  pair[AT(11)] = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
+  pair[AT(12)] = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
+  pair[AT(13)] = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
+  pair[AT(14)] = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
+  pair[AT(15)] = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
+  pair[AT(16)] = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
+  pair[AT(17)] = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
 }
 
 /* loop_pair_12_23: 116 add, 210 mul, 1 div */
-void TYPED(spatial_loops_loop_pair_12_23)(const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
+KERNEL(spatial_loops_loop_pair_12_23, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
-  const REAL rotation_1_1_1 = rotation[0];
-  const REAL rotation_1_1_2 = rotation[1];
-  const REAL rotation_1_1_3 = rotation[2];
-  const REAL rotation_1_2_1 = rotation[3];
-  const REAL rotation_1_2_2 = rotation[4];
-  const REAL rotation_1_2_3 = rotation[5];
-  const REAL rotation_1_3_1 = rotation[6];
-  const REAL rotation_1_3_2 = rotation[7];
-  const REAL rotation_1_3_3 = rotation[8];
-  const REAL rotation_2_1_1 = rotation[9];
-  const REAL rotation_2_1_2 = rotation[10];
-  const REAL rotation_2_1_3 = rotation[11];
-  const REAL rotation_2_2_1 = rotation[12];
-  const REAL rotation_2_2_2 = rotation[13];
-  const REAL rotation_2_2_3 = rotation[14];
-  const REAL rotation_2_3_1 = rotation[15];
-  const REAL rotation_2_3_2 = rotation[16];
-  const REAL rotation_2_3_3 = rotation[17];
-  const REAL rotation_3_1_3 = rotation[20];
-  const REAL rotation_3_2_3 = rotation[23];
-  const REAL rotation_3_3_3 = rotation[26];
-  const REAL rotation_4_1_3 = rotation[29];
-  const REAL rotation_4_2_3 = rotation[32];
-  const REAL rotation_4_3_3 = rotation[35];
-  const REAL vector_1_1 = vector[0];
-  const REAL vector_1_2 = vector[1];
-  const REAL vector_1_3 = vector[2];
-  const REAL vector_2_1 = vector[3];
-  const REAL vector_2_2 = vector[4];
-  const REAL vector_2_3 = vector[5];
-  const REAL vector_3_1 = vector[6];
-  const REAL vector_3_2 = vector[7];
-  const REAL vector_3_3 = vector[8];
-  const REAL vector_4_1 = vector[9];
-  const REAL vector_4_2 = vector[10];
-  const REAL vector_4_3 = vector[11];
-  const REAL p_1 = p[0];
-  const REAL p_2 = p[1];
-  const REAL p_3 = p[2];
-  const REAL q_1 = q[0];
-  const REAL q_2 = q[1];
-  const REAL q_3 = q[2];
+  const REAL rotation_1_1_1 = rotation[AT(0)];
+  const REAL rotation_1_1_2 = rotation[AT(1)];
+  const REAL rotation_1_1_3 = rotation[AT(2)];
+  const REAL rotation_1_2_1 = rotation[AT(3)];
+  const REAL rotation_1_2_2 = rotation[AT(4)];
+  const REAL rotation_1_2_3 = rotation[AT(5)];
+  const REAL rotation_1_3_1 = rotation[AT(6)];
+  const REAL rotation_1_3_2 = rotation[AT(7)];
+  const REAL rotation_1_3_3 = rotation[AT(8)];
+  const REAL rotation_2_1_1 = rotation[AT(9)];
+  const REAL rotation_2_1_2 = rotation[AT(10)];
+  const REAL rotation_2_1_3 = rotation[AT(11)];
+  const REAL rotation_2_2_1 = rotation[AT(12)];
+  const REAL rotation_2_2_2 = rotation[AT(13)];
+  const REAL rotation_2_2_3 = rotation[AT(14)];
+  const REAL rotation_2_3_1 = rotation[AT(15)];
+  const REAL rotation_2_3_2 = rotation[AT(16)];
+  const REAL rotation_2_3_3 = rotation[AT(17)];
+  const REAL rotation_3_1_3 = rotation[AT(20)];
+  const REAL rotation_3_2_3 = rotation[AT(23)];
+  const REAL rotation_3_3_3 = rotation[AT(26)];
+  const REAL rotation_4_1_3 = rotation[AT(29)];
+  const REAL rotation_4_2_3 = rotation[AT(32)];
+  const REAL rotation_4_3_3 = rotation[AT(35)];
+  const REAL vector_1_1 = vector[AT(0)];
+  const REAL vector_1_2 = vector[AT(1)];
+  const REAL vector_1_3 = vector[AT(2)];
+  const REAL vector_2_1 = vector[AT(3)];
+  const REAL vector_2_2 = vector[AT(4)];
+  const REAL vector_2_3 = vector[AT(5)];
+  const REAL vector_3_1 = vector[AT(6)];
+  const REAL vector_3_2 = vector[AT(7)];
+  const REAL vector_3_3 = vector[AT(8)];
+  const REAL vector_4_1 = vector[AT(9)];
+  const REAL vector_4_2 = vector[AT(10)];
+  const REAL vector_4_3 = vector[AT(11)];
+  const REAL p_1 = p[AT(0)];
+  const REAL p_2 = p[AT(1)];
+  const REAL p_3 = p[AT(2)];
+  const REAL q_1 = q[AT(0)];
+  const REAL q_2 = q[AT(1)];
+  const REAL q_3 = q[AT(2)];
   /* intermediate terms */
   const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
   const REAL x0 = K(1.0)/square;
@@ -778,76 +782,71 @@ void TYPED(spatial_loops_loop_pair_12_23)(const REAL rotation[36], const REAL ve
   const REAL x41 = q_3*x9 - q_1*x4;
   const REAL x42 = q_2*x4 - q_3*x10;
   /* outputs */
-  pair[0] = rotation_1_3_3*x2 - rotation_4_3_3;
-  pair[1] = rotation_1_3_3*x3;
-  pair[2] = rotation_1_3_3*x4;
-  pair[3] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[4] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-  pair[5] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-  pair[6] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-  pair[7] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-  pair[8] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-  pair[9] = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
-  pair[10] = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
-  pair[11] = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
-  pair[12] = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
-  pair[13] = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
-  pair[14] = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
-  pair[15] = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
-  pair[16] = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
-  pair[17] = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
-}
-
-void TYPED(spatial_loops_loop_pair_12_23_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_pair_12_23)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+  pair[AT(0)] = rotation_1_3_3*x2 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*x3;
+  pair[AT(2)] = rotation_1_3_3*x4;
+  pair[AT(3)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+  pair[AT(4)] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+  pair[AT(5)] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+  pair[AT(7)] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+  pair[AT(8)] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+  pair[AT(9)] = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
+  pair[AT(10)] = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
+  pair[AT(11)] = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
+  pair[AT(12)] = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
+  pair[AT(13)] = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
+  pair[AT(14)] = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
+  pair[AT(15)] = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
+  pair[AT(16)] = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
+  pair[AT(17)] = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
 }
 
 /* loop_pair_12_34: 146 add, 251 mul, 1 div */
-void TYPED(spatial_loops_loop_pair_12_34)(const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
+KERNEL(spatial_loops_loop_pair_12_34, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
-  const REAL rotation_1_1_1 = rotation[0];
-  const REAL rotation_1_1_2 = rotation[1];
-  const REAL rotation_1_1_3 = rotation[2];
-  const REAL rotation_1_2_1 = rotation[3];
-  const REAL rotation_1_2_2 = rotation[4];
-  const REAL rotation_1_2_3 = rotation[5];
-  const REAL rotation_1_3_1 = rotation[6];
-  const REAL rotation_1_3_2 = rotation[7];
-  const REAL rotation_1_3_3 = rotation[8];
-  const REAL rotation_2_1_1 = rotation[9];
-  const REAL rotation_2_1_2 = rotation[10];
-  const REAL rotation_2_1_3 = rotation[11];
-  const REAL rotation_2_2_1 = rotation[12];
-  const REAL rotation_2_2_2 = rotation[13];
-  const REAL rotation_2_2_3 = rotation[14];
-  const REAL rotation_2_3_1 = rotation[15];
-  const REAL rotation_2_3_2 = rotation[16];
-  const REAL rotation_2_3_3 = rotation[17];
-  const REAL rotation_3_1_3 = rotation[20];
-  const REAL rotation_3_2_3 = rotation[23];
-  const REAL rotation_3_3_3 = rotation[26];
-  const REAL rotation_4_1_3 = rotation[29];
-  const REAL rotation_4_2_3 = rotation[32];
-  const REAL rotation_4_3_3 = rotation[35];
-  const REAL vector_1_1 = vector[0];
-  const REAL vector_1_2 = vector[1];
-  const REAL vector_1_3 = vector[2];
-  const REAL vector_2_1 = vector[3];
-  const REAL vector_2_2 = vector[4];
-  const REAL vector_2_3 = vector[5];
-  const REAL vector_3_1 = vector[6];
-  const REAL vector_3_2 = vector[7];
-  const REAL vector_3_3 = vector[8];
-  const REAL vector_4_1 = vector[9];
-  const REAL vector_4_2 = vector[10];
-  const REAL vector_4_3 = vector[11];
-  const REAL p_1 = p[0];
-  const REAL p_2 = p[1];
-  const REAL p_3 = p[2];
-  const REAL q_1 = q[0];
-  const REAL q_2 = q[1];
-  const REAL q_3 = q[2];
+  const REAL rotation_1_1_1 = rotation[AT(0)];
+  const REAL rotation_1_1_2 = rotation[AT(1)];
+  const REAL rotation_1_1_3 = rotation[AT(2)];
+  const REAL rotation_1_2_1 = rotation[AT(3)];
+  const REAL rotation_1_2_2 = rotation[AT(4)];
+  const REAL rotation_1_2_3 = rotation[AT(5)];
+  const REAL rotation_1_3_1 = rotation[AT(6)];
+  const REAL rotation_1_3_2 = rotation[AT(7)];
+  const REAL rotation_1_3_3 = rotation[AT(8)];
+  const REAL rotation_2_1_1 = rotation[AT(9)];
+  const REAL rotation_2_1_2 = rotation[AT(10)];
+  const REAL rotation_2_1_3 = rotation[AT(11)];
+  const REAL rotation_2_2_1 = rotation[AT(12)];
+  const REAL rotation_2_2_2 = rotation[AT(13)];
+  const REAL rotation_2_2_3 = rotation[AT(14)];
+  const REAL rotation_2_3_1 = rotation[AT(15)];
+  const REAL rotation_2_3_2 = rotation[AT(16)];
+  const REAL rotation_2_3_3 = rotation[AT(17)];
+  const REAL rotation_3_1_3 = rotation[AT(20)];
+  const REAL rotation_3_2_3 = rotation[AT(23)];
+  const REAL rotation_3_3_3 = rotation[AT(26)];
+  const REAL rotation_4_1_3 = rotation[AT(29)];
+  const REAL rotation_4_2_3 = rotation[AT(32)];
+  const REAL rotation_4_3_3 = rotation[AT(35)];
+  const REAL vector_1_1 = vector[AT(0)];
+  const REAL vector_1_2 = vector[AT(1)];
+  const REAL vector_1_3 = vector[AT(2)];
+  const REAL vector_2_1 = vector[AT(3)];
+  const REAL vector_2_2 = vector[AT(4)];
+  const REAL vector_2_3 = vector[AT(5)];
+  const REAL vector_3_1 = vector[AT(6)];
+  const REAL vector_3_2 = vector[AT(7)];
+  const REAL vector_3_3 = vector[AT(8)];
+  const REAL vector_4_1 = vector[AT(9)];
+  const REAL vector_4_2 = vector[AT(10)];
+  const REAL vector_4_3 = vector[AT(11)];
+  const REAL p_1 = p[AT(0)];
+  const REAL p_2 = p[AT(1)];
+  const REAL p_3 = p[AT(2)];
+  const REAL q_1 = q[AT(0)];
+  const REAL q_2 = q[AT(1)];
+  const REAL q_3 = q[AT(2)];
   /* intermediate terms */
   const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
   const REAL x0 = K(1.0)/square;
@@ -913,76 +912,71 @@ void TYPED(spatial_loops_loop_pair_12_34)(const REAL rotation[36], const REAL ve
   const REAL x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
   const REAL x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
   /* outputs */
-  pair[0] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-  pair[1] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-  pair[2] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-  pair[3] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-  pair[4] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-  pair[5] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[6] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-  pair[7] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-  pair[8] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-  pair[9] = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
-  pair[10] = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
-  pair[11] = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
-  pair[12] = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
-  pair[13] = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
-  pair[14] = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
-  pair[15] = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
-  pair[16] = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
-  pair[17] = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
-}
-
-void TYPED(spatial_loops_loop_pair_12_34_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spatial_loops_loop_pair_12_34)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+  pair[AT(0)] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+  pair[AT(2)] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+  pair[AT(4)] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+  pair[AT(5)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+  pair[AT(7)] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+  pair[AT(8)] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+  pair[AT(9)] = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
+  pair[AT(10)] = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
+  pair[AT(11)] = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
+  pair[AT(12)] = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
+  pair[AT(13)] = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
+  pair[AT(14)] = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
+  pair[AT(15)] = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
+  pair[AT(16)] = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
+  pair[AT(17)] = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
 }
 
 /* loop_pair_23_34: 132 add, 238 mul, 1 div */
-void TYPED(spatial_loops_loop_pair_23_34)(const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
+KERNEL(spatial_loops_loop_pair_23_34, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
-  const REAL rotation_1_1_1 = rotation[0];
-  const REAL rotation_1_1_2 = rotation[1];
-  const REAL rotation_1_1_3 = rotation[2];
-  const REAL rotation_1_2_1 = rotation[3];
-  const REAL rotation_1_2_2 = rotation[4];
-  const REAL rotation_1_2_3 = rotation[5];
-  const REAL rotation_1_3_1 = rotation[6];
-  const REAL rotation_1_3_2 = rotation[7];
-  const REAL rotation_1_3_3 = rotation[8];
-  const REAL rotation_2_1_1 = rotation[9];
-  const REAL rotation_2_1_2 = rotation[10];
-  const REAL rotation_2_1_3 = rotation[11];
-  const REAL rotation_2_2_1 = rotation[12];
-  const REAL rotation_2_2_2 = rotation[13];
-  const REAL rotation_2_2_3 = rotation[14];
-  const REAL rotation_2_3_1 = rotation[15];
-  const REAL rotation_2_3_2 = rotation[16];
-  const REAL rotation_2_3_3 = rotation[17];
-  const REAL rotation_3_1_3 = rotation[20];
-  const REAL rotation_3_2_3 = rotation[23];
-  const REAL rotation_3_3_3 = rotation[26];
-  const REAL rotation_4_1_3 = rotation[29];
-  const REAL rotation_4_2_3 = rotation[32];
-  const REAL rotation_4_3_3 = rotation[35];
-  const REAL vector_1_1 = vector[0];
-  const REAL vector_1_2 = vector[1];
-  const REAL vector_1_3 = vector[2];
-  const REAL vector_2_1 = vector[3];
-  const REAL vector_2_2 = vector[4];
-  const REAL vector_2_3 = vector[5];
-  const REAL vector_3_1 = vector[6];
-  const REAL vector_3_2 = vector[7];
-  const REAL vector_3_3 = vector[8];
-  const REAL vector_4_1 = vector[9];
-  const REAL vector_4_2 = vector[10];
-  const REAL vector_4_3 = vector[11];
-  const REAL p_1 = p[0];
-  const REAL p_2 = p[1];
-  const REAL p_3 = p[2];
-  const REAL q_1 = q[0];
-  const REAL q_2 = q[1];
-  const REAL q_3 = q[2];
+  const REAL rotation_1_1_1 = rotation[AT(0)];
+  const REAL rotation_1_1_2 = rotation[AT(1)];
+  const REAL rotation_1_1_3 = rotation[AT(2)];
+  const REAL rotation_1_2_1 = rotation[AT(3)];
+  const REAL rotation_1_2_2 = rotation[AT(4)];
+  const REAL rotation_1_2_3 = rotation[AT(5)];
+  const REAL rotation_1_3_1 = rotation[AT(6)];
+  const REAL rotation_1_3_2 = rotation[AT(7)];
+  const REAL rotation_1_3_3 = rotation[AT(8)];
+  const REAL rotation_2_1_1 = rotation[AT(9)];
+  const REAL rotation_2_1_2 = rotation[AT(10)];
+  const REAL rotation_2_1_3 = rotation[AT(11)];
+  const REAL rotation_2_2_1 = rotation[AT(12)];
+  const REAL rotation_2_2_2 = rotation[AT(13)];
+  const REAL rotation_2_2_3 = rotation[AT(14)];
+  const REAL rotation_2_3_1 = rotation[AT(15)];
+  const REAL rotation_2_3_2 = rotation[AT(16)];
+  const REAL rotation_2_3_3 = rotation[AT(17)];
+  const REAL rotation_3_1_3 = rotation[AT(20)];
+  const REAL rotation_3_2_3 = rotation[AT(23)];
+  const REAL rotation_3_3_3 = rotation[AT(26)];
+  const REAL rotation_4_1_3 = rotation[AT(29)];
+  const REAL rotation_4_2_3 = rotation[AT(32)];
+  const REAL rotation_4_3_3 = rotation[AT(35)];
+  const REAL vector_1_1 = vector[AT(0)];
+  const REAL vector_1_2 = vector[AT(1)];
+  const REAL vector_1_3 = vector[AT(2)];
+  const REAL vector_2_1 = vector[AT(3)];
+  const REAL vector_2_2 = vector[AT(4)];
+  const REAL vector_2_3 = vector[AT(5)];
+  const REAL vector_3_1 = vector[AT(6)];
+  const REAL vector_3_2 = vector[AT(7)];
+  const REAL vector_3_3 = vector[AT(8)];
+  const REAL vector_4_1 = vector[AT(9)];
+  const REAL vector_4_2 = vector[AT(10)];
+  const REAL vector_4_3 = vector[AT(11)];
+  const REAL p_1 = p[AT(0)];
+  const REAL p_2 = p[AT(1)];
+  const REAL p_3 = p[AT(2)];
+  const REAL q_1 = q[AT(0)];
+  const REAL q_2 = q[AT(1)];
+  const REAL q_3 = q[AT(2)];
   /* intermediate terms */
   const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
   const REAL x0 = K(1.0)/square;
@@ -1049,29 +1043,71 @@ void TYPED(spatial_loops_loop_pair_23_34)(const REAL rotation[36], const REAL ve
   const REAL x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
   const REAL x55 = -x43 - x44;
   /* outputs */
-  pair[0] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-  pair[1] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-  pair[2] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-  pair[3] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-  pair[4] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-  pair[5] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[6] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-  pair[7] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-  pair[8] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-  pair[9] = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
-  pair[10] = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
-  pair[11] = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
-  pair[12] = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
-  pair[13] = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
-  pair[14] = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
-  pair[15] = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
-  pair[16] = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
-  pair[17] = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
+  pair[AT(0)] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+  pair[AT(2)] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+  pair[AT(4)] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+  pair[AT(5)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+  pair[AT(7)] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+  pair[AT(8)] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+  pair[AT(9)] = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
+  pair[AT(10)] = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
+  pair[AT(11)] = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
+  pair[AT(12)] = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
+  pair[AT(13)] = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
+  pair[AT(14)] = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
+  pair[AT(15)] = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
+  pair[AT(16)] = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
+  pair[AT(17)] = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
+}
+
+#ifndef ON_COLUMNS
+void TYPED(spatial_loops_loop_rccc_batch)(size_t count, const REAL *alpha, const REAL *a, const REAL *S_4, const REAL *theta_4, REAL *theta, REAL *S, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_rccc)(alpha + 4 * i, a + 4 * i, S_4[i], theta_4[i], theta + 6 * i, S + 6 * i, status + i);
+}
+
+void TYPED(spatial_loops_loop_rrrcc_pair_batch)(size_t count, const REAL *alpha, const REAL *a, const REAL *S, const REAL *theta_5, REAL *pair) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_rrrcc_pair)(alpha + 5 * i, a + 5 * i, S + 3 * i, theta_5[i], pair + 18 * i);
+}
+
+void TYPED(spatial_loops_loop_rrrcc_back_batch)(size_t count, const REAL *alpha, const REAL *a, const REAL *S, const REAL *theta_5, const REAL *theta_1, const REAL *theta_2, REAL *angles, REAL *offsets) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_rrrcc_back)(alpha + 5 * i, a + 5 * i, S + 3 * i, theta_5[i], theta_1[i], theta_2[i], angles + 2 * i, offsets + 2 * i);
+}
+
+void TYPED(spatial_loops_loop_pair_12_12_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_pair_12_12)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+}
+
+void TYPED(spatial_loops_loop_pair_23_23_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_pair_23_23)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+}
+
+void TYPED(spatial_loops_loop_pair_34_34_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_pair_34_34)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+}
+
+void TYPED(spatial_loops_loop_pair_12_23_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_pair_12_23)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
+}
+
+void TYPED(spatial_loops_loop_pair_12_34_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spatial_loops_loop_pair_12_34)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
 }
 
 void TYPED(spatial_loops_loop_pair_23_34_batch)(size_t count, const REAL *rotation, const REAL *vector, const REAL *p, const REAL *q, REAL *pair) {
   for (size_t i = 0; i < count; ++i)
     TYPED(spatial_loops_loop_pair_23_34)(rotation + 36 * i, vector + 12 * i, p + 3 * i, q + 3 * i, pair + 18 * i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -62,11 +72,11 @@
 #else
 
 /* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
-void TYPED(spherical_polygons_polygon_notation_1)(const REAL angles[3], REAL values[4]) {
+KERNEL(spherical_polygons_polygon_notation_1, const REAL angles[3], REAL values[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -79,25 +89,23 @@ void TYPED(spherical_polygons_polygon_notation_1)(const REAL angles[3], REAL val
   const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
   const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
   /* outputs */
-  values[0] = x_1;
-  values[1] = star_1;
-  values[2] = y_1;
-  values[3] = z_1;
-}
-
-void TYPED(spherical_polygons_polygon_notation_1_batch)(size_t count, const REAL *angles, REAL *values) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_notation_1)(angles + 3 * i, values + 4 * i);
+  values[AT(0)] = x_1;
+  values[AT(1)] = star_1;
+  values[AT(2)] = y_1;
+  values[AT(3)] = z_1;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
 }
 
 /* polygon_notation_2: 6 add, 14 mul, 5 cos, 5 sin */
-void TYPED(spherical_polygons_polygon_notation_2)(const REAL angles[5], REAL values[4]) {
+KERNEL(spherical_polygons_polygon_notation_2, const REAL angles[5], REAL values[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -118,27 +126,27 @@ void TYPED(spherical_polygons_polygon_notation_2)(const REAL angles[5], REAL val
   const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
   const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
   /* outputs */
-  values[0] = x_2;
-  values[1] = star_2;
-  values[2] = y_2;
-  values[3] = z_2;
-}
-
-void TYPED(spherical_polygons_polygon_notation_2_batch)(size_t count, const REAL *angles, REAL *values) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_notation_2)(angles + 5 * i, values + 4 * i);
+  values[AT(0)] = x_2;
+  values[AT(1)] = star_2;
+  values[AT(2)] = y_2;
+  values[AT(3)] = z_2;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
 }
 
 /* polygon_notation_3: 10 add, 22 mul, 7 cos, 7 sin */
-void TYPED(spherical_polygons_polygon_notation_3)(const REAL angles[7], REAL values[4]) {
+KERNEL(spherical_polygons_polygon_notation_3, const REAL angles[7], REAL values[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL angles_6 = angles[5];
-  const REAL angles_7 = angles[6];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL angles_6 = angles[AT(5)];
+  const REAL angles_7 = angles[AT(6)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -167,29 +175,31 @@ void TYPED(spherical_polygons_polygon_notation_3)(const REAL angles[7], REAL val
   const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
   const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
   /* outputs */
-  values[0] = x_3;
-  values[1] = star_3;
-  values[2] = y_3;
-  values[3] = z_3;
-}
-
-void TYPED(spherical_polygons_polygon_notation_3_batch)(size_t count, const REAL *angles, REAL *values) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_notation_3)(angles + 7 * i, values + 4 * i);
+  values[AT(0)] = x_3;
+  values[AT(1)] = star_3;
+  values[AT(2)] = y_3;
+  values[AT(3)] = z_3;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
+  ANGLE(5, angles_6);
+  ANGLE(6, angles_7);
 }
 
 /* polygon_notation_4: 14 add, 30 mul, 9 cos, 9 sin */
-void TYPED(spherical_polygons_polygon_notation_4)(const REAL angles[9], REAL values[4]) {
+KERNEL(spherical_polygons_polygon_notation_4, const REAL angles[9], REAL values[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL angles_6 = angles[5];
-  const REAL angles_7 = angles[6];
-  const REAL angles_8 = angles[7];
-  const REAL angles_9 = angles[8];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL angles_6 = angles[AT(5)];
+  const REAL angles_7 = angles[AT(6)];
+  const REAL angles_8 = angles[AT(7)];
+  const REAL angles_9 = angles[AT(8)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -226,31 +236,35 @@ void TYPED(spherical_polygons_polygon_notation_4)(const REAL angles[9], REAL val
   const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
   const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
   /* outputs */
-  values[0] = x_4;
-  values[1] = star_4;
-  values[2] = y_4;
-  values[3] = z_4;
-}
-
-void TYPED(spherical_polygons_polygon_notation_4_batch)(size_t count, const REAL *angles, REAL *values) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_notation_4)(angles + 9 * i, values + 4 * i);
+  values[AT(0)] = x_4;
+  values[AT(1)] = star_4;
+  values[AT(2)] = y_4;
+  values[AT(3)] = z_4;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
+  ANGLE(5, angles_6);
+  ANGLE(6, angles_7);
+  ANGLE(7, angles_8);
+  ANGLE(8, angles_9);
 }
 
 /* polygon_notation_5: 18 add, 38 mul, 11 cos, 11 sin */
-void TYPED(spherical_polygons_polygon_notation_5)(const REAL angles[11], REAL values[4]) {
+KERNEL(spherical_polygons_polygon_notation_5, const REAL angles[11], REAL values[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL angles_6 = angles[5];
-  const REAL angles_7 = angles[6];
-  const REAL angles_8 = angles[7];
-  const REAL angles_9 = angles[8];
-  const REAL angles_10 = angles[9];
-  const REAL angles_11 = angles[10];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL angles_6 = angles[AT(5)];
+  const REAL angles_7 = angles[AT(6)];
+  const REAL angles_8 = angles[AT(7)];
+  const REAL angles_9 = angles[AT(8)];
+  const REAL angles_10 = angles[AT(9)];
+  const REAL angles_11 = angles[AT(10)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -295,26 +309,32 @@ void TYPED(spherical_polygons_polygon_notation_5)(const REAL angles[11], REAL va
   const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
   const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
   /* outputs */
-  values[0] = x_5;
-  values[1] = star_5;
-  values[2] = y_5;
-  values[3] = z_5;
-}
-
-void TYPED(spherical_polygons_polygon_notation_5_batch)(size_t count, const REAL *angles, REAL *values) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_notation_5)(angles + 11 * i, values + 4 * i);
+  values[AT(0)] = x_5;
+  values[AT(1)] = star_5;
+  values[AT(2)] = y_5;
+  values[AT(3)] = z_5;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_10);
+  ANGLE(2, angles_11);
+  ANGLE(3, angles_2);
+  ANGLE(4, angles_3);
+  ANGLE(5, angles_4);
+  ANGLE(6, angles_5);
+  ANGLE(7, angles_6);
+  ANGLE(8, angles_7);
+  ANGLE(9, angles_8);
+  ANGLE(10, angles_9);
 }
 
 /* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
-void TYPED(spherical_polygons_polygon_secondary_1)(const REAL angles[3], const REAL lengths[3], REAL values[4], REAL secondary[4]) {
+KERNEL(spherical_polygons_polygon_secondary_1, const REAL angles[3], const REAL lengths[3], REAL values[4], REAL secondary[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL lengths_1 = lengths[0];
-  const REAL lengths_2 = lengths[1];
-  const REAL lengths_3 = lengths[2];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL lengths_1 = lengths[AT(0)];
+  const REAL lengths_2 = lengths[AT(1)];
+  const REAL lengths_3 = lengths[AT(2)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -333,34 +353,32 @@ void TYPED(spherical_polygons_polygon_secondary_1)(const REAL angles[3], const R
   const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
   const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
   /* outputs */
-  values[0] = x_1;
-  values[1] = star_1;
-  values[2] = y_1;
-  values[3] = z_1;
-  secondary[0] = x0_1;
-  secondary[1] = star0_1;
-  secondary[2] = y0_1;
-  secondary[3] = z0_1;
-}
-
-void TYPED(spherical_polygons_polygon_secondary_1_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_secondary_1)(angles + 3 * i, lengths + 3 * i, values + 4 * i, secondary + 4 * i);
+  values[AT(0)] = x_1;
+  values[AT(1)] = star_1;
+  values[AT(2)] = y_1;
+  values[AT(3)] = z_1;
+  secondary[AT(0)] = x0_1;
+  secondary[AT(1)] = star0_1;
+  secondary[AT(2)] = y0_1;
+  secondary[AT(3)] = z0_1;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
 }
 
 /* polygon_secondary_2: 20 add, 38 mul, 5 cos, 5 sin */
-void TYPED(spherical_polygons_polygon_secondary_2)(const REAL angles[5], const REAL lengths[5], REAL values[4], REAL secondary[4]) {
+KERNEL(spherical_polygons_polygon_secondary_2, const REAL angles[5], const REAL lengths[5], REAL values[4], REAL secondary[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL lengths_1 = lengths[0];
-  const REAL lengths_2 = lengths[1];
-  const REAL lengths_3 = lengths[2];
-  const REAL lengths_4 = lengths[3];
-  const REAL lengths_5 = lengths[4];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL lengths_1 = lengths[AT(0)];
+  const REAL lengths_2 = lengths[AT(1)];
+  const REAL lengths_3 = lengths[AT(2)];
+  const REAL lengths_4 = lengths[AT(3)];
+  const REAL lengths_5 = lengths[AT(4)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -391,38 +409,38 @@ void TYPED(spherical_polygons_polygon_secondary_2)(const REAL angles[5], const R
   const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
   const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
   /* outputs */
-  values[0] = x_2;
-  values[1] = star_2;
-  values[2] = y_2;
-  values[3] = z_2;
-  secondary[0] = x0_2;
-  secondary[1] = star0_2;
-  secondary[2] = y0_2;
-  secondary[3] = z0_2;
-}
-
-void TYPED(spherical_polygons_polygon_secondary_2_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_secondary_2)(angles + 5 * i, lengths + 5 * i, values + 4 * i, secondary + 4 * i);
+  values[AT(0)] = x_2;
+  values[AT(1)] = star_2;
+  values[AT(2)] = y_2;
+  values[AT(3)] = z_2;
+  secondary[AT(0)] = x0_2;
+  secondary[AT(1)] = star0_2;
+  secondary[AT(2)] = y0_2;
+  secondary[AT(3)] = z0_2;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
 }
 
 /* polygon_secondary_3: 32 add, 58 mul, 7 cos, 7 sin */
-void TYPED(spherical_polygons_polygon_secondary_3)(const REAL angles[7], const REAL lengths[7], REAL values[4], REAL secondary[4]) {
+KERNEL(spherical_polygons_polygon_secondary_3, const REAL angles[7], const REAL lengths[7], REAL values[4], REAL secondary[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL angles_6 = angles[5];
-  const REAL angles_7 = angles[6];
-  const REAL lengths_1 = lengths[0];
-  const REAL lengths_2 = lengths[1];
-  const REAL lengths_3 = lengths[2];
-  const REAL lengths_4 = lengths[3];
-  const REAL lengths_5 = lengths[4];
-  const REAL lengths_6 = lengths[5];
-  const REAL lengths_7 = lengths[6];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL angles_6 = angles[AT(5)];
+  const REAL angles_7 = angles[AT(6)];
+  const REAL lengths_1 = lengths[AT(0)];
+  const REAL lengths_2 = lengths[AT(1)];
+  const REAL lengths_3 = lengths[AT(2)];
+  const REAL lengths_4 = lengths[AT(3)];
+  const REAL lengths_5 = lengths[AT(4)];
+  const REAL lengths_6 = lengths[AT(5)];
+  const REAL lengths_7 = lengths[AT(6)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -465,42 +483,44 @@ void TYPED(spherical_polygons_polygon_secondary_3)(const REAL angles[7], const R
   const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
   const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
   /* outputs */
-  values[0] = x_3;
-  values[1] = star_3;
-  values[2] = y_3;
-  values[3] = z_3;
-  secondary[0] = x0_3;
-  secondary[1] = star0_3;
-  secondary[2] = y0_3;
-  secondary[3] = z0_3;
-}
-
-void TYPED(spherical_polygons_polygon_secondary_3_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_secondary_3)(angles + 7 * i, lengths + 7 * i, values + 4 * i, secondary + 4 * i);
+  values[AT(0)] = x_3;
+  values[AT(1)] = star_3;
+  values[AT(2)] = y_3;
+  values[AT(3)] = z_3;
+  secondary[AT(0)] = x0_3;
+  secondary[AT(1)] = star0_3;
+  secondary[AT(2)] = y0_3;
+  secondary[AT(3)] = z0_3;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
+  ANGLE(5, angles_6);
+  ANGLE(6, angles_7);
 }
 
 /* polygon_secondary_4: 44 add, 78 mul, 9 cos, 9 sin */
-void TYPED(spherical_polygons_polygon_secondary_4)(const REAL angles[9], const REAL lengths[9], REAL values[4], REAL secondary[4]) {
+KERNEL(spherical_polygons_polygon_secondary_4, const REAL angles[9], const REAL lengths[9], REAL values[4], REAL secondary[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL angles_6 = angles[5];
-  const REAL angles_7 = angles[6];
-  const REAL angles_8 = angles[7];
-  const REAL angles_9 = angles[8];
-  const REAL lengths_1 = lengths[0];
-  const REAL lengths_2 = lengths[1];
-  const REAL lengths_3 = lengths[2];
-  const REAL lengths_4 = lengths[3];
-  const REAL lengths_5 = lengths[4];
-  const REAL lengths_6 = lengths[5];
-  const REAL lengths_7 = lengths[6];
-  const REAL lengths_8 = lengths[7];
-  const REAL lengths_9 = lengths[8];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL angles_6 = angles[AT(5)];
+  const REAL angles_7 = angles[AT(6)];
+  const REAL angles_8 = angles[AT(7)];
+  const REAL angles_9 = angles[AT(8)];
+  const REAL lengths_1 = lengths[AT(0)];
+  const REAL lengths_2 = lengths[AT(1)];
+  const REAL lengths_3 = lengths[AT(2)];
+  const REAL lengths_4 = lengths[AT(3)];
+  const REAL lengths_5 = lengths[AT(4)];
+  const REAL lengths_6 = lengths[AT(5)];
+  const REAL lengths_7 = lengths[AT(6)];
+  const REAL lengths_8 = lengths[AT(7)];
+  const REAL lengths_9 = lengths[AT(8)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -555,46 +575,50 @@ void TYPED(spherical_polygons_polygon_secondary_4)(const REAL angles[9], const R
   const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
   const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
   /* outputs */
-  values[0] = x_4;
-  values[1] = star_4;
-  values[2] = y_4;
-  values[3] = z_4;
-  secondary[0] = x0_4;
-  secondary[1] = star0_4;
-  secondary[2] = y0_4;
-  secondary[3] = z0_4;
-}
-
-void TYPED(spherical_polygons_polygon_secondary_4_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_secondary_4)(angles + 9 * i, lengths + 9 * i, values + 4 * i, secondary + 4 * i);
+  values[AT(0)] = x_4;
+  values[AT(1)] = star_4;
+  values[AT(2)] = y_4;
+  values[AT(3)] = z_4;
+  secondary[AT(0)] = x0_4;
+  secondary[AT(1)] = star0_4;
+  secondary[AT(2)] = y0_4;
+  secondary[AT(3)] = z0_4;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
+  ANGLE(5, angles_6);
+  ANGLE(6, angles_7);
+  ANGLE(7, angles_8);
+  ANGLE(8, angles_9);
 }
 
 /* polygon_secondary_5: 56 add, 98 mul, 11 cos, 11 sin */
-void TYPED(spherical_polygons_polygon_secondary_5)(const REAL angles[11], const REAL lengths[11], REAL values[4], REAL secondary[4]) {
+KERNEL(spherical_polygons_polygon_secondary_5, const REAL angles[11], const REAL lengths[11], REAL values[4], REAL secondary[4]) {
   /* inputs */
-  const REAL angles_1 = angles[0];
-  const REAL angles_2 = angles[1];
-  const REAL angles_3 = angles[2];
-  const REAL angles_4 = angles[3];
-  const REAL angles_5 = angles[4];
-  const REAL angles_6 = angles[5];
-  const REAL angles_7 = angles[6];
-  const REAL angles_8 = angles[7];
-  const REAL angles_9 = angles[8];
-  const REAL angles_10 = angles[9];
-  const REAL angles_11 = angles[10];
-  const REAL lengths_1 = lengths[0];
-  const REAL lengths_2 = lengths[1];
-  const REAL lengths_3 = lengths[2];
-  const REAL lengths_4 = lengths[3];
-  const REAL lengths_5 = lengths[4];
-  const REAL lengths_6 = lengths[5];
-  const REAL lengths_7 = lengths[6];
-  const REAL lengths_8 = lengths[7];
-  const REAL lengths_9 = lengths[8];
-  const REAL lengths_10 = lengths[9];
-  const REAL lengths_11 = lengths[10];
+  const REAL angles_1 = angles[AT(0)];
+  const REAL angles_2 = angles[AT(1)];
+  const REAL angles_3 = angles[AT(2)];
+  const REAL angles_4 = angles[AT(3)];
+  const REAL angles_5 = angles[AT(4)];
+  const REAL angles_6 = angles[AT(5)];
+  const REAL angles_7 = angles[AT(6)];
+  const REAL angles_8 = angles[AT(7)];
+  const REAL angles_9 = angles[AT(8)];
+  const REAL angles_10 = angles[AT(9)];
+  const REAL angles_11 = angles[AT(10)];
+  const REAL lengths_1 = lengths[AT(0)];
+  const REAL lengths_2 = lengths[AT(1)];
+  const REAL lengths_3 = lengths[AT(2)];
+  const REAL lengths_4 = lengths[AT(3)];
+  const REAL lengths_5 = lengths[AT(4)];
+  const REAL lengths_6 = lengths[AT(5)];
+  const REAL lengths_7 = lengths[AT(6)];
+  const REAL lengths_8 = lengths[AT(7)];
+  const REAL lengths_9 = lengths[AT(8)];
+  const REAL lengths_10 = lengths[AT(9)];
+  const REAL lengths_11 = lengths[AT(10)];
   /* intermediate terms */
   const REAL c_angle_1 = COS(angles_1);
   const REAL c_angle_2 = COS(angles_2);
@@ -661,28 +685,34 @@ void TYPED(spherical_polygons_polygon_secondary_5)(const REAL angles[11], const 
   const REAL y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
   const REAL z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
   /* outputs */
-  values[0] = x_5;
-  values[1] = star_5;
-  values[2] = y_5;
-  values[3] = z_5;
-  secondary[0] = x0_5;
-  secondary[1] = star0_5;
-  secondary[2] = y0_5;
-  secondary[3] = z0_5;
-}
-
-void TYPED(spherical_polygons_polygon_secondary_5_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_secondary_5)(angles + 11 * i, lengths + 11 * i, values + 4 * i, secondary + 4 * i);
+  values[AT(0)] = x_5;
+  values[AT(1)] = star_5;
+  values[AT(2)] = y_5;
+  values[AT(3)] = z_5;
+  secondary[AT(0)] = x0_5;
+  secondary[AT(1)] = star0_5;
+  secondary[AT(2)] = y0_5;
+  secondary[AT(3)] = z0_5;
+  ANGLE(0, angles_1);
+  ANGLE(1, angles_10);
+  ANGLE(2, angles_11);
+  ANGLE(3, angles_2);
+  ANGLE(4, angles_3);
+  ANGLE(5, angles_4);
+  ANGLE(6, angles_5);
+  ANGLE(7, angles_6);
+  ANGLE(8, angles_7);
+  ANGLE(9, angles_8);
+  ANGLE(10, angles_9);
 }
 
 /* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-void TYPED(spherical_polygons_polygon_quadrilateral)(const REAL alpha[4], REAL theta_4, REAL theta[8], int8_t *status) {
+KERNEL(spherical_polygons_polygon_quadrilateral, const REAL alpha[4], REAL theta_4, REAL theta[8], CODE *status) {
   /* inputs */
-  const REAL alpha_1 = alpha[0];
-  const REAL alpha_2 = alpha[1];
-  const REAL alpha_3 = alpha[2];
-  const REAL alpha_4 = alpha[3];
+  const REAL alpha_1 = alpha[AT(0)];
+  const REAL alpha_2 = alpha[AT(1)];
+  const REAL alpha_3 = alpha[AT(2)];
+  const REAL alpha_4 = alpha[AT(3)];
   /* intermediate terms */
   const REAL c_alpha_1 = COS(alpha_1);
   const REAL c_alpha_2 = COS(alpha_2);
@@ -712,49 +742,49 @@ void TYPED(spherical_polygons_polygon_quadrilateral)(const REAL alpha[4], REAL t
   const REAL factors_3 = SIN(half_sums_3);
   const REAL factors_4 = SIN(half_sums_4);
   const REAL x17 = s_alpha_1*sine_13;
-  const REAL side = ((x17 < K(0.0)) ? -K(1.0) : K(1.0));
+  const REAL side = SELECT(TEST(x17 < K(0.0)), -K(1.0), K(1.0));
   const REAL p_side = factors_1*factors_2*side;
   const REAL x5 = K(16.0)*REAL_EPSILON;
   const REAL p_near = x5*(FABS(factors_1) + FABS(factors_2));
-  const int p_short = p_side < -p_near;
-  const int p_zero = FABS(p_side) <= p_near;
-  const REAL p = ((p_zero) ? K(0.0) : p_side);
+  const CONDITION p_short = TEST(p_side < -p_near);
+  const CONDITION p_zero = TEST(FABS(p_side) <= p_near);
+  const REAL p = SELECT(p_zero, K(0.0), p_side);
   const REAL q_side = factors_3*factors_4*side;
   const REAL q_near = x5*(FABS(factors_3) + FABS(factors_4));
-  const int q_short = q_side < -q_near;
-  const int q_zero = FABS(q_side) <= q_near;
-  const REAL q = ((q_zero) ? K(0.0) : q_side);
-  const int flat = FABS(x17) <= x5;
-  const int no_angle = (p_short) || (q_short) || ((flat) && (!((p_zero) && (q_zero))));
-  const int one_angle = (p_zero) || (q_zero);
-  const int any_angle = (flat) || ((p_zero) && (q_zero));
-  const REAL p_and_q = ((any_angle) ? K(1.0) : p + q);
+  const CONDITION q_short = TEST(q_side < -q_near);
+  const CONDITION q_zero = TEST(FABS(q_side) <= q_near);
+  const REAL q = SELECT(q_zero, K(0.0), q_side);
+  const CONDITION flat = TEST(FABS(x17) <= x5);
+  const CONDITION no_angle = (p_short) | (q_short) | ((flat) & (NOT((p_zero) & (q_zero))));
+  const CONDITION one_angle = (p_zero) | (q_zero);
+  const CONDITION any_angle = (flat) | ((p_zero) & (q_zero));
+  const REAL p_and_q = SELECT(any_angle, K(1.0), p + q);
   const REAL x6 = K(1.0)/p_and_q;
-  const REAL angle_c = ((any_angle) ? K(1.0) : x6*(q - p));
-  const REAL angle_s = ((any_angle) ? K(0.0) : K(2.0)*x6*SQRT(FABS(p*q)));
-  const REAL other_sine = ((one_angle) ? angle_s : -angle_s);
-  const int on_axis = sine_13 <= x5;
-  const REAL far = ((on_axis) ? K(1.0) : sine_13);
+  const REAL angle_c = SELECT(any_angle, K(1.0), x6*(q - p));
+  const REAL angle_s = SELECT(any_angle, K(0.0), K(2.0)*x6*SQRT(FABS(p*q)));
+  const REAL other_sine = SELECT(one_angle, angle_s, -angle_s);
+  const CONDITION on_axis = TEST(sine_13 <= x5);
+  const REAL far = SELECT(on_axis, K(1.0), sine_13);
   const REAL x7 = K(1.0)/far;
-  const REAL c_gamma = ((on_axis) ? K(1.0) : x7*y_4);
-  const REAL s_gamma = ((on_axis) ? K(0.0) : x7*x_4);
+  const REAL c_gamma = SELECT(on_axis, K(1.0), x7*y_4);
+  const REAL s_gamma = SELECT(on_axis, K(0.0), x7*x_4);
   const REAL x8 = angle_c*c_gamma;
   const REAL c_1_1 = x8 - angle_s*s_gamma;
   const REAL x9 = angle_c*s_gamma;
   const REAL s_1_1 = angle_s*c_gamma + x9;
   const REAL c_1_2 = x8 - other_sine*s_gamma;
   const REAL s_1_2 = c_gamma*other_sine + x9;
-  const int family = (any_angle) || (FABS(s_alpha_2) <= x5);
-  const int finite = FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(theta_4) <= REAL_MAX;
-  const int good = (finite) && (!(no_angle));
+  const CONDITION family = (any_angle) | (TEST(FABS(s_alpha_2) <= x5));
+  const CONDITION finite = TEST(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(theta_4) <= REAL_MAX);
+  const CONDITION good = (finite) & (NOT(no_angle));
   const REAL x_41_1 = c_1_1*x_4 - s_1_1*y_4;
   const REAL x10 = -s_alpha_1*z_4;
   const REAL y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
-  const REAL x11 = ((s_alpha_2 < K(0.0)) ? -K(1.0) : K(1.0));
-  const REAL sine_2_1 = ((FABS(s_alpha_2) <= x5) ? K(0.0) : x11*x_41_1);
-  const REAL cosine_2_1 = ((FABS(s_alpha_2) <= x5) ? K(1.0) : x11*y_41_1);
+  const REAL x11 = SELECT(TEST(s_alpha_2 < K(0.0)), -K(1.0), K(1.0));
+  const REAL sine_2_1 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_1);
+  const REAL cosine_2_1 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_1);
   const REAL length_2_1 = SQRT((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
-  const REAL divisor_2_1 = ((length_2_1 > K(0.0)) ? length_2_1 : K(1.0));
+  const REAL divisor_2_1 = SELECT(TEST(length_2_1 > K(0.0)), length_2_1, K(1.0));
   const REAL x12 = K(1.0)/divisor_2_1;
   const REAL c_2_1 = cosine_2_1*x12;
   const REAL s_2_1 = sine_2_1*x12;
@@ -775,10 +805,10 @@ void TYPED(spherical_polygons_polygon_quadrilateral)(const REAL alpha[4], REAL t
   const REAL sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2;
   const REAL x_41_2 = c_1_2*x_4 - s_1_2*y_4;
   const REAL y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
-  const REAL sine_2_2 = ((FABS(s_alpha_2) <= x5) ? K(0.0) : x11*x_41_2);
-  const REAL cosine_2_2 = ((FABS(s_alpha_2) <= x5) ? K(1.0) : x11*y_41_2);
+  const REAL sine_2_2 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_2);
+  const REAL cosine_2_2 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_2);
   const REAL length_2_2 = SQRT((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
-  const REAL divisor_2_2 = ((length_2_2 > K(0.0)) ? length_2_2 : K(1.0));
+  const REAL divisor_2_2 = SELECT(TEST(length_2_2 > K(0.0)), length_2_2, K(1.0));
   const REAL x15 = K(1.0)/divisor_2_2;
   const REAL c_2_2 = cosine_2_2*x15;
   const REAL s_2_2 = sine_2_2*x15;
@@ -795,35 +825,39 @@ void TYPED(spherical_polygons_polygon_quadrilateral)(const REAL alpha[4], REAL t
   const REAL row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
   const REAL row_24_3 = row_23_3;
   const REAL sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
-  const REAL x16 = ((good) ? theta_4 : (REAL)NAN);
-  const REAL status_value = ((!(finite)) ? K(4.0) : ((no_angle) ? K(3.0) : ((family) ? K(2.0) : ((one_angle) ? K(1.0) : K(0.0)))));
+  const REAL x16 = SELECT(good, theta_4, (REAL)NAN);
+  const REAL status_value = SELECT(NOT(finite), K(4.0), SELECT(no_angle, K(3.0), SELECT(family, K(2.0), SELECT(one_angle, K(1.0), K(0.0)))));
   /* outputs */
-  theta[0] = ((good) ? ATAN2(s_1_1, c_1_1) : (REAL)NAN);
-  theta[1] = ((good) ? ATAN2(sine_2_1, cosine_2_1) : (REAL)NAN);
-  theta[2] = ((good) ? ATAN2(sine_3_1, row_14_1) : (REAL)NAN);
-  theta[3] = x16;
-  theta[4] = ((good) ? ATAN2(s_1_2, c_1_2) : (REAL)NAN);
-  theta[5] = ((good) ? ATAN2(sine_2_2, cosine_2_2) : (REAL)NAN);
-  theta[6] = ((good) ? ATAN2(sine_3_2, row_24_1) : (REAL)NAN);
-  theta[7] = x16;
-  *status = (int8_t)status_value;
-}
-
-void TYPED(spherical_polygons_polygon_quadrilateral_batch)(size_t count, const REAL *alpha, const REAL *theta_4, REAL *theta, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(spherical_polygons_polygon_quadrilateral)(alpha + 4 * i, theta_4[i], theta + 8 * i, status + i);
+  theta[AT(0)] = SELECT(good, ATAN2(s_1_1, c_1_1), (REAL)NAN);
+  theta[AT(1)] = SELECT(good, ATAN2(sine_2_1, cosine_2_1), (REAL)NAN);
+  theta[AT(2)] = SELECT(good, ATAN2(sine_3_1, row_14_1), (REAL)NAN);
+  theta[AT(3)] = x16;
+  theta[AT(4)] = SELECT(good, ATAN2(s_1_2, c_1_2), (REAL)NAN);
+  theta[AT(5)] = SELECT(good, ATAN2(sine_2_2, cosine_2_2), (REAL)NAN);
+  theta[AT(6)] = SELECT(good, ATAN2(sine_3_2, row_24_1), (REAL)NAN);
+  theta[AT(7)] = x16;
+  *status = (CODE)status_value;
+  ANGLE(0, alpha_1);
+  ANGLE(1, alpha_2);
+  ANGLE(2, alpha_3);
+  ANGLE(3, alpha_4);
+  ANGLE(4, half_sums_1);
+  ANGLE(5, half_sums_2);
+  ANGLE(6, half_sums_3);
+  ANGLE(7, half_sums_4);
+  ANGLE(8, theta_4);
 }
 
 /* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-void TYPED(spherical_polygons_polygon_pentagon)(const REAL alpha[5], const REAL theta_45[2], REAL theta[10], int8_t *status) {
+KERNEL(spherical_polygons_polygon_pentagon, const REAL alpha[5], const REAL theta_45[2], REAL theta[10], CODE *status) {
   /* inputs */
-  const REAL alpha_1 = alpha[0];
-  const REAL alpha_2 = alpha[1];
-  const REAL alpha_3 = alpha[2];
-  const REAL alpha_4 = alpha[3];
-  const REAL alpha_5 = alpha[4];
-  const REAL theta_45_1 = theta_45[0];
-  const REAL theta_45_2 = theta_45[1];
+  const REAL alpha_1 = alpha[AT(0)];
+  const REAL alpha_2 = alpha[AT(1)];
+  const REAL alpha_3 = alpha[AT(2)];
+  const REAL alpha_4 = alpha[AT(3)];
+  const REAL alpha_5 = alpha[AT(4)];
+  const REAL theta_45_1 = theta_45[AT(0)];
+  const REAL theta_45_2 = theta_45[AT(1)];
   /* intermediate terms */
   const REAL c_alpha_1 = COS(alpha_1);
   const REAL c_alpha_2 = COS(alpha_2);
@@ -860,38 +894,38 @@ void TYPED(spherical_polygons_polygon_pentagon)(const REAL alpha[5], const REAL 
   const REAL factors_3 = SIN(half_sums_3);
   const REAL factors_4 = SIN(half_sums_4);
   const REAL x18 = s_alpha_1*s_alpha_2;
-  const REAL side = ((x18 < K(0.0)) ? -K(1.0) : K(1.0));
+  const REAL side = SELECT(TEST(x18 < K(0.0)), -K(1.0), K(1.0));
   const REAL p_side = factors_1*factors_2*side;
   const REAL x9 = K(16.0)*REAL_EPSILON;
   const REAL p_near = x9*(FABS(factors_1) + FABS(factors_2));
-  const int p_short = p_side < -p_near;
-  const int p_zero = FABS(p_side) <= p_near;
-  const REAL p = ((p_zero) ? K(0.0) : p_side);
+  const CONDITION p_short = TEST(p_side < -p_near);
+  const CONDITION p_zero = TEST(FABS(p_side) <= p_near);
+  const REAL p = SELECT(p_zero, K(0.0), p_side);
   const REAL q_side = factors_3*factors_4*side;
   const REAL q_near = x9*(FABS(factors_3) + FABS(factors_4));
-  const int q_short = q_side < -q_near;
-  const int q_zero = FABS(q_side) <= q_near;
-  const REAL q = ((q_zero) ? K(0.0) : q_side);
-  const int flat = FABS(x18) <= x9;
-  const int no_angle = (p_short) || (q_short) || ((flat) && (!((p_zero) && (q_zero))));
-  const int one_angle = (p_zero) || (q_zero);
-  const int any_angle = (flat) || ((p_zero) && (q_zero));
-  const REAL p_and_q = ((any_angle) ? K(1.0) : p + q);
+  const CONDITION q_short = TEST(q_side < -q_near);
+  const CONDITION q_zero = TEST(FABS(q_side) <= q_near);
+  const REAL q = SELECT(q_zero, K(0.0), q_side);
+  const CONDITION flat = TEST(FABS(x18) <= x9);
+  const CONDITION no_angle = (p_short) | (q_short) | ((flat) & (NOT((p_zero) & (q_zero))));
+  const CONDITION one_angle = (p_zero) | (q_zero);
+  const CONDITION any_angle = (flat) | ((p_zero) & (q_zero));
+  const REAL p_and_q = SELECT(any_angle, K(1.0), p + q);
   const REAL x10 = K(1.0)/p_and_q;
-  const REAL angle_c = ((any_angle) ? K(1.0) : x10*(p - q));
-  const REAL angle_s = ((any_angle) ? K(0.0) : K(2.0)*x10*SQRT(FABS(p*q)));
-  const REAL other_sine = ((one_angle) ? angle_s : -angle_s);
-  const int finite = FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(alpha_5) + FABS(theta_45_1) + FABS(theta_45_2) <= REAL_MAX;
-  const int good = (finite) && (!(no_angle));
+  const REAL angle_c = SELECT(any_angle, K(1.0), x10*(p - q));
+  const REAL angle_s = SELECT(any_angle, K(0.0), K(2.0)*x10*SQRT(FABS(p*q)));
+  const REAL other_sine = SELECT(one_angle, angle_s, -angle_s);
+  const CONDITION finite = TEST(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(alpha_5) + FABS(theta_45_1) + FABS(theta_45_2) <= REAL_MAX);
+  const CONDITION good = (finite) & (NOT(no_angle));
   const REAL xb_2_1 = angle_s*s_alpha_2;
   const REAL x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1;
   const REAL yb_2_1 = x11;
   const REAL length_1_1 = SQRT((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-  const int flat_1_1 = length_1_1 <= x9;
-  const REAL cosine_1_1 = ((flat_1_1) ? K(1.0) : x_45*xb_2_1 - y_45*yb_2_1);
-  const REAL sine_1_1 = ((flat_1_1) ? K(0.0) : -x_45*yb_2_1 - xb_2_1*y_45);
+  const CONDITION flat_1_1 = TEST(length_1_1 <= x9);
+  const REAL cosine_1_1 = SELECT(flat_1_1, K(1.0), x_45*xb_2_1 - y_45*yb_2_1);
+  const REAL sine_1_1 = SELECT(flat_1_1, K(0.0), -x_45*yb_2_1 - xb_2_1*y_45);
   const REAL size_1_1 = SQRT((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
-  const REAL divisor_1_1 = ((size_1_1 > K(0.0)) ? size_1_1 : K(1.0));
+  const REAL divisor_1_1 = SELECT(TEST(size_1_1 > K(0.0)), size_1_1, K(1.0));
   const REAL x12 = K(1.0)/divisor_1_1;
   const REAL c_1_1 = cosine_1_1*x12;
   const REAL s_1_1 = sine_1_1*x12;
@@ -919,11 +953,11 @@ void TYPED(spherical_polygons_polygon_pentagon)(const REAL alpha[5], const REAL 
   const REAL xb_2_2 = other_sine*s_alpha_2;
   const REAL yb_2_2 = x11;
   const REAL length_1_2 = SQRT((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-  const int flat_1_2 = length_1_2 <= x9;
-  const REAL cosine_1_2 = ((flat_1_2) ? K(1.0) : x_45*xb_2_2 - y_45*yb_2_2);
-  const REAL sine_1_2 = ((flat_1_2) ? K(0.0) : -x_45*yb_2_2 - xb_2_2*y_45);
+  const CONDITION flat_1_2 = TEST(length_1_2 <= x9);
+  const REAL cosine_1_2 = SELECT(flat_1_2, K(1.0), x_45*xb_2_2 - y_45*yb_2_2);
+  const REAL sine_1_2 = SELECT(flat_1_2, K(0.0), -x_45*yb_2_2 - xb_2_2*y_45);
   const REAL size_1_2 = SQRT((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
-  const REAL divisor_1_2 = ((size_1_2 > K(0.0)) ? size_1_2 : K(1.0));
+  const REAL divisor_1_2 = SELECT(TEST(size_1_2 > K(0.0)), size_1_2, K(1.0));
   const REAL x15 = K(1.0)/divisor_1_2;
   const REAL c_1_2 = cosine_1_2*x15;
   const REAL s_1_2 = sine_1_2*x15;
@@ -946,27 +980,95 @@ void TYPED(spherical_polygons_polygon_pentagon)(const REAL alpha[5], const REAL 
   const REAL row_26_2 = angle_c*row_25_2 - other_sine*row_25_1;
   const REAL row_26_3 = row_25_3;
   const REAL sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
-  const int family = (any_angle) || (flat_1_1) || (flat_1_2);
-  const REAL x16 = ((good) ? theta_45_1 : (REAL)NAN);
-  const REAL x17 = ((good) ? theta_45_2 : (REAL)NAN);
-  const REAL status_value = ((!(finite)) ? K(4.0) : ((no_angle) ? K(3.0) : ((family) ? K(2.0) : ((one_angle) ? K(1.0) : K(0.0)))));
+  const CONDITION family = (any_angle) | (flat_1_1) | (flat_1_2);
+  const REAL x16 = SELECT(good, theta_45_1, (REAL)NAN);
+  const REAL x17 = SELECT(good, theta_45_2, (REAL)NAN);
+  const REAL status_value = SELECT(NOT(finite), K(4.0), SELECT(no_angle, K(3.0), SELECT(family, K(2.0), SELECT(one_angle, K(1.0), K(0.0)))));
   /* outputs */
-  theta[0] = ((good) ? ATAN2(sine_1_1, cosine_1_1) : (REAL)NAN);
-  theta[1] = ((good) ? ATAN2(angle_s, angle_c) : (REAL)NAN);
-  theta[2] = ((good) ? ATAN2(sine_3_1, row_16_1) : (REAL)NAN);
-  theta[3] = x16;
-  theta[4] = x17;
-  theta[5] = ((good) ? ATAN2(sine_1_2, cosine_1_2) : (REAL)NAN);
-  theta[6] = ((good) ? ATAN2(other_sine, angle_c) : (REAL)NAN);
-  theta[7] = ((good) ? ATAN2(sine_3_2, row_26_1) : (REAL)NAN);
-  theta[8] = x16;
-  theta[9] = x17;
-  *status = (int8_t)status_value;
+  theta[AT(0)] = SELECT(good, ATAN2(sine_1_1, cosine_1_1), (REAL)NAN);
+  theta[AT(1)] = SELECT(good, ATAN2(angle_s, angle_c), (REAL)NAN);
+  theta[AT(2)] = SELECT(good, ATAN2(sine_3_1, row_16_1), (REAL)NAN);
+  theta[AT(3)] = x16;
+  theta[AT(4)] = x17;
+  theta[AT(5)] = SELECT(good, ATAN2(sine_1_2, cosine_1_2), (REAL)NAN);
+  theta[AT(6)] = SELECT(good, ATAN2(other_sine, angle_c), (REAL)NAN);
+  theta[AT(7)] = SELECT(good, ATAN2(sine_3_2, row_26_1), (REAL)NAN);
+  theta[AT(8)] = x16;
+  theta[AT(9)] = x17;
+  *status = (CODE)status_value;
+  ANGLE(0, alpha_1);
+  ANGLE(1, alpha_2);
+  ANGLE(2, alpha_3);
+  ANGLE(3, alpha_4);
+  ANGLE(4, alpha_5);
+  ANGLE(5, half_sums_1);
+  ANGLE(6, half_sums_2);
+  ANGLE(7, half_sums_3);
+  ANGLE(8, half_sums_4);
+  ANGLE(9, theta_45_1);
+  ANGLE(10, theta_45_2);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(spherical_polygons_polygon_notation_1_batch)(size_t count, const REAL *angles, REAL *values) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_notation_1)(angles + 3 * i, values + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_notation_2_batch)(size_t count, const REAL *angles, REAL *values) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_notation_2)(angles + 5 * i, values + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_notation_3_batch)(size_t count, const REAL *angles, REAL *values) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_notation_3)(angles + 7 * i, values + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_notation_4_batch)(size_t count, const REAL *angles, REAL *values) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_notation_4)(angles + 9 * i, values + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_notation_5_batch)(size_t count, const REAL *angles, REAL *values) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_notation_5)(angles + 11 * i, values + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_secondary_1_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_secondary_1)(angles + 3 * i, lengths + 3 * i, values + 4 * i, secondary + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_secondary_2_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_secondary_2)(angles + 5 * i, lengths + 5 * i, values + 4 * i, secondary + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_secondary_3_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_secondary_3)(angles + 7 * i, lengths + 7 * i, values + 4 * i, secondary + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_secondary_4_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_secondary_4)(angles + 9 * i, lengths + 9 * i, values + 4 * i, secondary + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_secondary_5_batch)(size_t count, const REAL *angles, const REAL *lengths, REAL *values, REAL *secondary) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_secondary_5)(angles + 11 * i, lengths + 11 * i, values + 4 * i, secondary + 4 * i);
+}
+
+void TYPED(spherical_polygons_polygon_quadrilateral_batch)(size_t count, const REAL *alpha, const REAL *theta_4, REAL *theta, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(spherical_polygons_polygon_quadrilateral)(alpha + 4 * i, theta_4[i], theta + 8 * i, status + i);
 }
 
 void TYPED(spherical_polygons_polygon_pentagon_batch)(size_t count, const REAL *alpha, const REAL *theta_45, REAL *theta, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(spherical_polygons_polygon_pentagon)(alpha + 5 * i, theta_45 + 2 * i, theta + 10 * i, status + i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle", Mathematics 2023, 11(18), 3882, sec. 5.1
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -50,14 +60,14 @@
 #else
 
 /* sps_legs: 20 add, 24 mul, 4 sqrt */
-void TYPED(three_sps_s_sps_legs)(const REAL matrix[9], REAL base_radius, REAL platform_radius, REAL height, REAL legs[3]) {
+KERNEL(three_sps_s_sps_legs, const REAL matrix[9], REAL base_radius, REAL platform_radius, REAL height, REAL legs[3]) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
   /* intermediate terms */
   const REAL x0 = matrix_1_2*platform_radius;
   const REAL x1 = K(0.5)*x0;
@@ -81,23 +91,18 @@ void TYPED(three_sps_s_sps_legs)(const REAL matrix[9], REAL base_radius, REAL pl
   const REAL span_3_2 = K(0.5)*base_radius - x7 - x8;
   const REAL span_3_3 = height - x10 - x11;
   /* outputs */
-  legs[0] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-  legs[1] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-  legs[2] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-}
-
-void TYPED(three_sps_s_sps_legs_batch)(size_t count, const REAL *matrix, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *legs) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_legs)(matrix + 9 * i, base_radius[i], platform_radius[i], height[i], legs + 3 * i);
+  legs[AT(0)] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+  legs[AT(1)] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+  legs[AT(2)] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
 }
 
 /* sps_legs_from_quaternion: 32 add, 48 mul, 1 div, 5 sqrt */
-void TYPED(three_sps_s_sps_legs_from_quaternion)(const REAL quaternion[4], REAL base_radius, REAL platform_radius, REAL height, REAL legs[3]) {
+KERNEL(three_sps_s_sps_legs_from_quaternion, const REAL quaternion[4], REAL base_radius, REAL platform_radius, REAL height, REAL legs[3]) {
   /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL unit_length = SQRT((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
   const REAL x0 = K(1.0)/unit_length;
@@ -138,25 +143,20 @@ void TYPED(three_sps_s_sps_legs_from_quaternion)(const REAL quaternion[4], REAL 
   const REAL span_3_2 = K(0.5)*base_radius - x13 - x14;
   const REAL span_3_3 = height - x16 - x17;
   /* outputs */
-  legs[0] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-  legs[1] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-  legs[2] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-}
-
-void TYPED(three_sps_s_sps_legs_from_quaternion_batch)(size_t count, const REAL *quaternion, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *legs) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_legs_from_quaternion)(quaternion + 4 * i, base_radius[i], platform_radius[i], height[i], legs + 3 * i);
+  legs[AT(0)] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+  legs[AT(1)] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+  legs[AT(2)] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
 }
 
 /* sps_jacobian: 28 add, 49 mul, 3 div, 4 sqrt */
-void TYPED(three_sps_s_sps_jacobian)(const REAL matrix[9], REAL base_radius, REAL platform_radius, REAL height, REAL jacobian[9]) {
+KERNEL(three_sps_s_sps_jacobian, const REAL matrix[9], REAL base_radius, REAL platform_radius, REAL height, REAL jacobian[9]) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
   /* intermediate terms */
   const REAL x0 = matrix_1_2*platform_radius;
   const REAL x1 = K(0.5)*x0;
@@ -202,31 +202,26 @@ void TYPED(three_sps_s_sps_jacobian)(const REAL matrix[9], REAL base_radius, REA
   const REAL x23 = K(1.0)/leg_2;
   const REAL x24 = K(1.0)/leg_3;
   /* outputs */
-  jacobian[0] = row_1_1*x22;
-  jacobian[1] = row_1_2*x22;
-  jacobian[2] = row_1_3*x22;
-  jacobian[3] = row_2_1*x23;
-  jacobian[4] = row_2_2*x23;
-  jacobian[5] = row_2_3*x23;
-  jacobian[6] = row_3_1*x24;
-  jacobian[7] = row_3_2*x24;
-  jacobian[8] = row_3_3*x24;
-}
-
-void TYPED(three_sps_s_sps_jacobian_batch)(size_t count, const REAL *matrix, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *jacobian) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_jacobian)(matrix + 9 * i, base_radius[i], platform_radius[i], height[i], jacobian + 9 * i);
+  jacobian[AT(0)] = row_1_1*x22;
+  jacobian[AT(1)] = row_1_2*x22;
+  jacobian[AT(2)] = row_1_3*x22;
+  jacobian[AT(3)] = row_2_1*x23;
+  jacobian[AT(4)] = row_2_2*x23;
+  jacobian[AT(5)] = row_2_3*x23;
+  jacobian[AT(6)] = row_3_1*x24;
+  jacobian[AT(7)] = row_3_2*x24;
+  jacobian[AT(8)] = row_3_3*x24;
 }
 
 /* sps_singularity: 19 add, 40 mul, 1 div, 2 sqrt */
-void TYPED(three_sps_s_sps_singularity)(const REAL matrix[9], REAL base_radius, REAL height, REAL *determinant) {
+KERNEL(three_sps_s_sps_singularity, const REAL matrix[9], REAL base_radius, REAL height, REAL *determinant) {
   /* inputs */
-  const REAL matrix_1_1 = matrix[0];
-  const REAL matrix_1_2 = matrix[1];
-  const REAL matrix_2_1 = matrix[3];
-  const REAL matrix_2_2 = matrix[4];
-  const REAL matrix_3_1 = matrix[6];
-  const REAL matrix_3_2 = matrix[7];
+  const REAL matrix_1_1 = matrix[AT(0)];
+  const REAL matrix_1_2 = matrix[AT(1)];
+  const REAL matrix_2_1 = matrix[AT(3)];
+  const REAL matrix_2_2 = matrix[AT(4)];
+  const REAL matrix_3_1 = matrix[AT(6)];
+  const REAL matrix_3_2 = matrix[AT(7)];
   /* intermediate terms */
   const REAL size = SQRT((base_radius*base_radius) + (height*height));
   const REAL x0 = K(0.5)*matrix_3_2;
@@ -260,17 +255,12 @@ void TYPED(three_sps_s_sps_singularity)(const REAL matrix[9], REAL base_radius, 
   *determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
 }
 
-void TYPED(three_sps_s_sps_singularity_batch)(size_t count, const REAL *matrix, const REAL *base_radius, const REAL *height, REAL *determinant) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_singularity)(matrix + 9 * i, base_radius[i], height[i], determinant + i);
-}
-
 /* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */
-void TYPED(three_sps_s_sps_invariants)(const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL *cos_sum, REAL Z[2]) {
+KERNEL(three_sps_s_sps_invariants, const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL *cos_sum, REAL Z[2]) {
   /* inputs */
-  const REAL legs_1 = legs[0];
-  const REAL legs_2 = legs[1];
-  const REAL legs_3 = legs[2];
+  const REAL legs_1 = legs[AT(0)];
+  const REAL legs_2 = legs[AT(1)];
+  const REAL legs_3 = legs[AT(2)];
   /* intermediate terms */
   const REAL x0 = K(1.0)/(base_radius*base_radius);
   const REAL square_1 = (legs_1*legs_1)*x0;
@@ -287,21 +277,16 @@ void TYPED(three_sps_s_sps_invariants)(const REAL legs[3], REAL base_radius, REA
   const REAL Z_im = SQRT(K(3.0))*x3*(square_1 - square_3);
   /* outputs */
   *cos_sum = a;
-  Z[0] = Z_re;
-  Z[1] = Z_im;
-}
-
-void TYPED(three_sps_s_sps_invariants_batch)(size_t count, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *cos_sum, REAL *Z) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_invariants)(legs + 3 * i, base_radius[i], platform_radius[i], height[i], cos_sum + i, Z + 2 * i);
+  Z[AT(0)] = Z_re;
+  Z[AT(1)] = Z_im;
 }
 
 /* sps_octic_scaled: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
-void TYPED(three_sps_s_sps_octic_scaled)(const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL octic[9], REAL quartic[5], REAL *phase_sine, REAL *size) {
+KERNEL(three_sps_s_sps_octic_scaled, const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL octic[9], REAL quartic[5], REAL *phase_sine, REAL *size) {
   /* inputs */
-  const REAL legs_1 = legs[0];
-  const REAL legs_2 = legs[1];
-  const REAL legs_3 = legs[2];
+  const REAL legs_1 = legs[AT(0)];
+  const REAL legs_2 = legs[AT(1)];
+  const REAL legs_3 = legs[AT(2)];
   /* intermediate terms */
   const REAL x0 = K(1.0)/(base_radius*base_radius);
   const REAL square_1 = (legs_1*legs_1)*x0;
@@ -318,9 +303,9 @@ void TYPED(three_sps_s_sps_octic_scaled)(const REAL legs[3], REAL base_radius, R
   const REAL Z_re = x4*(K(2.0)*square_2 - x3);
   const REAL Z_im = SQRT(K(3.0))*x4*(square_1 - square_3);
   const REAL z = SQRT((Z_im*Z_im) + (Z_re*Z_re));
-  const REAL x5 = ((z > K(0.0)) ? K(1.0)/z : K(1.0));
-  const REAL cosine = ((z > K(0.0)) ? Z_re*x5 : K(1.0));
-  const REAL sine = ((z > K(0.0)) ? Z_im*x5 : K(0.0));
+  const REAL x5 = SELECT(TEST(z > K(0.0)), K(1.0)/z, K(1.0));
+  const REAL cosine = SELECT(TEST(z > K(0.0)), Z_re*x5, K(1.0));
+  const REAL sine = SELECT(TEST(z > K(0.0)), Z_im*x5, K(0.0));
   const REAL c3 = cosine*(K(4.0)*(cosine*cosine) - K(3.0));
   const REAL s3 = sine*(K(3.0) - K(4.0)*(sine*sine));
   const REAL x6 = K(4.0)*x2;
@@ -333,42 +318,37 @@ void TYPED(three_sps_s_sps_octic_scaled)(const REAL legs[3], REAL base_radius, R
   const REAL b_1 = -K(12.0)*beta;
   const REAL b_2 = K(4.0)*z - K(12.0)*mu;
   const REAL b_3 = K(16.0)*beta;
-  const REAL b_4 = K(16.0)*((least < mu) ? mu : least);
+  const REAL b_4 = K(16.0)*SELECT(TEST(least < mu), mu, least);
   const REAL x8 = K(1.0) - beta;
   const REAL x9 = (eta*eta*eta*eta)*(s3*s3);
   const REAL x10 = K(2.0)*b_0;
   const REAL x11 = K(2.0)*b_1;
   const REAL x12 = K(2.0)*b_2;
   /* outputs */
-  octic[0] = (b_0*b_0) - K(64.0)*x9*(K(4.0)*(x8*x8) - (a*a));
-  octic[1] = b_1*x10 + K(512.0)*mu*x8*x9;
-  octic[2] = (b_1*b_1) + b_2*x10 - K(256.0)*(mu*mu)*x9;
-  octic[3] = b_2*x11 + b_3*x10;
-  octic[4] = (b_2*b_2) + b_3*x11 + b_4*x10;
-  octic[5] = b_3*x12 + b_4*x11;
-  octic[6] = (b_3*b_3) + b_4*x12;
-  octic[7] = K(2.0)*b_3*b_4;
-  octic[8] = (b_4*b_4);
-  quartic[0] = b_0;
-  quartic[1] = b_1;
-  quartic[2] = b_2;
-  quartic[3] = b_3;
-  quartic[4] = b_4;
+  octic[AT(0)] = (b_0*b_0) - K(64.0)*x9*(K(4.0)*(x8*x8) - (a*a));
+  octic[AT(1)] = b_1*x10 + K(512.0)*mu*x8*x9;
+  octic[AT(2)] = (b_1*b_1) + b_2*x10 - K(256.0)*(mu*mu)*x9;
+  octic[AT(3)] = b_2*x11 + b_3*x10;
+  octic[AT(4)] = (b_2*b_2) + b_3*x11 + b_4*x10;
+  octic[AT(5)] = b_3*x12 + b_4*x11;
+  octic[AT(6)] = (b_3*b_3) + b_4*x12;
+  octic[AT(7)] = K(2.0)*b_3*b_4;
+  octic[AT(8)] = (b_4*b_4);
+  quartic[AT(0)] = b_0;
+  quartic[AT(1)] = b_1;
+  quartic[AT(2)] = b_2;
+  quartic[AT(3)] = b_3;
+  quartic[AT(4)] = b_4;
   *phase_sine = s3;
   *size = z;
 }
 
-void TYPED(three_sps_s_sps_octic_scaled_batch)(size_t count, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *octic, REAL *quartic, REAL *phase_sine, REAL *size) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_octic_scaled)(legs + 3 * i, base_radius[i], platform_radius[i], height[i], octic + 9 * i, quartic + 5 * i, phase_sine + i, size + i);
-}
-
 /* sps_mode: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
-void TYPED(three_sps_s_sps_mode)(const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL root, REAL sign, REAL quaternion[4]) {
+KERNEL(three_sps_s_sps_mode, const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL root, REAL sign, REAL quaternion[4]) {
   /* inputs */
-  const REAL legs_1 = legs[0];
-  const REAL legs_2 = legs[1];
-  const REAL legs_3 = legs[2];
+  const REAL legs_1 = legs[AT(0)];
+  const REAL legs_2 = legs[AT(1)];
+  const REAL legs_3 = legs[AT(2)];
   /* intermediate terms */
   const REAL x0 = K(1.0)/(base_radius*base_radius);
   const REAL square_1 = (legs_1*legs_1)*x0;
@@ -381,60 +361,55 @@ void TYPED(three_sps_s_sps_mode)(const REAL legs[3], REAL base_radius, REAL plat
   const REAL Z_re = x2*(K(2.0)*square_2 - square_1 - square_3);
   const REAL Z_im = SQRT(K(3.0))*x2*(square_1 - square_3);
   const REAL z = SQRT((Z_im*Z_im) + (Z_re*Z_re));
-  const REAL x3 = ((z > K(0.0)) ? K(1.0)/z : K(1.0));
-  const REAL cosine = ((z > K(0.0)) ? Z_re*x3 : K(1.0));
-  const REAL sine = ((z > K(0.0)) ? Z_im*x3 : K(0.0));
+  const REAL x3 = SELECT(TEST(z > K(0.0)), K(1.0)/z, K(1.0));
+  const REAL cosine = SELECT(TEST(z > K(0.0)), Z_re*x3, K(1.0));
+  const REAL sine = SELECT(TEST(z > K(0.0)), Z_im*x3, K(0.0));
   const REAL x4 = K(4.0)*(eta*eta);
   const REAL base = x4 + K(1.0);
   const REAL x5 = K(1.0)/base;
   const REAL beta = x4*x5;
   const REAL mu = x5*z;
   const REAL x6 = beta + mu*root;
-  const REAL rho = ((x6 < K(0.0)) ? K(0.0) : ((x6 > K(1.0)) ? K(1.0) : x6));
+  const REAL rho = SELECT(TEST(x6 < K(0.0)), K(0.0), SELECT(TEST(x6 > K(1.0)), K(1.0), x6));
   const REAL x7 = K(1.0)/rho;
   const REAL x8 = K(0.25)*z;
   const REAL x11 = root + x7*x8;
-  const REAL along = ((((rho > (REAL_EPSILON*REAL_EPSILON)) || (root < -K(1.0))) && ((rho <= (REAL_EPSILON*REAL_EPSILON)) || (x11 < -K(1.0)))) ? -K(1.0) : ((((rho > (REAL_EPSILON*REAL_EPSILON)) || (root > K(1.0))) && ((rho <= (REAL_EPSILON*REAL_EPSILON)) || (x11 > K(1.0)))) ? K(1.0) : root + ((rho > (REAL_EPSILON*REAL_EPSILON)) ? x8*((rho > (REAL_EPSILON*REAL_EPSILON)) ? x7 : K(1.0)) : K(0.0))));
+  const REAL along = SELECT(((TEST(rho > (REAL_EPSILON*REAL_EPSILON))) | (TEST(root < -K(1.0)))) & ((TEST(rho <= (REAL_EPSILON*REAL_EPSILON))) | (TEST(x11 < -K(1.0)))), -K(1.0), SELECT(((TEST(rho > (REAL_EPSILON*REAL_EPSILON))) | (TEST(root > K(1.0)))) & ((TEST(rho <= (REAL_EPSILON*REAL_EPSILON))) | (TEST(x11 > K(1.0)))), K(1.0), root + SELECT(TEST(rho > (REAL_EPSILON*REAL_EPSILON)), x8*SELECT(TEST(rho > (REAL_EPSILON*REAL_EPSILON)), x7, K(1.0)), K(0.0))));
   const REAL across = sign*SQRT((K(1.0) - along)*(along + K(1.0)));
   const REAL W_re = along*cosine - across*sine;
   const REAL W_im = across*cosine + along*sine;
   const REAL w_outer = SQRT(K(0.5)*FABS(W_re) + K(0.5));
   const REAL w_inner = K(0.5)*FABS(W_im)/w_outer;
-  const REAL w_re = ((W_re < K(0.0)) ? w_inner : w_outer);
-  const REAL w_size = ((W_re < K(0.0)) ? w_outer : w_inner);
-  const REAL w_im = ((W_im < K(0.0)) ? -w_size : w_size);
+  const REAL w_re = SELECT(TEST(W_re < K(0.0)), w_inner, w_outer);
+  const REAL w_size = SELECT(TEST(W_re < K(0.0)), w_outer, w_inner);
+  const REAL w_im = SELECT(TEST(W_im < K(0.0)), -w_size, w_size);
   const REAL x9 = K(2.0)*rho;
   const REAL lift_re = cosine*z - W_re*x9;
   const REAL lift_im = sine*z - W_im*x9;
   const REAL v_re = lift_re*w_re - lift_im*w_im;
   const REAL v_im = lift_im*w_re + lift_re*w_im;
   const REAL v_length = SQRT((v_im*v_im) + (v_re*v_re));
-  const int known = v_length > K(0.0);
+  const CONDITION known = TEST(v_length > K(0.0));
   const REAL x10 = SQRT(K(1.0) - rho);
-  const REAL v_factor = x10*((eta < K(0.0)) ? -K(1.0) : K(1.0))*((known) ? K(1.0)/v_length : K(1.0));
+  const REAL v_factor = x10*SELECT(TEST(eta < K(0.0)), -K(1.0), K(1.0))*SELECT(known, K(1.0)/v_length, K(1.0));
   const REAL w_factor = SQRT(rho);
   /* outputs */
-  quaternion[0] = ((known) ? v_factor*v_re : x10);
-  quaternion[1] = w_factor*w_re;
-  quaternion[2] = w_factor*w_im;
-  quaternion[3] = v_factor*v_im;
-}
-
-void TYPED(three_sps_s_sps_mode_batch)(size_t count, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, const REAL *root, const REAL *sign, REAL *quaternion) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(three_sps_s_sps_mode)(legs + 3 * i, base_radius[i], platform_radius[i], height[i], root[i], sign[i], quaternion + 4 * i);
+  quaternion[AT(0)] = SELECT(known, v_factor*v_re, x10);
+  quaternion[AT(1)] = w_factor*w_re;
+  quaternion[AT(2)] = w_factor*w_im;
+  quaternion[AT(3)] = v_factor*v_im;
 }
 
 /* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
-void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL polished[4], REAL *radius) {
+KERNEL(three_sps_s_sps_polish, const REAL quaternion[4], REAL trust, const REAL legs[3], REAL base_radius, REAL platform_radius, REAL height, REAL polished[4], REAL *radius) {
   /* inputs */
-  const REAL quaternion_1 = quaternion[0];
-  const REAL quaternion_2 = quaternion[1];
-  const REAL quaternion_3 = quaternion[2];
-  const REAL quaternion_4 = quaternion[3];
-  const REAL legs_1 = legs[0];
-  const REAL legs_2 = legs[1];
-  const REAL legs_3 = legs[2];
+  const REAL quaternion_1 = quaternion[AT(0)];
+  const REAL quaternion_2 = quaternion[AT(1)];
+  const REAL quaternion_3 = quaternion[AT(2)];
+  const REAL quaternion_4 = quaternion[AT(3)];
+  const REAL legs_1 = legs[AT(0)];
+  const REAL legs_2 = legs[AT(1)];
+  const REAL legs_3 = legs[AT(2)];
   /* intermediate terms */
   const REAL x0 = K(1.0)/base_radius;
   const REAL ratio = platform_radius*x0;
@@ -522,9 +497,9 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3;
   const REAL solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3;
   const REAL solved_size_1 = SQRT((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3));
-  const int far_1 = solved_size_1 > trust*FABS(determinant_1);
-  const REAL factor_1 = ((far_1) ? trust*((determinant_1 < K(0.0)) ? -K(1.0) : K(1.0))*((solved_size_1 > K(0.0)) ? K(1.0)/solved_size_1 : K(1.0)) : ((far_1) ? K(1.0) : K(1.0)/determinant_1));
-  const REAL x24 = ((solved_size_1 > K(0.0)) ? factor_1 : K(0.0));
+  const CONDITION far_1 = TEST(solved_size_1 > trust*FABS(determinant_1));
+  const REAL factor_1 = SELECT(far_1, trust*SELECT(TEST(determinant_1 < K(0.0)), -K(1.0), K(1.0))*SELECT(TEST(solved_size_1 > K(0.0)), K(1.0)/solved_size_1, K(1.0)), SELECT(far_1, K(1.0), K(1.0)/determinant_1));
+  const REAL x24 = SELECT(TEST(solved_size_1 > K(0.0)), factor_1, K(0.0));
   const REAL turn_1_1 = solved_1_1*x24;
   const REAL turn_1_2 = solved_1_2*x24;
   const REAL turn_1_3 = solved_1_3*x24;
@@ -583,27 +558,27 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL missing_1_2 = -K(0.5)*(span_1_2_1*span_1_2_1) - K(0.5)*(span_1_2_2*span_1_2_2) - K(0.5)*(span_1_2_3*span_1_2_3) - x22;
   const REAL missing_1_3 = -K(0.5)*(span_1_3_1*span_1_3_1) - K(0.5)*(span_1_3_2*span_1_3_2) - K(0.5)*(span_1_3_3*span_1_3_3) - x23;
   const REAL merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3);
-  const int done_1 = merit_0 <= settled;
-  const int better_1 = (!(done_1)) && (merit_1 < merit_0);
-  const REAL now_1_1 = ((better_1) ? unit_1_1 : start_1);
-  const REAL now_1_2 = ((better_1) ? unit_1_2 : start_2);
-  const REAL now_1_3 = ((better_1) ? unit_1_3 : start_3);
-  const REAL now_1_4 = ((better_1) ? unit_1_4 : start_4);
-  const REAL taken_1_1_1 = ((better_1) ? arm_1_1_1 : arm_0_1_1);
-  const REAL taken_1_1_2 = ((better_1) ? arm_1_1_2 : arm_0_1_2);
-  const REAL taken_1_1_3 = ((better_1) ? arm_1_1_3 : arm_0_1_3);
-  const REAL taken_1_2_1 = ((better_1) ? arm_1_2_1 : arm_0_2_1);
-  const REAL taken_1_2_2 = ((better_1) ? arm_1_2_2 : arm_0_2_2);
-  const REAL taken_1_2_3 = ((better_1) ? arm_1_2_3 : arm_0_2_3);
-  const REAL taken_1_3_1 = ((better_1) ? arm_1_3_1 : arm_0_3_1);
-  const REAL taken_1_3_2 = ((better_1) ? arm_1_3_2 : arm_0_3_2);
-  const REAL taken_1_3_3 = ((better_1) ? arm_1_3_3 : arm_0_3_3);
-  const REAL left_1_1 = ((better_1) ? missing_1_1 : missing_0_1);
-  const REAL left_1_2 = ((better_1) ? missing_1_2 : missing_0_2);
-  const REAL left_1_3 = ((better_1) ? missing_1_3 : missing_0_3);
-  const REAL merit_taken_1 = ((better_1) ? merit_1 : merit_0);
+  const CONDITION done_1 = TEST(merit_0 <= settled);
+  const CONDITION better_1 = (NOT(done_1)) & (TEST(merit_1 < merit_0));
+  const REAL now_1_1 = SELECT(better_1, unit_1_1, start_1);
+  const REAL now_1_2 = SELECT(better_1, unit_1_2, start_2);
+  const REAL now_1_3 = SELECT(better_1, unit_1_3, start_3);
+  const REAL now_1_4 = SELECT(better_1, unit_1_4, start_4);
+  const REAL taken_1_1_1 = SELECT(better_1, arm_1_1_1, arm_0_1_1);
+  const REAL taken_1_1_2 = SELECT(better_1, arm_1_1_2, arm_0_1_2);
+  const REAL taken_1_1_3 = SELECT(better_1, arm_1_1_3, arm_0_1_3);
+  const REAL taken_1_2_1 = SELECT(better_1, arm_1_2_1, arm_0_2_1);
+  const REAL taken_1_2_2 = SELECT(better_1, arm_1_2_2, arm_0_2_2);
+  const REAL taken_1_2_3 = SELECT(better_1, arm_1_2_3, arm_0_2_3);
+  const REAL taken_1_3_1 = SELECT(better_1, arm_1_3_1, arm_0_3_1);
+  const REAL taken_1_3_2 = SELECT(better_1, arm_1_3_2, arm_0_3_2);
+  const REAL taken_1_3_3 = SELECT(better_1, arm_1_3_3, arm_0_3_3);
+  const REAL left_1_1 = SELECT(better_1, missing_1_1, missing_0_1);
+  const REAL left_1_2 = SELECT(better_1, missing_1_2, missing_0_2);
+  const REAL left_1_3 = SELECT(better_1, missing_1_3, missing_0_3);
+  const REAL merit_taken_1 = SELECT(better_1, merit_1, merit_0);
   const REAL turned_by_1 = SQRT((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3));
-  const REAL trust_1 = ((better_1) ? K(2.0)*trust : ((done_1) ? trust : K(0.25)*((trust > turned_by_1) ? turned_by_1 : trust)));
+  const REAL trust_1 = SELECT(better_1, K(2.0)*trust, SELECT(done_1, trust, K(0.25)*SELECT(TEST(trust > turned_by_1), turned_by_1, trust)));
   const REAL row_2_1_1 = eta*taken_1_1_2 - K(0.5)*taken_1_1_3;
   const REAL row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11;
   const REAL row_2_1_3 = K(0.5)*taken_1_1_1 + taken_1_1_2*x11;
@@ -627,9 +602,9 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3;
   const REAL solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3;
   const REAL solved_size_2 = SQRT((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3));
-  const int far_2 = solved_size_2 > trust_1*FABS(determinant_2);
-  const REAL factor_2 = ((far_2) ? trust_1*((determinant_2 < K(0.0)) ? -K(1.0) : K(1.0))*((solved_size_2 > K(0.0)) ? K(1.0)/solved_size_2 : K(1.0)) : ((far_2) ? K(1.0) : K(1.0)/determinant_2));
-  const REAL x43 = ((solved_size_2 > K(0.0)) ? factor_2 : K(0.0));
+  const CONDITION far_2 = TEST(solved_size_2 > trust_1*FABS(determinant_2));
+  const REAL factor_2 = SELECT(far_2, trust_1*SELECT(TEST(determinant_2 < K(0.0)), -K(1.0), K(1.0))*SELECT(TEST(solved_size_2 > K(0.0)), K(1.0)/solved_size_2, K(1.0)), SELECT(far_2, K(1.0), K(1.0)/determinant_2));
+  const REAL x43 = SELECT(TEST(solved_size_2 > K(0.0)), factor_2, K(0.0));
   const REAL turn_2_1 = solved_2_1*x43;
   const REAL turn_2_2 = solved_2_2*x43;
   const REAL turn_2_3 = solved_2_3*x43;
@@ -688,27 +663,27 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL missing_2_2 = -K(0.5)*(span_2_2_1*span_2_2_1) - K(0.5)*(span_2_2_2*span_2_2_2) - K(0.5)*(span_2_2_3*span_2_2_3) - x22;
   const REAL missing_2_3 = -K(0.5)*(span_2_3_1*span_2_3_1) - K(0.5)*(span_2_3_2*span_2_3_2) - K(0.5)*(span_2_3_3*span_2_3_3) - x23;
   const REAL merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3);
-  const int done_2 = merit_taken_1 <= settled;
-  const int better_2 = (!(done_2)) && (merit_2 < merit_taken_1);
-  const REAL now_2_1 = ((better_2) ? unit_2_1 : now_1_1);
-  const REAL now_2_2 = ((better_2) ? unit_2_2 : now_1_2);
-  const REAL now_2_3 = ((better_2) ? unit_2_3 : now_1_3);
-  const REAL now_2_4 = ((better_2) ? unit_2_4 : now_1_4);
-  const REAL taken_2_1_1 = ((better_2) ? arm_2_1_1 : taken_1_1_1);
-  const REAL taken_2_1_2 = ((better_2) ? arm_2_1_2 : taken_1_1_2);
-  const REAL taken_2_1_3 = ((better_2) ? arm_2_1_3 : taken_1_1_3);
-  const REAL taken_2_2_1 = ((better_2) ? arm_2_2_1 : taken_1_2_1);
-  const REAL taken_2_2_2 = ((better_2) ? arm_2_2_2 : taken_1_2_2);
-  const REAL taken_2_2_3 = ((better_2) ? arm_2_2_3 : taken_1_2_3);
-  const REAL taken_2_3_1 = ((better_2) ? arm_2_3_1 : taken_1_3_1);
-  const REAL taken_2_3_2 = ((better_2) ? arm_2_3_2 : taken_1_3_2);
-  const REAL taken_2_3_3 = ((better_2) ? arm_2_3_3 : taken_1_3_3);
-  const REAL left_2_1 = ((better_2) ? missing_2_1 : left_1_1);
-  const REAL left_2_2 = ((better_2) ? missing_2_2 : left_1_2);
-  const REAL left_2_3 = ((better_2) ? missing_2_3 : left_1_3);
-  const REAL merit_taken_2 = ((better_2) ? merit_2 : merit_taken_1);
+  const CONDITION done_2 = TEST(merit_taken_1 <= settled);
+  const CONDITION better_2 = (NOT(done_2)) & (TEST(merit_2 < merit_taken_1));
+  const REAL now_2_1 = SELECT(better_2, unit_2_1, now_1_1);
+  const REAL now_2_2 = SELECT(better_2, unit_2_2, now_1_2);
+  const REAL now_2_3 = SELECT(better_2, unit_2_3, now_1_3);
+  const REAL now_2_4 = SELECT(better_2, unit_2_4, now_1_4);
+  const REAL taken_2_1_1 = SELECT(better_2, arm_2_1_1, taken_1_1_1);
+  const REAL taken_2_1_2 = SELECT(better_2, arm_2_1_2, taken_1_1_2);
+  const REAL taken_2_1_3 = SELECT(better_2, arm_2_1_3, taken_1_1_3);
+  const REAL taken_2_2_1 = SELECT(better_2, arm_2_2_1, taken_1_2_1);
+  const REAL taken_2_2_2 = SELECT(better_2, arm_2_2_2, taken_1_2_2);
+  const REAL taken_2_2_3 = SELECT(better_2, arm_2_2_3, taken_1_2_3);
+  const REAL taken_2_3_1 = SELECT(better_2, arm_2_3_1, taken_1_3_1);
+  const REAL taken_2_3_2 = SELECT(better_2, arm_2_3_2, taken_1_3_2);
+  const REAL taken_2_3_3 = SELECT(better_2, arm_2_3_3, taken_1_3_3);
+  const REAL left_2_1 = SELECT(better_2, missing_2_1, left_1_1);
+  const REAL left_2_2 = SELECT(better_2, missing_2_2, left_1_2);
+  const REAL left_2_3 = SELECT(better_2, missing_2_3, left_1_3);
+  const REAL merit_taken_2 = SELECT(better_2, merit_2, merit_taken_1);
   const REAL turned_by_2 = SQRT((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3));
-  const REAL trust_2 = ((better_2) ? K(2.0)*trust_1 : ((done_2) ? trust_1 : K(0.25)*((trust_1 > turned_by_2) ? turned_by_2 : trust_1)));
+  const REAL trust_2 = SELECT(better_2, K(2.0)*trust_1, SELECT(done_2, trust_1, K(0.25)*SELECT(TEST(trust_1 > turned_by_2), turned_by_2, trust_1)));
   const REAL row_3_1_1 = eta*taken_2_1_2 - K(0.5)*taken_2_1_3;
   const REAL row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11;
   const REAL row_3_1_3 = K(0.5)*taken_2_1_1 + taken_2_1_2*x11;
@@ -732,9 +707,9 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3;
   const REAL solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3;
   const REAL solved_size_3 = SQRT((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3));
-  const int far_3 = solved_size_3 > trust_2*FABS(determinant_3);
-  const REAL factor_3 = ((far_3) ? trust_2*((determinant_3 < K(0.0)) ? -K(1.0) : K(1.0))*((solved_size_3 > K(0.0)) ? K(1.0)/solved_size_3 : K(1.0)) : ((far_3) ? K(1.0) : K(1.0)/determinant_3));
-  const REAL x62 = ((solved_size_3 > K(0.0)) ? factor_3 : K(0.0));
+  const CONDITION far_3 = TEST(solved_size_3 > trust_2*FABS(determinant_3));
+  const REAL factor_3 = SELECT(far_3, trust_2*SELECT(TEST(determinant_3 < K(0.0)), -K(1.0), K(1.0))*SELECT(TEST(solved_size_3 > K(0.0)), K(1.0)/solved_size_3, K(1.0)), SELECT(far_3, K(1.0), K(1.0)/determinant_3));
+  const REAL x62 = SELECT(TEST(solved_size_3 > K(0.0)), factor_3, K(0.0));
   const REAL turn_3_1 = solved_3_1*x62;
   const REAL turn_3_2 = solved_3_2*x62;
   const REAL turn_3_3 = solved_3_3*x62;
@@ -793,27 +768,27 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL missing_3_2 = -K(0.5)*(span_3_2_1*span_3_2_1) - K(0.5)*(span_3_2_2*span_3_2_2) - K(0.5)*(span_3_2_3*span_3_2_3) - x22;
   const REAL missing_3_3 = -K(0.5)*(span_3_3_1*span_3_3_1) - K(0.5)*(span_3_3_2*span_3_3_2) - K(0.5)*(span_3_3_3*span_3_3_3) - x23;
   const REAL merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3);
-  const int done_3 = merit_taken_2 <= settled;
-  const int better_3 = (!(done_3)) && (merit_3 < merit_taken_2);
-  const REAL now_3_1 = ((better_3) ? unit_3_1 : now_2_1);
-  const REAL now_3_2 = ((better_3) ? unit_3_2 : now_2_2);
-  const REAL now_3_3 = ((better_3) ? unit_3_3 : now_2_3);
-  const REAL now_3_4 = ((better_3) ? unit_3_4 : now_2_4);
-  const REAL taken_3_1_1 = ((better_3) ? arm_3_1_1 : taken_2_1_1);
-  const REAL taken_3_1_2 = ((better_3) ? arm_3_1_2 : taken_2_1_2);
-  const REAL taken_3_1_3 = ((better_3) ? arm_3_1_3 : taken_2_1_3);
-  const REAL taken_3_2_1 = ((better_3) ? arm_3_2_1 : taken_2_2_1);
-  const REAL taken_3_2_2 = ((better_3) ? arm_3_2_2 : taken_2_2_2);
-  const REAL taken_3_2_3 = ((better_3) ? arm_3_2_3 : taken_2_2_3);
-  const REAL taken_3_3_1 = ((better_3) ? arm_3_3_1 : taken_2_3_1);
-  const REAL taken_3_3_2 = ((better_3) ? arm_3_3_2 : taken_2_3_2);
-  const REAL taken_3_3_3 = ((better_3) ? arm_3_3_3 : taken_2_3_3);
-  const REAL left_3_1 = ((better_3) ? missing_3_1 : left_2_1);
-  const REAL left_3_2 = ((better_3) ? missing_3_2 : left_2_2);
-  const REAL left_3_3 = ((better_3) ? missing_3_3 : left_2_3);
-  const REAL merit_taken_3 = ((better_3) ? merit_3 : merit_taken_2);
+  const CONDITION done_3 = TEST(merit_taken_2 <= settled);
+  const CONDITION better_3 = (NOT(done_3)) & (TEST(merit_3 < merit_taken_2));
+  const REAL now_3_1 = SELECT(better_3, unit_3_1, now_2_1);
+  const REAL now_3_2 = SELECT(better_3, unit_3_2, now_2_2);
+  const REAL now_3_3 = SELECT(better_3, unit_3_3, now_2_3);
+  const REAL now_3_4 = SELECT(better_3, unit_3_4, now_2_4);
+  const REAL taken_3_1_1 = SELECT(better_3, arm_3_1_1, taken_2_1_1);
+  const REAL taken_3_1_2 = SELECT(better_3, arm_3_1_2, taken_2_1_2);
+  const REAL taken_3_1_3 = SELECT(better_3, arm_3_1_3, taken_2_1_3);
+  const REAL taken_3_2_1 = SELECT(better_3, arm_3_2_1, taken_2_2_1);
+  const REAL taken_3_2_2 = SELECT(better_3, arm_3_2_2, taken_2_2_2);
+  const REAL taken_3_2_3 = SELECT(better_3, arm_3_2_3, taken_2_2_3);
+  const REAL taken_3_3_1 = SELECT(better_3, arm_3_3_1, taken_2_3_1);
+  const REAL taken_3_3_2 = SELECT(better_3, arm_3_3_2, taken_2_3_2);
+  const REAL taken_3_3_3 = SELECT(better_3, arm_3_3_3, taken_2_3_3);
+  const REAL left_3_1 = SELECT(better_3, missing_3_1, left_2_1);
+  const REAL left_3_2 = SELECT(better_3, missing_3_2, left_2_2);
+  const REAL left_3_3 = SELECT(better_3, missing_3_3, left_2_3);
+  const REAL merit_taken_3 = SELECT(better_3, merit_3, merit_taken_2);
   const REAL turned_by_3 = SQRT((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3));
-  const REAL trust_3 = ((better_3) ? K(2.0)*trust_2 : ((done_3) ? trust_2 : K(0.25)*((trust_2 > turned_by_3) ? turned_by_3 : trust_2)));
+  const REAL trust_3 = SELECT(better_3, K(2.0)*trust_2, SELECT(done_3, trust_2, K(0.25)*SELECT(TEST(trust_2 > turned_by_3), turned_by_3, trust_2)));
   const REAL row_4_1_1 = eta*taken_3_1_2 - K(0.5)*taken_3_1_3;
   const REAL row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11;
   const REAL row_4_1_3 = K(0.5)*taken_3_1_1 + taken_3_1_2*x11;
@@ -837,9 +812,9 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3;
   const REAL solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3;
   const REAL solved_size_4 = SQRT((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3));
-  const int far_4 = solved_size_4 > trust_3*FABS(determinant_4);
-  const REAL factor_4 = ((far_4) ? trust_3*((determinant_4 < K(0.0)) ? -K(1.0) : K(1.0))*((solved_size_4 > K(0.0)) ? K(1.0)/solved_size_4 : K(1.0)) : ((far_4) ? K(1.0) : K(1.0)/determinant_4));
-  const REAL x81 = ((solved_size_4 > K(0.0)) ? factor_4 : K(0.0));
+  const CONDITION far_4 = TEST(solved_size_4 > trust_3*FABS(determinant_4));
+  const REAL factor_4 = SELECT(far_4, trust_3*SELECT(TEST(determinant_4 < K(0.0)), -K(1.0), K(1.0))*SELECT(TEST(solved_size_4 > K(0.0)), K(1.0)/solved_size_4, K(1.0)), SELECT(far_4, K(1.0), K(1.0)/determinant_4));
+  const REAL x81 = SELECT(TEST(solved_size_4 > K(0.0)), factor_4, K(0.0));
   const REAL turn_4_1 = solved_4_1*x81;
   const REAL turn_4_2 = solved_4_2*x81;
   const REAL turn_4_3 = solved_4_3*x81;
@@ -898,25 +873,62 @@ void TYPED(three_sps_s_sps_polish)(const REAL quaternion[4], REAL trust, const R
   const REAL missing_4_2 = -K(0.5)*(span_4_2_1*span_4_2_1) - K(0.5)*(span_4_2_2*span_4_2_2) - K(0.5)*(span_4_2_3*span_4_2_3) - x22;
   const REAL missing_4_3 = -K(0.5)*(span_4_3_1*span_4_3_1) - K(0.5)*(span_4_3_2*span_4_3_2) - K(0.5)*(span_4_3_3*span_4_3_3) - x23;
   const REAL merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3);
-  const int done_4 = merit_taken_3 <= settled;
-  const int better_4 = (!(done_4)) && (merit_4 < merit_taken_3);
-  const REAL now_4_1 = ((better_4) ? unit_4_1 : now_3_1);
-  const REAL now_4_2 = ((better_4) ? unit_4_2 : now_3_2);
-  const REAL now_4_3 = ((better_4) ? unit_4_3 : now_3_3);
-  const REAL now_4_4 = ((better_4) ? unit_4_4 : now_3_4);
+  const CONDITION done_4 = TEST(merit_taken_3 <= settled);
+  const CONDITION better_4 = (NOT(done_4)) & (TEST(merit_4 < merit_taken_3));
+  const REAL now_4_1 = SELECT(better_4, unit_4_1, now_3_1);
+  const REAL now_4_2 = SELECT(better_4, unit_4_2, now_3_2);
+  const REAL now_4_3 = SELECT(better_4, unit_4_3, now_3_3);
+  const REAL now_4_4 = SELECT(better_4, unit_4_4, now_3_4);
   const REAL turned_by_4 = SQRT((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
-  const REAL trust_4 = ((better_4) ? K(2.0)*trust_3 : ((done_4) ? trust_3 : K(0.25)*((trust_3 > turned_by_4) ? turned_by_4 : trust_3)));
+  const REAL trust_4 = SELECT(better_4, K(2.0)*trust_3, SELECT(done_4, trust_3, K(0.25)*SELECT(TEST(trust_3 > turned_by_4), turned_by_4, trust_3)));
   /* outputs */
-  polished[0] = now_4_1;
-  polished[1] = now_4_2;
-  polished[2] = now_4_3;
-  polished[3] = now_4_4;
+  polished[AT(0)] = now_4_1;
+  polished[AT(1)] = now_4_2;
+  polished[AT(2)] = now_4_3;
+  polished[AT(3)] = now_4_4;
   *radius = trust_4;
+}
+
+#ifndef ON_COLUMNS
+void TYPED(three_sps_s_sps_legs_batch)(size_t count, const REAL *matrix, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *legs) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_legs)(matrix + 9 * i, base_radius[i], platform_radius[i], height[i], legs + 3 * i);
+}
+
+void TYPED(three_sps_s_sps_legs_from_quaternion_batch)(size_t count, const REAL *quaternion, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *legs) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_legs_from_quaternion)(quaternion + 4 * i, base_radius[i], platform_radius[i], height[i], legs + 3 * i);
+}
+
+void TYPED(three_sps_s_sps_jacobian_batch)(size_t count, const REAL *matrix, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *jacobian) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_jacobian)(matrix + 9 * i, base_radius[i], platform_radius[i], height[i], jacobian + 9 * i);
+}
+
+void TYPED(three_sps_s_sps_singularity_batch)(size_t count, const REAL *matrix, const REAL *base_radius, const REAL *height, REAL *determinant) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_singularity)(matrix + 9 * i, base_radius[i], height[i], determinant + i);
+}
+
+void TYPED(three_sps_s_sps_invariants_batch)(size_t count, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *cos_sum, REAL *Z) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_invariants)(legs + 3 * i, base_radius[i], platform_radius[i], height[i], cos_sum + i, Z + 2 * i);
+}
+
+void TYPED(three_sps_s_sps_octic_scaled_batch)(size_t count, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *octic, REAL *quartic, REAL *phase_sine, REAL *size) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_octic_scaled)(legs + 3 * i, base_radius[i], platform_radius[i], height[i], octic + 9 * i, quartic + 5 * i, phase_sine + i, size + i);
+}
+
+void TYPED(three_sps_s_sps_mode_batch)(size_t count, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, const REAL *root, const REAL *sign, REAL *quaternion) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(three_sps_s_sps_mode)(legs + 3 * i, base_radius[i], platform_radius[i], height[i], root[i], sign[i], quaternion + 4 * i);
 }
 
 void TYPED(three_sps_s_sps_polish_batch)(size_t count, const REAL *quaternion, const REAL *trust, const REAL *legs, const REAL *base_radius, const REAL *platform_radius, const REAL *height, REAL *polished, REAL *radius) {
   for (size_t i = 0; i < count; ++i)
     TYPED(three_sps_s_sps_polish)(quaternion + 4 * i, trust[i], legs + 3 * i, base_radius[i], platform_radius[i], height[i], polished + 4 * i, radius + i);
 }
+#endif
 
 #endif

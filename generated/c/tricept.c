@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Kureková, Omachelová, Halaj and Martišovitš, "Positioning uncertainty of the Tricept type parallel kinematic structure", Acta IMEKO 4(4), 2015
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -66,11 +76,11 @@
 #else
 
 /* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
-void TYPED(tricept_tricept_point)(const REAL pose[3], REAL q_x, REAL q_y, REAL q_z, REAL point[3], REAL rotation[9]) {
+KERNEL(tricept_tricept_point, const REAL pose[3], REAL q_x, REAL q_y, REAL q_z, REAL point[3], REAL rotation[9]) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
   /* intermediate terms */
   const REAL alpha = pose_1;
   const REAL beta = pose_2;
@@ -89,31 +99,28 @@ void TYPED(tricept_tricept_point)(const REAL pose[3], REAL q_x, REAL q_y, REAL q
   const REAL rotation__3_3 = ca*cb;
   const REAL x0 = pose_3 + q_z;
   /* outputs */
-  point[0] = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
-  point[1] = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
-  point[2] = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
-  rotation[0] = rotation__1_1;
-  rotation[1] = rotation__1_2;
-  rotation[2] = rotation__1_3;
-  rotation[3] = rotation__2_1;
-  rotation[4] = rotation__2_2;
-  rotation[5] = rotation__2_3;
-  rotation[6] = rotation__3_1;
-  rotation[7] = rotation__3_2;
-  rotation[8] = rotation__3_3;
-}
-
-void TYPED(tricept_tricept_point_batch)(size_t count, const REAL *pose, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *point, REAL *rotation) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_point)(pose + 3 * i, q_x[i], q_y[i], q_z[i], point + 3 * i, rotation + 9 * i);
+  point[AT(0)] = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
+  point[AT(1)] = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
+  point[AT(2)] = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
+  rotation[AT(0)] = rotation__1_1;
+  rotation[AT(1)] = rotation__1_2;
+  rotation[AT(2)] = rotation__1_3;
+  rotation[AT(3)] = rotation__2_1;
+  rotation[AT(4)] = rotation__2_2;
+  rotation[AT(5)] = rotation__2_3;
+  rotation[AT(6)] = rotation__3_1;
+  rotation[AT(7)] = rotation__3_2;
+  rotation[AT(8)] = rotation__3_3;
+  ANGLE(0, alpha);
+  ANGLE(1, beta);
 }
 
 /* tricept_legs: 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
-void TYPED(tricept_tricept_legs)(const REAL pose[3], REAL r, REAL R, REAL legs[3]) {
+KERNEL(tricept_tricept_legs, const REAL pose[3], REAL r, REAL R, REAL legs[3]) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
   /* intermediate terms */
   const REAL alpha = pose_1;
   const REAL beta = pose_2;
@@ -148,22 +155,19 @@ void TYPED(tricept_tricept_legs)(const REAL pose[3], REAL r, REAL R, REAL legs[3
   const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
   const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
   /* outputs */
-  legs[0] = rod_length_1;
-  legs[1] = rod_length_2;
-  legs[2] = rod_length_3;
-}
-
-void TYPED(tricept_tricept_legs_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, REAL *legs) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_legs)(pose + 3 * i, r[i], R[i], legs + 3 * i);
+  legs[AT(0)] = rod_length_1;
+  legs[AT(1)] = rod_length_2;
+  legs[AT(2)] = rod_length_3;
+  ANGLE(0, alpha);
+  ANGLE(1, beta);
 }
 
 /* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
-void TYPED(tricept_tricept_inverse)(const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, REAL poses[12], REAL legs[12], int8_t status[4]) {
+KERNEL(tricept_tricept_inverse, const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, REAL poses[12], REAL legs[12], CODE status[4]) {
   /* inputs */
-  const REAL point_1 = point[0];
-  const REAL point_2 = point[1];
-  const REAL point_3 = point[2];
+  const REAL point_1 = point[AT(0)];
+  const REAL point_2 = point[AT(1)];
+  const REAL point_3 = point[AT(2)];
   /* intermediate terms */
   const REAL level_squared = (point_1*point_1) + (point_3*point_3);
   const REAL level = SQRT(level_squared);
@@ -171,32 +175,32 @@ void TYPED(tricept_tricept_inverse)(const REAL point[3], REAL r, REAL R, REAL q_
   const REAL g_squared = (level - x0)*(level + x0);
   const REAL x1 = K(16.0)*REAL_EPSILON;
   const REAL g_band = x1*(level_squared + (q_x*q_x));
-  const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + ((g_squared > K(0.0)) ? g_squared : K(0.0));
+  const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + SELECT(TEST(g_squared > K(0.0)), g_squared, K(0.0));
   const REAL x2 = (point_2*point_2);
   const REAL u_band = g_band + x1*((q_y*q_y) + x2);
-  const int no_root = (g_squared < -g_band) || (u_squared < -u_band);
-  const int double_root = (g_squared <= g_band) || (u_squared <= u_band);
-  const REAL g = ((g_squared > K(0.0)) ? SQRT(g_squared) : K(0.0));
-  const REAL u = ((u_squared > K(0.0)) ? SQRT(u_squared) : K(0.0));
+  const CONDITION no_root = (TEST(g_squared < -g_band)) | (TEST(u_squared < -u_band));
+  const CONDITION double_root = (TEST(g_squared <= g_band)) | (TEST(u_squared <= u_band));
+  const REAL g = SELECT(TEST(g_squared > K(0.0)), SQRT(g_squared), K(0.0));
+  const REAL u = SELECT(TEST(u_squared > K(0.0)), SQRT(u_squared), K(0.0));
   const REAL whole = (g*g) + x2;
-  const int free_beta = level_squared == K(0.0);
-  const int free_alpha = whole == K(0.0);
-  const REAL by_level = ((free_beta) ? K(1.0) : K(1.0)/level_squared);
-  const REAL by_whole = ((free_alpha) ? K(1.0) : K(1.0)/whole);
-  const int valid = (shortest <= longest) && (whole <= REAL_MAX) && (x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX) && (R > K(0.0)) && (r > K(0.0));
+  const CONDITION free_beta = TEST(level_squared == K(0.0));
+  const CONDITION free_alpha = TEST(whole == K(0.0));
+  const REAL by_level = SELECT(free_beta, K(1.0), K(1.0)/level_squared);
+  const REAL by_whole = SELECT(free_alpha, K(1.0), K(1.0)/whole);
+  const CONDITION valid = (TEST(shortest <= longest)) & (TEST(whole <= REAL_MAX)) & (TEST(x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX)) & (TEST(R > K(0.0))) & (TEST(r > K(0.0)));
   const REAL x3 = g*point_1;
   const REAL x4 = point_3*q_x;
-  const REAL sb_plus = ((free_beta) ? K(0.0) : by_level*(x3 - x4));
+  const REAL sb_plus = SELECT(free_beta, K(0.0), by_level*(x3 - x4));
   const REAL x5 = g*point_3;
-  const REAL cb_plus = ((free_beta) ? K(1.0) : by_level*(point_1*q_x + x5));
-  const REAL sb_minus = ((free_beta) ? K(0.0) : by_level*(-x3 - x4));
-  const REAL cb_minus = ((free_beta) ? K(1.0) : by_level*(point_1*q_x - x5));
+  const REAL cb_plus = SELECT(free_beta, K(1.0), by_level*(point_1*q_x + x5));
+  const REAL sb_minus = SELECT(free_beta, K(0.0), by_level*(-x3 - x4));
+  const REAL cb_minus = SELECT(free_beta, K(1.0), by_level*(point_1*q_x - x5));
   const REAL x6 = g*q_y;
-  const REAL sa_plus = ((free_alpha) ? K(0.0) : by_whole*(point_2*u - x6));
+  const REAL sa_plus = SELECT(free_alpha, K(0.0), by_whole*(point_2*u - x6));
   const REAL x7 = g*u;
-  const REAL ca_plus = ((free_alpha) ? K(1.0) : by_whole*(point_2*q_y + x7));
-  const REAL sa_minus = ((free_alpha) ? K(0.0) : by_whole*(point_2*u + x6));
-  const REAL ca_minus = ((free_alpha) ? K(1.0) : by_whole*(point_2*q_y - x7));
+  const REAL ca_plus = SELECT(free_alpha, K(1.0), by_whole*(point_2*q_y + x7));
+  const REAL sa_minus = SELECT(free_alpha, K(0.0), by_whole*(point_2*u + x6));
+  const REAL ca_minus = SELECT(free_alpha, K(1.0), by_whole*(point_2*q_y - x7));
   const REAL beta_plus = ATAN2(sb_plus, cb_plus);
   const REAL beta_minus = ATAN2(sb_minus, cb_minus);
   const REAL alpha_plus = ATAN2(sa_plus, ca_plus);
@@ -305,51 +309,46 @@ void TYPED(tricept_tricept_inverse)(const REAL point[3], REAL r, REAL R, REAL q_
   const REAL rods_d_length_1 = SQRT((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3));
   const REAL rods_d_length_2 = SQRT((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
   const REAL rods_d_length_3 = SQRT((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
-  const int there = (valid) && (!(no_root));
-  const REAL x62 = ((there) ? beta_plus : (REAL)NAN);
-  const REAL x63 = ((there) ? beta_minus : (REAL)NAN);
+  const CONDITION there = (valid) & (NOT(no_root));
+  const REAL x62 = SELECT(there, beta_plus, (REAL)NAN);
+  const REAL x63 = SELECT(there, beta_minus, (REAL)NAN);
   /* outputs */
-  poses[0] = ((there) ? alpha_plus : (REAL)NAN);
-  poses[1] = x62;
-  poses[2] = ((there) ? z_a : (REAL)NAN);
-  poses[3] = ((there) ? alpha_minus : (REAL)NAN);
-  poses[4] = x63;
-  poses[5] = ((there) ? z_b : (REAL)NAN);
-  poses[6] = ((there) ? -alpha_minus : (REAL)NAN);
-  poses[7] = x62;
-  poses[8] = ((there) ? z_c : (REAL)NAN);
-  poses[9] = ((there) ? -alpha_plus : (REAL)NAN);
-  poses[10] = x63;
-  poses[11] = ((there) ? z_d : (REAL)NAN);
-  legs[0] = ((there) ? rods_a_length_1 : (REAL)NAN);
-  legs[1] = ((there) ? rods_a_length_2 : (REAL)NAN);
-  legs[2] = ((there) ? rods_a_length_3 : (REAL)NAN);
-  legs[3] = ((there) ? rods_b_length_1 : (REAL)NAN);
-  legs[4] = ((there) ? rods_b_length_2 : (REAL)NAN);
-  legs[5] = ((there) ? rods_b_length_3 : (REAL)NAN);
-  legs[6] = ((there) ? rods_c_length_1 : (REAL)NAN);
-  legs[7] = ((there) ? rods_c_length_2 : (REAL)NAN);
-  legs[8] = ((there) ? rods_c_length_3 : (REAL)NAN);
-  legs[9] = ((there) ? rods_d_length_1 : (REAL)NAN);
-  legs[10] = ((there) ? rods_d_length_2 : (REAL)NAN);
-  legs[11] = ((there) ? rods_d_length_3 : (REAL)NAN);
-  status[0] = (int8_t)((!(valid)) ? K(7.0) : ((no_root) ? K(4.0) : (((free_alpha) || (free_beta)) ? K(3.0) : ((double_root) ? K(2.0) : (((rods_a_length_1 > longest) || (rods_a_length_2 > longest) || (rods_a_length_3 > longest) || (rods_a_length_1 < shortest) || (rods_a_length_2 < shortest) || (rods_a_length_3 < shortest)) ? K(1.0) : K(0.0))))));
-  status[1] = (int8_t)((!(valid)) ? K(7.0) : ((no_root) ? K(4.0) : (((free_alpha) || (free_beta)) ? K(3.0) : ((double_root) ? K(2.0) : (((rods_b_length_1 > longest) || (rods_b_length_2 > longest) || (rods_b_length_3 > longest) || (rods_b_length_1 < shortest) || (rods_b_length_2 < shortest) || (rods_b_length_3 < shortest)) ? K(1.0) : K(0.0))))));
-  status[2] = (int8_t)((!(valid)) ? K(7.0) : ((no_root) ? K(4.0) : (((free_alpha) || (free_beta)) ? K(3.0) : ((double_root) ? K(2.0) : (((rods_c_length_1 > longest) || (rods_c_length_2 > longest) || (rods_c_length_3 > longest) || (rods_c_length_1 < shortest) || (rods_c_length_2 < shortest) || (rods_c_length_3 < shortest)) ? K(1.0) : K(0.0))))));
-  status[3] = (int8_t)((!(valid)) ? K(7.0) : ((no_root) ? K(4.0) : (((free_alpha) || (free_beta)) ? K(3.0) : ((double_root) ? K(2.0) : (((rods_d_length_1 > longest) || (rods_d_length_2 > longest) || (rods_d_length_3 > longest) || (rods_d_length_1 < shortest) || (rods_d_length_2 < shortest) || (rods_d_length_3 < shortest)) ? K(1.0) : K(0.0))))));
-}
-
-void TYPED(tricept_tricept_inverse_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, const REAL *shortest, const REAL *longest, REAL *poses, REAL *legs, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_inverse)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], poses + 12 * i, legs + 12 * i, status + 4 * i);
+  poses[AT(0)] = SELECT(there, alpha_plus, (REAL)NAN);
+  poses[AT(1)] = x62;
+  poses[AT(2)] = SELECT(there, z_a, (REAL)NAN);
+  poses[AT(3)] = SELECT(there, alpha_minus, (REAL)NAN);
+  poses[AT(4)] = x63;
+  poses[AT(5)] = SELECT(there, z_b, (REAL)NAN);
+  poses[AT(6)] = SELECT(there, -alpha_minus, (REAL)NAN);
+  poses[AT(7)] = x62;
+  poses[AT(8)] = SELECT(there, z_c, (REAL)NAN);
+  poses[AT(9)] = SELECT(there, -alpha_plus, (REAL)NAN);
+  poses[AT(10)] = x63;
+  poses[AT(11)] = SELECT(there, z_d, (REAL)NAN);
+  legs[AT(0)] = SELECT(there, rods_a_length_1, (REAL)NAN);
+  legs[AT(1)] = SELECT(there, rods_a_length_2, (REAL)NAN);
+  legs[AT(2)] = SELECT(there, rods_a_length_3, (REAL)NAN);
+  legs[AT(3)] = SELECT(there, rods_b_length_1, (REAL)NAN);
+  legs[AT(4)] = SELECT(there, rods_b_length_2, (REAL)NAN);
+  legs[AT(5)] = SELECT(there, rods_b_length_3, (REAL)NAN);
+  legs[AT(6)] = SELECT(there, rods_c_length_1, (REAL)NAN);
+  legs[AT(7)] = SELECT(there, rods_c_length_2, (REAL)NAN);
+  legs[AT(8)] = SELECT(there, rods_c_length_3, (REAL)NAN);
+  legs[AT(9)] = SELECT(there, rods_d_length_1, (REAL)NAN);
+  legs[AT(10)] = SELECT(there, rods_d_length_2, (REAL)NAN);
+  legs[AT(11)] = SELECT(there, rods_d_length_3, (REAL)NAN);
+  status[AT(0)] = (CODE)SELECT(NOT(valid), K(7.0), SELECT(no_root, K(4.0), SELECT((free_alpha) | (free_beta), K(3.0), SELECT(double_root, K(2.0), SELECT((TEST(rods_a_length_1 > longest)) | (TEST(rods_a_length_2 > longest)) | (TEST(rods_a_length_3 > longest)) | (TEST(rods_a_length_1 < shortest)) | (TEST(rods_a_length_2 < shortest)) | (TEST(rods_a_length_3 < shortest)), K(1.0), K(0.0))))));
+  status[AT(1)] = (CODE)SELECT(NOT(valid), K(7.0), SELECT(no_root, K(4.0), SELECT((free_alpha) | (free_beta), K(3.0), SELECT(double_root, K(2.0), SELECT((TEST(rods_b_length_1 > longest)) | (TEST(rods_b_length_2 > longest)) | (TEST(rods_b_length_3 > longest)) | (TEST(rods_b_length_1 < shortest)) | (TEST(rods_b_length_2 < shortest)) | (TEST(rods_b_length_3 < shortest)), K(1.0), K(0.0))))));
+  status[AT(2)] = (CODE)SELECT(NOT(valid), K(7.0), SELECT(no_root, K(4.0), SELECT((free_alpha) | (free_beta), K(3.0), SELECT(double_root, K(2.0), SELECT((TEST(rods_c_length_1 > longest)) | (TEST(rods_c_length_2 > longest)) | (TEST(rods_c_length_3 > longest)) | (TEST(rods_c_length_1 < shortest)) | (TEST(rods_c_length_2 < shortest)) | (TEST(rods_c_length_3 < shortest)), K(1.0), K(0.0))))));
+  status[AT(3)] = (CODE)SELECT(NOT(valid), K(7.0), SELECT(no_root, K(4.0), SELECT((free_alpha) | (free_beta), K(3.0), SELECT(double_root, K(2.0), SELECT((TEST(rods_d_length_1 > longest)) | (TEST(rods_d_length_2 > longest)) | (TEST(rods_d_length_3 > longest)) | (TEST(rods_d_length_1 < shortest)) | (TEST(rods_d_length_2 < shortest)) | (TEST(rods_d_length_3 < shortest)), K(1.0), K(0.0))))));
 }
 
 /* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
-void TYPED(tricept_tricept_pose)(const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, REAL pose[3], REAL legs[3], int8_t *status) {
+KERNEL(tricept_tricept_pose, const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, REAL pose[3], REAL legs[3], CODE *status) {
   /* inputs */
-  const REAL point_1 = point[0];
-  const REAL point_2 = point[1];
-  const REAL point_3 = point[2];
+  const REAL point_1 = point[AT(0)];
+  const REAL point_2 = point[AT(1)];
+  const REAL point_3 = point[AT(2)];
   /* intermediate terms */
   const REAL level_squared = (point_1*point_1) + (point_3*point_3);
   const REAL level = SQRT(level_squared);
@@ -357,23 +356,23 @@ void TYPED(tricept_tricept_pose)(const REAL point[3], REAL r, REAL R, REAL q_x, 
   const REAL g_squared = (level - x0)*(level + x0);
   const REAL x1 = K(16.0)*REAL_EPSILON;
   const REAL g_band = x1*(level_squared + (q_x*q_x));
-  const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + ((g_squared > K(0.0)) ? g_squared : K(0.0));
+  const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + SELECT(TEST(g_squared > K(0.0)), g_squared, K(0.0));
   const REAL x2 = (point_2*point_2);
   const REAL u_band = g_band + x1*((q_y*q_y) + x2);
-  const int no_root = (g_squared < -g_band) || (u_squared < -u_band);
-  const int double_root = (g_squared <= g_band) || (u_squared <= u_band);
-  const REAL g = ((g_squared > K(0.0)) ? SQRT(g_squared) : K(0.0));
-  const REAL u = ((u_squared > K(0.0)) ? SQRT(u_squared) : K(0.0));
+  const CONDITION no_root = (TEST(g_squared < -g_band)) | (TEST(u_squared < -u_band));
+  const CONDITION double_root = (TEST(g_squared <= g_band)) | (TEST(u_squared <= u_band));
+  const REAL g = SELECT(TEST(g_squared > K(0.0)), SQRT(g_squared), K(0.0));
+  const REAL u = SELECT(TEST(u_squared > K(0.0)), SQRT(u_squared), K(0.0));
   const REAL whole = (g*g) + x2;
-  const int free_beta = level_squared == K(0.0);
-  const int free_alpha = whole == K(0.0);
-  const REAL by_level = ((free_beta) ? K(1.0) : K(1.0)/level_squared);
-  const REAL by_whole = ((free_alpha) ? K(1.0) : K(1.0)/whole);
-  const int valid = (shortest <= longest) && (whole <= REAL_MAX) && (x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX) && (R > K(0.0)) && (r > K(0.0));
-  const REAL sa_plus = ((free_alpha) ? K(0.0) : by_whole*(point_2*u - g*q_y));
-  const REAL ca_plus = ((free_alpha) ? K(1.0) : by_whole*(g*u + point_2*q_y));
-  const REAL sb_plus = ((free_beta) ? K(0.0) : by_level*(g*point_1 - point_3*q_x));
-  const REAL cb_plus = ((free_beta) ? K(1.0) : by_level*(g*point_3 + point_1*q_x));
+  const CONDITION free_beta = TEST(level_squared == K(0.0));
+  const CONDITION free_alpha = TEST(whole == K(0.0));
+  const REAL by_level = SELECT(free_beta, K(1.0), K(1.0)/level_squared);
+  const REAL by_whole = SELECT(free_alpha, K(1.0), K(1.0)/whole);
+  const CONDITION valid = (TEST(shortest <= longest)) & (TEST(whole <= REAL_MAX)) & (TEST(x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX)) & (TEST(R > K(0.0))) & (TEST(r > K(0.0)));
+  const REAL sa_plus = SELECT(free_alpha, K(0.0), by_whole*(point_2*u - g*q_y));
+  const REAL ca_plus = SELECT(free_alpha, K(1.0), by_whole*(g*u + point_2*q_y));
+  const REAL sb_plus = SELECT(free_beta, K(0.0), by_level*(g*point_1 - point_3*q_x));
+  const REAL cb_plus = SELECT(free_beta, K(1.0), by_level*(g*point_3 + point_1*q_x));
   const REAL z = u - q_z;
   const REAL x3 = ca_plus*z;
   const REAL x4 = sb_plus*x3;
@@ -401,29 +400,24 @@ void TYPED(tricept_tricept_pose)(const REAL point[3], REAL r, REAL R, REAL q_x, 
   const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
   const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
   const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-  const int there = (valid) && (!(no_root));
-  const REAL status_value = ((!(valid)) ? K(7.0) : ((no_root) ? K(4.0) : (((free_alpha) || (free_beta)) ? K(3.0) : ((double_root) ? K(2.0) : (((rod_length_1 > longest) || (rod_length_2 > longest) || (rod_length_3 > longest) || (rod_length_1 < shortest) || (rod_length_2 < shortest) || (rod_length_3 < shortest)) ? K(1.0) : K(0.0))))));
+  const CONDITION there = (valid) & (NOT(no_root));
+  const REAL status_value = SELECT(NOT(valid), K(7.0), SELECT(no_root, K(4.0), SELECT((free_alpha) | (free_beta), K(3.0), SELECT(double_root, K(2.0), SELECT((TEST(rod_length_1 > longest)) | (TEST(rod_length_2 > longest)) | (TEST(rod_length_3 > longest)) | (TEST(rod_length_1 < shortest)) | (TEST(rod_length_2 < shortest)) | (TEST(rod_length_3 < shortest)), K(1.0), K(0.0))))));
   /* outputs */
-  pose[0] = ((there) ? ATAN2(sa_plus, ca_plus) : (REAL)NAN);
-  pose[1] = ((there) ? ATAN2(sb_plus, cb_plus) : (REAL)NAN);
-  pose[2] = ((there) ? z : (REAL)NAN);
-  legs[0] = ((there) ? rod_length_1 : (REAL)NAN);
-  legs[1] = ((there) ? rod_length_2 : (REAL)NAN);
-  legs[2] = ((there) ? rod_length_3 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(tricept_tricept_pose_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, const REAL *shortest, const REAL *longest, REAL *pose, REAL *legs, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_pose)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], pose + 3 * i, legs + 3 * i, status + i);
+  pose[AT(0)] = SELECT(there, ATAN2(sa_plus, ca_plus), (REAL)NAN);
+  pose[AT(1)] = SELECT(there, ATAN2(sb_plus, cb_plus), (REAL)NAN);
+  pose[AT(2)] = SELECT(there, z, (REAL)NAN);
+  legs[AT(0)] = SELECT(there, rod_length_1, (REAL)NAN);
+  legs[AT(1)] = SELECT(there, rod_length_2, (REAL)NAN);
+  legs[AT(2)] = SELECT(there, rod_length_3, (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
-void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose[3], int8_t *status) {
+KERNEL(tricept_tricept_direct, const REAL legs[3], REAL r, REAL R, REAL pose[3], CODE *status) {
   /* inputs */
-  const REAL legs_1 = legs[0];
-  const REAL legs_2 = legs[1];
-  const REAL legs_3 = legs[2];
+  const REAL legs_1 = legs[AT(0)];
+  const REAL legs_2 = legs[AT(1)];
+  const REAL legs_3 = legs[AT(2)];
   /* intermediate terms */
   const REAL square_a = (legs_1*legs_1);
   const REAL square_b = (legs_2*legs_2);
@@ -438,17 +432,17 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL x4 = FABS(r);
   const REAL x5 = K(0.25)*x4;
   const REAL x86 = K(0.0625)*x0;
-  const REAL start_height = ((start_squared > x86) ? SQRT(start_squared) : x5);
+  const REAL start_height = SELECT(TEST(start_squared > x86), SQRT(start_squared), x5);
   const REAL x6 = K(0.5)/(R*start_height);
   const REAL first_sa = -c2*x6;
-  const REAL start_sa = ((FABS(first_sa) <= K(0.875)) ? first_sa : ((first_sa > K(0.0)) ? K(0.875) : -K(0.875)));
+  const REAL start_sa = SELECT(TEST(FABS(first_sa) <= K(0.875)), first_sa, SELECT(TEST(first_sa > K(0.0)), K(0.875), -K(0.875)));
   const REAL start_ca = SQRT(K(1.0) - (start_sa*start_sa));
   const REAL first_sb = -c3*x6;
-  const REAL start_sb = ((FABS(first_sb) <= K(0.875)) ? first_sb : ((first_sb > K(0.0)) ? K(0.875) : -K(0.875)));
+  const REAL start_sb = SELECT(TEST(FABS(first_sb) <= K(0.875)), first_sb, SELECT(TEST(first_sb > K(0.0)), K(0.875), -K(0.875)));
   const REAL start_cb = SQRT(K(1.0) - (start_sb*start_sb));
   const REAL x7 = x3*(start_ca + start_cb);
   const REAL tilted_squared = x7 - c1;
-  const REAL start_z = ((tilted_squared > x86) ? SQRT(tilted_squared) : x5);
+  const REAL start_z = SELECT(TEST(tilted_squared > x86), SQRT(tilted_squared), x5);
   const REAL L1_1 = c1 + (start_z*start_z) - x7;
   const REAL x8 = K(2.0)*start_z;
   const REAL x9 = r*start_sb;
@@ -478,14 +472,14 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2;
   const REAL adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1;
   const REAL determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1;
-  const REAL inverse1 = ((determinant1 == K(0.0)) ? K(1.0) : K(1.0)/determinant1);
+  const REAL inverse1 = SELECT(TEST(determinant1 == K(0.0)), K(1.0), K(1.0)/determinant1);
   const REAL move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3);
   const REAL move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3);
   const REAL move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3);
-  const REAL half_a1 = ((FABS(move1_1) <= K(1.0)) ? K(0.5)*move1_1 : K(0.5)*((move1_1 > K(0.0)) ? K(1.0) : -K(1.0)));
-  const REAL half_b1 = ((FABS(move1_2) <= K(1.0)) ? K(0.5)*move1_2 : K(0.5)*((move1_2 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_a1 = SELECT(TEST(FABS(move1_1) <= K(1.0)), K(0.5)*move1_1, K(0.5)*SELECT(TEST(move1_1 > K(0.0)), K(1.0), -K(1.0)));
+  const REAL half_b1 = SELECT(TEST(FABS(move1_2) <= K(1.0)), K(0.5)*move1_2, K(0.5)*SELECT(TEST(move1_2 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x15 = -K(0.5)*start_z;
-  const REAL down1 = ((move1_3 > x15) ? move1_3 : x15);
+  const REAL down1 = SELECT(TEST(move1_3 > x15), move1_3, x15);
   const REAL x16 = (half_a1*half_a1);
   const REAL by_a1 = K(1.0)/(x16 + K(1.0));
   const REAL turn_a1 = by_a1*(K(1.0) - x16);
@@ -528,14 +522,14 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2;
   const REAL adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1;
   const REAL determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1;
-  const REAL inverse2 = ((determinant2 == K(0.0)) ? K(1.0) : K(1.0)/determinant2);
+  const REAL inverse2 = SELECT(TEST(determinant2 == K(0.0)), K(1.0), K(1.0)/determinant2);
   const REAL move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3);
   const REAL move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3);
   const REAL move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3);
-  const REAL half_a2 = ((FABS(move2_1) <= K(1.0)) ? K(0.5)*move2_1 : K(0.5)*((move2_1 > K(0.0)) ? K(1.0) : -K(1.0)));
-  const REAL half_b2 = ((FABS(move2_2) <= K(1.0)) ? K(0.5)*move2_2 : K(0.5)*((move2_2 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_a2 = SELECT(TEST(FABS(move2_1) <= K(1.0)), K(0.5)*move2_1, K(0.5)*SELECT(TEST(move2_1 > K(0.0)), K(1.0), -K(1.0)));
+  const REAL half_b2 = SELECT(TEST(FABS(move2_2) <= K(1.0)), K(0.5)*move2_2, K(0.5)*SELECT(TEST(move2_2 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x27 = -K(0.5)*z1;
-  const REAL down2 = ((move2_3 > x27) ? move2_3 : x27);
+  const REAL down2 = SELECT(TEST(move2_3 > x27), move2_3, x27);
   const REAL x28 = (half_a2*half_a2);
   const REAL by_a2 = K(1.0)/(x28 + K(1.0));
   const REAL turn_a2 = by_a2*(K(1.0) - x28);
@@ -578,14 +572,14 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2;
   const REAL adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1;
   const REAL determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1;
-  const REAL inverse3 = ((determinant3 == K(0.0)) ? K(1.0) : K(1.0)/determinant3);
+  const REAL inverse3 = SELECT(TEST(determinant3 == K(0.0)), K(1.0), K(1.0)/determinant3);
   const REAL move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3);
   const REAL move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3);
   const REAL move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3);
-  const REAL half_a3 = ((FABS(move3_1) <= K(1.0)) ? K(0.5)*move3_1 : K(0.5)*((move3_1 > K(0.0)) ? K(1.0) : -K(1.0)));
-  const REAL half_b3 = ((FABS(move3_2) <= K(1.0)) ? K(0.5)*move3_2 : K(0.5)*((move3_2 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_a3 = SELECT(TEST(FABS(move3_1) <= K(1.0)), K(0.5)*move3_1, K(0.5)*SELECT(TEST(move3_1 > K(0.0)), K(1.0), -K(1.0)));
+  const REAL half_b3 = SELECT(TEST(FABS(move3_2) <= K(1.0)), K(0.5)*move3_2, K(0.5)*SELECT(TEST(move3_2 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x39 = -K(0.5)*z2;
-  const REAL down3 = ((move3_3 > x39) ? move3_3 : x39);
+  const REAL down3 = SELECT(TEST(move3_3 > x39), move3_3, x39);
   const REAL x40 = (half_a3*half_a3);
   const REAL by_a3 = K(1.0)/(x40 + K(1.0));
   const REAL turn_a3 = by_a3*(K(1.0) - x40);
@@ -628,14 +622,14 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2;
   const REAL adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1;
   const REAL determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1;
-  const REAL inverse4 = ((determinant4 == K(0.0)) ? K(1.0) : K(1.0)/determinant4);
+  const REAL inverse4 = SELECT(TEST(determinant4 == K(0.0)), K(1.0), K(1.0)/determinant4);
   const REAL move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3);
   const REAL move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3);
   const REAL move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3);
-  const REAL half_a4 = ((FABS(move4_1) <= K(1.0)) ? K(0.5)*move4_1 : K(0.5)*((move4_1 > K(0.0)) ? K(1.0) : -K(1.0)));
-  const REAL half_b4 = ((FABS(move4_2) <= K(1.0)) ? K(0.5)*move4_2 : K(0.5)*((move4_2 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_a4 = SELECT(TEST(FABS(move4_1) <= K(1.0)), K(0.5)*move4_1, K(0.5)*SELECT(TEST(move4_1 > K(0.0)), K(1.0), -K(1.0)));
+  const REAL half_b4 = SELECT(TEST(FABS(move4_2) <= K(1.0)), K(0.5)*move4_2, K(0.5)*SELECT(TEST(move4_2 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x51 = -K(0.5)*z3;
-  const REAL down4 = ((move4_3 > x51) ? move4_3 : x51);
+  const REAL down4 = SELECT(TEST(move4_3 > x51), move4_3, x51);
   const REAL x52 = (half_a4*half_a4);
   const REAL by_a4 = K(1.0)/(x52 + K(1.0));
   const REAL turn_a4 = by_a4*(K(1.0) - x52);
@@ -678,14 +672,14 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2;
   const REAL adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1;
   const REAL determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1;
-  const REAL inverse5 = ((determinant5 == K(0.0)) ? K(1.0) : K(1.0)/determinant5);
+  const REAL inverse5 = SELECT(TEST(determinant5 == K(0.0)), K(1.0), K(1.0)/determinant5);
   const REAL move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3);
   const REAL move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3);
   const REAL move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3);
-  const REAL half_a5 = ((FABS(move5_1) <= K(1.0)) ? K(0.5)*move5_1 : K(0.5)*((move5_1 > K(0.0)) ? K(1.0) : -K(1.0)));
-  const REAL half_b5 = ((FABS(move5_2) <= K(1.0)) ? K(0.5)*move5_2 : K(0.5)*((move5_2 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_a5 = SELECT(TEST(FABS(move5_1) <= K(1.0)), K(0.5)*move5_1, K(0.5)*SELECT(TEST(move5_1 > K(0.0)), K(1.0), -K(1.0)));
+  const REAL half_b5 = SELECT(TEST(FABS(move5_2) <= K(1.0)), K(0.5)*move5_2, K(0.5)*SELECT(TEST(move5_2 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x63 = -K(0.5)*z4;
-  const REAL down5 = ((move5_3 > x63) ? move5_3 : x63);
+  const REAL down5 = SELECT(TEST(move5_3 > x63), move5_3, x63);
   const REAL x64 = (half_a5*half_a5);
   const REAL by_a5 = K(1.0)/(x64 + K(1.0));
   const REAL turn_a5 = by_a5*(K(1.0) - x64);
@@ -731,16 +725,16 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL x76 = W6_1_2*adjugate6_2_1;
   const REAL x77 = W6_1_3*adjugate6_3_1;
   const REAL determinant6 = x75 + x76 + x77;
-  const REAL inverse6 = ((determinant6 == K(0.0)) ? K(1.0) : K(1.0)/determinant6);
+  const REAL inverse6 = SELECT(TEST(determinant6 == K(0.0)), K(1.0), K(1.0)/determinant6);
   const REAL move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3);
   const REAL move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3);
   const REAL move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3);
   const REAL x83 = FABS(move6_1);
-  const REAL half_a6 = ((x83 <= K(1.0)) ? K(0.5)*move6_1 : K(0.5)*((move6_1 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_a6 = SELECT(TEST(x83 <= K(1.0)), K(0.5)*move6_1, K(0.5)*SELECT(TEST(move6_1 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x85 = FABS(move6_2);
-  const REAL half_b6 = ((x85 <= K(1.0)) ? K(0.5)*move6_2 : K(0.5)*((move6_2 > K(0.0)) ? K(1.0) : -K(1.0)));
+  const REAL half_b6 = SELECT(TEST(x85 <= K(1.0)), K(0.5)*move6_2, K(0.5)*SELECT(TEST(move6_2 > K(0.0)), K(1.0), -K(1.0)));
   const REAL x78 = -K(0.5)*z5;
-  const REAL down6 = ((move6_3 > x78) ? move6_3 : x78);
+  const REAL down6 = SELECT(TEST(move6_3 > x78), move6_3, x78);
   const REAL x79 = (half_a6*half_a6);
   const REAL by_a6 = K(1.0)/(x79 + K(1.0));
   const REAL turn_a6 = by_a6*(K(1.0) - x79);
@@ -754,28 +748,23 @@ void TYPED(tricept_tricept_direct)(const REAL legs[3], REAL r, REAL R, REAL pose
   const REAL sb6 = cb5*x82 + sb5*turn_b6;
   const REAL cb6 = cb5*turn_b6 - sb5*x82;
   const REAL z6 = down6 + z5;
-  const int valid = (third_of_sum <= REAL_MAX) && (x4 + FABS(R) + FABS(legs_1) + FABS(legs_2) + FABS(legs_3) <= REAL_MAX) && (R > K(0.0)) && (legs_1 > K(0.0)) && (legs_2 > K(0.0)) && (legs_3 > K(0.0)) && (r > K(0.0));
+  const CONDITION valid = (TEST(third_of_sum <= REAL_MAX)) & (TEST(x4 + FABS(R) + FABS(legs_1) + FABS(legs_2) + FABS(legs_3) <= REAL_MAX)) & (TEST(R > K(0.0))) & (TEST(legs_1 > K(0.0))) & (TEST(legs_2 > K(0.0))) & (TEST(legs_3 > K(0.0))) & (TEST(r > K(0.0)));
   const REAL x84 = K(4.0)*SQRT(REAL_EPSILON);
-  const int there = (valid) && (x83 <= x84) && (x85 <= x84) && (FABS(move6_3) <= x84*z6) && (ca6 > K(0.0)) && (cb6 > K(0.0)) && (z6 > K(0.0));
-  const REAL status_value = ((!(valid)) ? K(7.0) : ((!(there)) ? K(4.0) : ((FABS(determinant6) <= K(16.0)*REAL_EPSILON*(FABS(x75) + FABS(x76) + FABS(x77))) ? K(5.0) : K(0.0))));
+  const CONDITION there = (valid) & (TEST(x83 <= x84)) & (TEST(x85 <= x84)) & (TEST(FABS(move6_3) <= x84*z6)) & (TEST(ca6 > K(0.0))) & (TEST(cb6 > K(0.0))) & (TEST(z6 > K(0.0)));
+  const REAL status_value = SELECT(NOT(valid), K(7.0), SELECT(NOT(there), K(4.0), SELECT(TEST(FABS(determinant6) <= K(16.0)*REAL_EPSILON*(FABS(x75) + FABS(x76) + FABS(x77))), K(5.0), K(0.0))));
   /* outputs */
-  pose[0] = ((there) ? ATAN2(sa6, ca6) : (REAL)NAN);
-  pose[1] = ((there) ? ATAN2(sb6, cb6) : (REAL)NAN);
-  pose[2] = ((there) ? z6 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(tricept_tricept_direct_batch)(size_t count, const REAL *legs, const REAL *r, const REAL *R, REAL *pose, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_direct)(legs + 3 * i, r[i], R[i], pose + 3 * i, status + i);
+  pose[AT(0)] = SELECT(there, ATAN2(sa6, ca6), (REAL)NAN);
+  pose[AT(1)] = SELECT(there, ATAN2(sb6, cb6), (REAL)NAN);
+  pose[AT(2)] = SELECT(there, z6, (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* tricept_matrices: 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
-void TYPED(tricept_tricept_matrices)(const REAL pose[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL W33[9], REAL W35[15], REAL M33[9], REAL M35[15], REAL A35[15]) {
+KERNEL(tricept_tricept_matrices, const REAL pose[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL W33[9], REAL W35[15], REAL M33[9], REAL M35[15], REAL A35[15]) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
   /* intermediate terms */
   const REAL alpha = pose_1;
   const REAL beta = pose_2;
@@ -862,7 +851,7 @@ void TYPED(tricept_tricept_matrices)(const REAL pose[3], REAL r, REAL R, REAL q_
   const REAL x41 = P_1_3*adjugate_3_1;
   const REAL determinant = x39 + x40 + x41;
   const REAL determinant_size = FABS(x39) + FABS(x40) + FABS(x41);
-  const int singular = FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON;
+  const CONDITION singular = TEST(FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON);
   const REAL x42 = R*sa;
   const REAL x43 = K(2.0)*pose_3;
   const REAL x44 = x43 + x5;
@@ -883,7 +872,7 @@ void TYPED(tricept_tricept_matrices)(const REAL pose[3], REAL r, REAL R, REAL q_
   const REAL M33__3_1 = cb*x53;
   const REAL M33__3_2 = -cb*q_x - sb*x54;
   const REAL M33__3_3 = x34;
-  const REAL inverse_determinant = ((singular) ? K(1.0) : K(1.0)/determinant);
+  const REAL inverse_determinant = SELECT(singular, K(1.0), K(1.0)/determinant);
   const REAL point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1);
   const REAL point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2);
   const REAL point_by_P_1_3 = inverse_determinant*(M33__1_1*adjugate_1_3 + M33__1_2*adjugate_2_3 + M33__1_3*adjugate_3_3);
@@ -912,82 +901,79 @@ void TYPED(tricept_tricept_matrices)(const REAL pose[3], REAL r, REAL R, REAL q_
   const REAL x56 = inverse_determinant*rod_length_2;
   const REAL x57 = inverse_determinant*rod_length_3;
   /* outputs */
-  W33[0] = r*x42;
-  W33[1] = R*x5;
-  W33[2] = x43;
-  W33[3] = R*ca*x44;
-  W33[4] = x0*x42;
-  W33[5] = sa*x45;
-  W33[6] = -x42*x46;
-  W33[7] = R*(K(2.0)*x7 - x5);
-  W33[8] = x35*x45;
-  W35[0] = -K(2.0)*rod_length_1/K(3.0);
-  W35[1] = -x47;
-  W35[2] = -x49;
-  W35[3] = K(2.0)*r - R*x51;
-  W35[4] = x45 - r*x51;
-  W35[5] = K(0.0);
-  W35[6] = x11*x47;
-  W35[7] = -x11*x49;
-  W35[8] = sb*x42;
-  W35[9] = sa*x44;
-  W35[10] = K(4.0)*rod_length_1/K(3.0);
-  W35[11] = -x47;
-  W35[12] = -x49;
-  W35[13] = R*(cb - ca);
-  W35[14] = ca*x46 + x0;
-  M33[0] = M33__1_1;
-  M33[1] = M33__1_2;
-  M33[2] = M33__1_3;
-  M33[3] = M33__2_1;
-  M33[4] = M33__2_2;
-  M33[5] = M33__2_3;
-  M33[6] = M33__3_1;
-  M33[7] = M33__3_2;
-  M33[8] = M33__3_3;
-  M35[0] = ((singular) ? (REAL)NAN : adjugate_1_1*x55);
-  M35[1] = ((singular) ? (REAL)NAN : adjugate_1_2*x56);
-  M35[2] = ((singular) ? (REAL)NAN : adjugate_1_3*x57);
-  M35[3] = ((singular) ? (REAL)NAN : inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
-  M35[4] = ((singular) ? (REAL)NAN : inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
-  M35[5] = ((singular) ? (REAL)NAN : adjugate_2_1*x55);
-  M35[6] = ((singular) ? (REAL)NAN : adjugate_2_2*x56);
-  M35[7] = ((singular) ? (REAL)NAN : adjugate_2_3*x57);
-  M35[8] = ((singular) ? (REAL)NAN : inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
-  M35[9] = ((singular) ? (REAL)NAN : inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
-  M35[10] = ((singular) ? (REAL)NAN : adjugate_3_1*x55);
-  M35[11] = ((singular) ? (REAL)NAN : adjugate_3_2*x56);
-  M35[12] = ((singular) ? (REAL)NAN : adjugate_3_3*x57);
-  M35[13] = ((singular) ? (REAL)NAN : inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
-  M35[14] = ((singular) ? (REAL)NAN : inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
-  A35[0] = ((singular) ? (REAL)NAN : A_1_1);
-  A35[1] = ((singular) ? (REAL)NAN : A_1_2);
-  A35[2] = ((singular) ? (REAL)NAN : A_1_3);
-  A35[3] = ((singular) ? (REAL)NAN : A_1_4);
-  A35[4] = ((singular) ? (REAL)NAN : A_1_5);
-  A35[5] = ((singular) ? (REAL)NAN : A_2_1);
-  A35[6] = ((singular) ? (REAL)NAN : A_2_2);
-  A35[7] = ((singular) ? (REAL)NAN : A_2_3);
-  A35[8] = ((singular) ? (REAL)NAN : A_2_4);
-  A35[9] = ((singular) ? (REAL)NAN : A_2_5);
-  A35[10] = ((singular) ? (REAL)NAN : A_3_1);
-  A35[11] = ((singular) ? (REAL)NAN : A_3_2);
-  A35[12] = ((singular) ? (REAL)NAN : A_3_3);
-  A35[13] = ((singular) ? (REAL)NAN : A_3_4);
-  A35[14] = ((singular) ? (REAL)NAN : A_3_5);
-}
-
-void TYPED(tricept_tricept_matrices_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *W33, REAL *W35, REAL *M33, REAL *M35, REAL *A35) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_matrices)(pose + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], W33 + 9 * i, W35 + 15 * i, M33 + 9 * i, M35 + 15 * i, A35 + 15 * i);
+  W33[AT(0)] = r*x42;
+  W33[AT(1)] = R*x5;
+  W33[AT(2)] = x43;
+  W33[AT(3)] = R*ca*x44;
+  W33[AT(4)] = x0*x42;
+  W33[AT(5)] = sa*x45;
+  W33[AT(6)] = -x42*x46;
+  W33[AT(7)] = R*(K(2.0)*x7 - x5);
+  W33[AT(8)] = x35*x45;
+  W35[AT(0)] = -K(2.0)*rod_length_1/K(3.0);
+  W35[AT(1)] = -x47;
+  W35[AT(2)] = -x49;
+  W35[AT(3)] = K(2.0)*r - R*x51;
+  W35[AT(4)] = x45 - r*x51;
+  W35[AT(5)] = K(0.0);
+  W35[AT(6)] = x11*x47;
+  W35[AT(7)] = -x11*x49;
+  W35[AT(8)] = sb*x42;
+  W35[AT(9)] = sa*x44;
+  W35[AT(10)] = K(4.0)*rod_length_1/K(3.0);
+  W35[AT(11)] = -x47;
+  W35[AT(12)] = -x49;
+  W35[AT(13)] = R*(cb - ca);
+  W35[AT(14)] = ca*x46 + x0;
+  M33[AT(0)] = M33__1_1;
+  M33[AT(1)] = M33__1_2;
+  M33[AT(2)] = M33__1_3;
+  M33[AT(3)] = M33__2_1;
+  M33[AT(4)] = M33__2_2;
+  M33[AT(5)] = M33__2_3;
+  M33[AT(6)] = M33__3_1;
+  M33[AT(7)] = M33__3_2;
+  M33[AT(8)] = M33__3_3;
+  M35[AT(0)] = SELECT(singular, (REAL)NAN, adjugate_1_1*x55);
+  M35[AT(1)] = SELECT(singular, (REAL)NAN, adjugate_1_2*x56);
+  M35[AT(2)] = SELECT(singular, (REAL)NAN, adjugate_1_3*x57);
+  M35[AT(3)] = SELECT(singular, (REAL)NAN, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
+  M35[AT(4)] = SELECT(singular, (REAL)NAN, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
+  M35[AT(5)] = SELECT(singular, (REAL)NAN, adjugate_2_1*x55);
+  M35[AT(6)] = SELECT(singular, (REAL)NAN, adjugate_2_2*x56);
+  M35[AT(7)] = SELECT(singular, (REAL)NAN, adjugate_2_3*x57);
+  M35[AT(8)] = SELECT(singular, (REAL)NAN, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
+  M35[AT(9)] = SELECT(singular, (REAL)NAN, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
+  M35[AT(10)] = SELECT(singular, (REAL)NAN, adjugate_3_1*x55);
+  M35[AT(11)] = SELECT(singular, (REAL)NAN, adjugate_3_2*x56);
+  M35[AT(12)] = SELECT(singular, (REAL)NAN, adjugate_3_3*x57);
+  M35[AT(13)] = SELECT(singular, (REAL)NAN, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
+  M35[AT(14)] = SELECT(singular, (REAL)NAN, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
+  A35[AT(0)] = SELECT(singular, (REAL)NAN, A_1_1);
+  A35[AT(1)] = SELECT(singular, (REAL)NAN, A_1_2);
+  A35[AT(2)] = SELECT(singular, (REAL)NAN, A_1_3);
+  A35[AT(3)] = SELECT(singular, (REAL)NAN, A_1_4);
+  A35[AT(4)] = SELECT(singular, (REAL)NAN, A_1_5);
+  A35[AT(5)] = SELECT(singular, (REAL)NAN, A_2_1);
+  A35[AT(6)] = SELECT(singular, (REAL)NAN, A_2_2);
+  A35[AT(7)] = SELECT(singular, (REAL)NAN, A_2_3);
+  A35[AT(8)] = SELECT(singular, (REAL)NAN, A_2_4);
+  A35[AT(9)] = SELECT(singular, (REAL)NAN, A_2_5);
+  A35[AT(10)] = SELECT(singular, (REAL)NAN, A_3_1);
+  A35[AT(11)] = SELECT(singular, (REAL)NAN, A_3_2);
+  A35[AT(12)] = SELECT(singular, (REAL)NAN, A_3_3);
+  A35[AT(13)] = SELECT(singular, (REAL)NAN, A_3_4);
+  A35[AT(14)] = SELECT(singular, (REAL)NAN, A_3_5);
+  ANGLE(0, alpha);
+  ANGLE(1, beta);
 }
 
 /* tricept_sensitivity: 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
-void TYPED(tricept_tricept_sensitivity)(const REAL pose[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL A35[15]) {
+KERNEL(tricept_tricept_sensitivity, const REAL pose[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL A35[15]) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
   /* intermediate terms */
   const REAL alpha = pose_1;
   const REAL beta = pose_2;
@@ -1072,7 +1058,7 @@ void TYPED(tricept_tricept_sensitivity)(const REAL pose[3], REAL r, REAL R, REAL
   const REAL x38 = P_1_3*adjugate_3_1;
   const REAL determinant = x36 + x37 + x38;
   const REAL determinant_size = FABS(x36) + FABS(x37) + FABS(x38);
-  const int singular = FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON;
+  const CONDITION singular = TEST(FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON);
   const REAL x39 = pose_3 + q_z;
   const REAL x40 = -ca*q_y - sa*x39;
   const REAL M33_1_1 = sb*x40;
@@ -1085,7 +1071,7 @@ void TYPED(tricept_tricept_sensitivity)(const REAL pose[3], REAL r, REAL R, REAL
   const REAL M33_3_1 = cb*x40;
   const REAL M33_3_2 = -cb*q_x - sb*x41;
   const REAL M33_3_3 = x31;
-  const REAL inverse_determinant = ((singular) ? K(1.0) : K(1.0)/determinant);
+  const REAL inverse_determinant = SELECT(singular, K(1.0), K(1.0)/determinant);
   const REAL point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
   const REAL point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
   const REAL point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
@@ -1111,34 +1097,31 @@ void TYPED(tricept_tricept_sensitivity)(const REAL pose[3], REAL r, REAL R, REAL
   const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
   const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
   /* outputs */
-  A35[0] = ((singular) ? (REAL)NAN : A_1_1);
-  A35[1] = ((singular) ? (REAL)NAN : A_1_2);
-  A35[2] = ((singular) ? (REAL)NAN : A_1_3);
-  A35[3] = ((singular) ? (REAL)NAN : A_1_4);
-  A35[4] = ((singular) ? (REAL)NAN : A_1_5);
-  A35[5] = ((singular) ? (REAL)NAN : A_2_1);
-  A35[6] = ((singular) ? (REAL)NAN : A_2_2);
-  A35[7] = ((singular) ? (REAL)NAN : A_2_3);
-  A35[8] = ((singular) ? (REAL)NAN : A_2_4);
-  A35[9] = ((singular) ? (REAL)NAN : A_2_5);
-  A35[10] = ((singular) ? (REAL)NAN : A_3_1);
-  A35[11] = ((singular) ? (REAL)NAN : A_3_2);
-  A35[12] = ((singular) ? (REAL)NAN : A_3_3);
-  A35[13] = ((singular) ? (REAL)NAN : A_3_4);
-  A35[14] = ((singular) ? (REAL)NAN : A_3_5);
-}
-
-void TYPED(tricept_tricept_sensitivity_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *A35) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_sensitivity)(pose + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], A35 + 15 * i);
+  A35[AT(0)] = SELECT(singular, (REAL)NAN, A_1_1);
+  A35[AT(1)] = SELECT(singular, (REAL)NAN, A_1_2);
+  A35[AT(2)] = SELECT(singular, (REAL)NAN, A_1_3);
+  A35[AT(3)] = SELECT(singular, (REAL)NAN, A_1_4);
+  A35[AT(4)] = SELECT(singular, (REAL)NAN, A_1_5);
+  A35[AT(5)] = SELECT(singular, (REAL)NAN, A_2_1);
+  A35[AT(6)] = SELECT(singular, (REAL)NAN, A_2_2);
+  A35[AT(7)] = SELECT(singular, (REAL)NAN, A_2_3);
+  A35[AT(8)] = SELECT(singular, (REAL)NAN, A_2_4);
+  A35[AT(9)] = SELECT(singular, (REAL)NAN, A_2_5);
+  A35[AT(10)] = SELECT(singular, (REAL)NAN, A_3_1);
+  A35[AT(11)] = SELECT(singular, (REAL)NAN, A_3_2);
+  A35[AT(12)] = SELECT(singular, (REAL)NAN, A_3_3);
+  A35[AT(13)] = SELECT(singular, (REAL)NAN, A_3_4);
+  A35[AT(14)] = SELECT(singular, (REAL)NAN, A_3_5);
+  ANGLE(0, alpha);
+  ANGLE(1, beta);
 }
 
 /* tricept_at_point: 83 add, 161 mul, 3 div, 10 sqrt */
-void TYPED(tricept_tricept_at_point)(const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL A35[15], REAL legs[3]) {
+KERNEL(tricept_tricept_at_point, const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL A35[15], REAL legs[3]) {
   /* inputs */
-  const REAL point_1 = point[0];
-  const REAL point_2 = point[1];
-  const REAL point_3 = point[2];
+  const REAL point_1 = point[AT(0)];
+  const REAL point_2 = point[AT(1)];
+  const REAL point_3 = point[AT(2)];
   /* intermediate terms */
   const REAL level_squared = (point_1*point_1) + (point_3*point_3);
   const REAL x0 = level_squared - (q_x*q_x);
@@ -1235,62 +1218,57 @@ void TYPED(tricept_tricept_at_point)(const REAL point[3], REAL r, REAL R, REAL q
   const REAL x24 = N_3_2*x15;
   const REAL x25 = K(2.0)*N_3_3/K(3.0) + x23;
   /* outputs */
-  A35[0] = x14*(x13 - K(4.0)*N_1_3/K(3.0));
-  A35[1] = x18*(x17 - x16);
-  A35[2] = x19*(x16 + x17);
-  A35[3] = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1);
-  A35[4] = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2);
-  A35[5] = x14*(x20 - K(4.0)*N_2_3/K(3.0));
-  A35[6] = x18*(x22 - x21);
-  A35[7] = x19*(x21 + x22);
-  A35[8] = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1);
-  A35[9] = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2);
-  A35[10] = x14*(x23 - K(4.0)*N_3_3/K(3.0));
-  A35[11] = x18*(x25 - x24);
-  A35[12] = x19*(x24 + x25);
-  A35[13] = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1);
-  A35[14] = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2);
-  legs[0] = rod_length_1;
-  legs[1] = rod_length_2;
-  legs[2] = rod_length_3;
-}
-
-void TYPED(tricept_tricept_at_point_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *A35, REAL *legs) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_at_point)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], A35 + 15 * i, legs + 3 * i);
+  A35[AT(0)] = x14*(x13 - K(4.0)*N_1_3/K(3.0));
+  A35[AT(1)] = x18*(x17 - x16);
+  A35[AT(2)] = x19*(x16 + x17);
+  A35[AT(3)] = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1);
+  A35[AT(4)] = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2);
+  A35[AT(5)] = x14*(x20 - K(4.0)*N_2_3/K(3.0));
+  A35[AT(6)] = x18*(x22 - x21);
+  A35[AT(7)] = x19*(x21 + x22);
+  A35[AT(8)] = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1);
+  A35[AT(9)] = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2);
+  A35[AT(10)] = x14*(x23 - K(4.0)*N_3_3/K(3.0));
+  A35[AT(11)] = x18*(x25 - x24);
+  A35[AT(12)] = x19*(x24 + x25);
+  A35[AT(13)] = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1);
+  A35[AT(14)] = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2);
+  legs[AT(0)] = rod_length_1;
+  legs[AT(1)] = rod_length_2;
+  legs[AT(2)] = rod_length_3;
 }
 
 /* tricept_propagate: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
-void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, const REAL U_x[25], REAL U_y[9], int8_t *status) {
+KERNEL(tricept_tricept_propagate, const REAL point[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL shortest, REAL longest, const REAL U_x[25], REAL U_y[9], CODE *status) {
   /* inputs */
-  const REAL point_1 = point[0];
-  const REAL point_2 = point[1];
-  const REAL point_3 = point[2];
-  const REAL U_x_1_1 = U_x[0];
-  const REAL U_x_1_2 = U_x[1];
-  const REAL U_x_1_3 = U_x[2];
-  const REAL U_x_1_4 = U_x[3];
-  const REAL U_x_1_5 = U_x[4];
-  const REAL U_x_2_1 = U_x[5];
-  const REAL U_x_2_2 = U_x[6];
-  const REAL U_x_2_3 = U_x[7];
-  const REAL U_x_2_4 = U_x[8];
-  const REAL U_x_2_5 = U_x[9];
-  const REAL U_x_3_1 = U_x[10];
-  const REAL U_x_3_2 = U_x[11];
-  const REAL U_x_3_3 = U_x[12];
-  const REAL U_x_3_4 = U_x[13];
-  const REAL U_x_3_5 = U_x[14];
-  const REAL U_x_4_1 = U_x[15];
-  const REAL U_x_4_2 = U_x[16];
-  const REAL U_x_4_3 = U_x[17];
-  const REAL U_x_4_4 = U_x[18];
-  const REAL U_x_4_5 = U_x[19];
-  const REAL U_x_5_1 = U_x[20];
-  const REAL U_x_5_2 = U_x[21];
-  const REAL U_x_5_3 = U_x[22];
-  const REAL U_x_5_4 = U_x[23];
-  const REAL U_x_5_5 = U_x[24];
+  const REAL point_1 = point[AT(0)];
+  const REAL point_2 = point[AT(1)];
+  const REAL point_3 = point[AT(2)];
+  const REAL U_x_1_1 = U_x[AT(0)];
+  const REAL U_x_1_2 = U_x[AT(1)];
+  const REAL U_x_1_3 = U_x[AT(2)];
+  const REAL U_x_1_4 = U_x[AT(3)];
+  const REAL U_x_1_5 = U_x[AT(4)];
+  const REAL U_x_2_1 = U_x[AT(5)];
+  const REAL U_x_2_2 = U_x[AT(6)];
+  const REAL U_x_2_3 = U_x[AT(7)];
+  const REAL U_x_2_4 = U_x[AT(8)];
+  const REAL U_x_2_5 = U_x[AT(9)];
+  const REAL U_x_3_1 = U_x[AT(10)];
+  const REAL U_x_3_2 = U_x[AT(11)];
+  const REAL U_x_3_3 = U_x[AT(12)];
+  const REAL U_x_3_4 = U_x[AT(13)];
+  const REAL U_x_3_5 = U_x[AT(14)];
+  const REAL U_x_4_1 = U_x[AT(15)];
+  const REAL U_x_4_2 = U_x[AT(16)];
+  const REAL U_x_4_3 = U_x[AT(17)];
+  const REAL U_x_4_4 = U_x[AT(18)];
+  const REAL U_x_4_5 = U_x[AT(19)];
+  const REAL U_x_5_1 = U_x[AT(20)];
+  const REAL U_x_5_2 = U_x[AT(21)];
+  const REAL U_x_5_3 = U_x[AT(22)];
+  const REAL U_x_5_4 = U_x[AT(23)];
+  const REAL U_x_5_5 = U_x[AT(24)];
   /* intermediate terms */
   const REAL level_squared = (point_1*point_1) + (point_3*point_3);
   const REAL level = SQRT(level_squared);
@@ -1298,23 +1276,23 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL g_squared = (level - x0)*(level + x0);
   const REAL x1 = K(16.0)*REAL_EPSILON;
   const REAL g_band = x1*(level_squared + (q_x*q_x));
-  const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + ((g_squared > K(0.0)) ? g_squared : K(0.0));
+  const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + SELECT(TEST(g_squared > K(0.0)), g_squared, K(0.0));
   const REAL x2 = (point_2*point_2);
   const REAL u_band = g_band + x1*((q_y*q_y) + x2);
-  const int no_root = (g_squared < -g_band) || (u_squared < -u_band);
-  const int double_root = (g_squared <= g_band) || (u_squared <= u_band);
-  const REAL g = ((g_squared > K(0.0)) ? SQRT(g_squared) : K(0.0));
-  const REAL u = ((u_squared > K(0.0)) ? SQRT(u_squared) : K(0.0));
+  const CONDITION no_root = (TEST(g_squared < -g_band)) | (TEST(u_squared < -u_band));
+  const CONDITION double_root = (TEST(g_squared <= g_band)) | (TEST(u_squared <= u_band));
+  const REAL g = SELECT(TEST(g_squared > K(0.0)), SQRT(g_squared), K(0.0));
+  const REAL u = SELECT(TEST(u_squared > K(0.0)), SQRT(u_squared), K(0.0));
   const REAL whole = (g*g) + x2;
-  const int free_beta = level_squared == K(0.0);
-  const int free_alpha = whole == K(0.0);
-  const REAL by_level = ((free_beta) ? K(1.0) : K(1.0)/level_squared);
-  const REAL by_whole = ((free_alpha) ? K(1.0) : K(1.0)/whole);
-  const int valid = (shortest <= longest) && (whole <= REAL_MAX) && (x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX) && (R > K(0.0)) && (r > K(0.0));
-  const REAL sa_plus = ((free_alpha) ? K(0.0) : by_whole*(point_2*u - g*q_y));
-  const REAL ca_plus = ((free_alpha) ? K(1.0) : by_whole*(g*u + point_2*q_y));
-  const REAL sb_plus = ((free_beta) ? K(0.0) : by_level*(g*point_1 - point_3*q_x));
-  const REAL cb_plus = ((free_beta) ? K(1.0) : by_level*(g*point_3 + point_1*q_x));
+  const CONDITION free_beta = TEST(level_squared == K(0.0));
+  const CONDITION free_alpha = TEST(whole == K(0.0));
+  const REAL by_level = SELECT(free_beta, K(1.0), K(1.0)/level_squared);
+  const REAL by_whole = SELECT(free_alpha, K(1.0), K(1.0)/whole);
+  const CONDITION valid = (TEST(shortest <= longest)) & (TEST(whole <= REAL_MAX)) & (TEST(x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX)) & (TEST(R > K(0.0))) & (TEST(r > K(0.0)));
+  const REAL sa_plus = SELECT(free_alpha, K(0.0), by_whole*(point_2*u - g*q_y));
+  const REAL ca_plus = SELECT(free_alpha, K(1.0), by_whole*(g*u + point_2*q_y));
+  const REAL sb_plus = SELECT(free_beta, K(0.0), by_level*(g*point_1 - point_3*q_x));
+  const REAL cb_plus = SELECT(free_beta, K(1.0), by_level*(g*point_3 + point_1*q_x));
   const REAL z = u - q_z;
   const REAL x3 = ca_plus*z;
   const REAL x4 = sb_plus*x3;
@@ -1393,7 +1371,7 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL x41 = P_1_3*adjugate_3_1;
   const REAL determinant = x39 + x40 + x41;
   const REAL determinant_size = FABS(x39) + FABS(x40) + FABS(x41);
-  const int singular = FABS(determinant) <= determinant_size*x1;
+  const CONDITION singular = TEST(FABS(determinant) <= determinant_size*x1);
   const REAL x42 = q_z + z;
   const REAL x43 = -ca_plus*q_y - sa_plus*x42;
   const REAL M33_1_1 = sb_plus*x43;
@@ -1406,7 +1384,7 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL M33_3_1 = cb_plus*x43;
   const REAL M33_3_2 = -cb_plus*q_x - sb_plus*x44;
   const REAL M33_3_3 = x34;
-  const REAL inverse_determinant = ((singular) ? K(1.0) : K(1.0)/determinant);
+  const REAL inverse_determinant = SELECT(singular, K(1.0), K(1.0)/determinant);
   const REAL point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
   const REAL point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
   const REAL point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
@@ -1432,28 +1410,28 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
   const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
   const REAL x45 = K(1.0)/POW(REAL_EPSILON, K(2.5));
-  const REAL correlation_scale_1 = ((U_x_1_1 > K(0.0)) ? K(1.0)/SQRT(U_x_1_1) : x45);
-  const REAL correlation_scale_2 = ((U_x_2_2 > K(0.0)) ? K(1.0)/SQRT(U_x_2_2) : x45);
-  const REAL correlation_scale_3 = ((U_x_3_3 > K(0.0)) ? K(1.0)/SQRT(U_x_3_3) : x45);
-  const REAL correlation_scale_4 = ((U_x_4_4 > K(0.0)) ? K(1.0)/SQRT(U_x_4_4) : x45);
-  const REAL correlation_scale_5 = ((U_x_5_5 > K(0.0)) ? K(1.0)/SQRT(U_x_5_5) : x45);
-  const REAL correlation_00 = ((U_x_1_1 > K(0.0)) ? K(1.0) : K(0.0));
-  const REAL correlation_11 = ((U_x_2_2 > K(0.0)) ? K(1.0) : K(0.0));
+  const REAL correlation_scale_1 = SELECT(TEST(U_x_1_1 > K(0.0)), K(1.0)/SQRT(U_x_1_1), x45);
+  const REAL correlation_scale_2 = SELECT(TEST(U_x_2_2 > K(0.0)), K(1.0)/SQRT(U_x_2_2), x45);
+  const REAL correlation_scale_3 = SELECT(TEST(U_x_3_3 > K(0.0)), K(1.0)/SQRT(U_x_3_3), x45);
+  const REAL correlation_scale_4 = SELECT(TEST(U_x_4_4 > K(0.0)), K(1.0)/SQRT(U_x_4_4), x45);
+  const REAL correlation_scale_5 = SELECT(TEST(U_x_5_5 > K(0.0)), K(1.0)/SQRT(U_x_5_5), x45);
+  const REAL correlation_00 = SELECT(TEST(U_x_1_1 > K(0.0)), K(1.0), K(0.0));
+  const REAL correlation_11 = SELECT(TEST(U_x_2_2 > K(0.0)), K(1.0), K(0.0));
   const REAL x46 = correlation_scale_1*correlation_scale_2;
   const REAL correlation_10 = U_x_2_1*x46;
-  const REAL correlation_22 = ((U_x_3_3 > K(0.0)) ? K(1.0) : K(0.0));
+  const REAL correlation_22 = SELECT(TEST(U_x_3_3 > K(0.0)), K(1.0), K(0.0));
   const REAL x47 = correlation_scale_1*correlation_scale_3;
   const REAL correlation_20 = U_x_3_1*x47;
   const REAL x48 = correlation_scale_2*correlation_scale_3;
   const REAL correlation_21 = U_x_3_2*x48;
-  const REAL correlation_33 = ((U_x_4_4 > K(0.0)) ? K(1.0) : K(0.0));
+  const REAL correlation_33 = SELECT(TEST(U_x_4_4 > K(0.0)), K(1.0), K(0.0));
   const REAL x49 = correlation_scale_1*correlation_scale_4;
   const REAL correlation_30 = U_x_4_1*x49;
   const REAL x50 = correlation_scale_2*correlation_scale_4;
   const REAL correlation_31 = U_x_4_2*x50;
   const REAL x51 = correlation_scale_3*correlation_scale_4;
   const REAL correlation_32 = U_x_4_3*x51;
-  const REAL correlation_44 = ((U_x_5_5 > K(0.0)) ? K(1.0) : K(0.0));
+  const REAL correlation_44 = SELECT(TEST(U_x_5_5 > K(0.0)), K(1.0), K(0.0));
   const REAL x52 = correlation_scale_1*correlation_scale_5;
   const REAL correlation_40 = U_x_5_1*x52;
   const REAL x53 = correlation_scale_2*correlation_scale_5;
@@ -1463,8 +1441,8 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL x55 = correlation_scale_4*correlation_scale_5;
   const REAL correlation_43 = U_x_5_4*x55;
   const REAL x78 = K(256.0)*REAL_EPSILON;
-  const int pivot_0 = correlation_00 > x78;
-  const REAL pivot_0_inverse = ((pivot_0) ? K(1.0)/correlation_00 : K(0.0));
+  const CONDITION pivot_0 = TEST(correlation_00 > x78);
+  const REAL pivot_0_inverse = SELECT(pivot_0, K(1.0)/correlation_00, K(0.0));
   const REAL x56 = (correlation_10*correlation_10);
   const REAL left_0_11 = correlation_11 - pivot_0_inverse*x56;
   const REAL x58 = correlation_10*pivot_0_inverse;
@@ -1481,8 +1459,8 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse;
   const REAL x67 = (correlation_40*correlation_40);
   const REAL left_0_44 = correlation_44 - pivot_0_inverse*x67;
-  const int pivot_1 = left_0_11 > x78;
-  const REAL pivot_1_inverse = ((pivot_1) ? K(1.0)/left_0_11 : K(0.0));
+  const CONDITION pivot_1 = TEST(left_0_11 > x78);
+  const REAL pivot_1_inverse = SELECT(pivot_1, K(1.0)/left_0_11, K(0.0));
   const REAL x68 = (left_0_21*left_0_21);
   const REAL left_1_22 = left_0_22 - pivot_1_inverse*x68;
   const REAL x69 = left_0_21*pivot_1_inverse;
@@ -1493,19 +1471,19 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse;
   const REAL x71 = (left_0_41*left_0_41);
   const REAL left_1_44 = left_0_44 - pivot_1_inverse*x71;
-  const int pivot_2 = left_1_22 > x78;
-  const REAL pivot_2_inverse = ((pivot_2) ? K(1.0)/left_1_22 : K(0.0));
+  const CONDITION pivot_2 = TEST(left_1_22 > x78);
+  const REAL pivot_2_inverse = SELECT(pivot_2, K(1.0)/left_1_22, K(0.0));
   const REAL x72 = (left_1_32*left_1_32);
   const REAL left_2_33 = left_1_33 - pivot_2_inverse*x72;
   const REAL left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse;
   const REAL x73 = (left_1_42*left_1_42);
   const REAL left_2_44 = left_1_44 - pivot_2_inverse*x73;
-  const int pivot_3 = left_2_33 > x78;
-  const REAL pivot_3_inverse = ((pivot_3) ? K(1.0)/left_2_33 : K(0.0));
+  const CONDITION pivot_3 = TEST(left_2_33 > x78);
+  const REAL pivot_3_inverse = SELECT(pivot_3, K(1.0)/left_2_33, K(0.0));
   const REAL x74 = (left_2_43*left_2_43);
   const REAL left_3_44 = left_2_44 - pivot_3_inverse*x74;
   const REAL x79 = K(512.0)*REAL_EPSILON;
-  const int no_covariance = ((!(pivot_0)) && (x56 > x79)) || ((!(pivot_0)) && (x59 > x79)) || ((!(pivot_0)) && (x63 > x79)) || ((!(pivot_0)) && (x67 > x79)) || ((!(pivot_1)) && (x68 > x79)) || ((!(pivot_1)) && (x70 > x79)) || ((!(pivot_1)) && (x71 > x79)) || ((!(pivot_2)) && (x72 > x79)) || ((!(pivot_2)) && (x73 > x79)) || ((!(pivot_3)) && (x74 > x79)) || (!((U_x_1_1 >= K(0.0)) && (U_x_1_1 <= REAL_MAX))) || (!((U_x_2_2 >= K(0.0)) && (U_x_2_2 <= REAL_MAX))) || (!((U_x_3_3 >= K(0.0)) && (U_x_3_3 <= REAL_MAX))) || (!((U_x_4_4 >= K(0.0)) && (U_x_4_4 <= REAL_MAX))) || (!((U_x_5_5 >= K(0.0)) && (U_x_5_5 <= REAL_MAX))) || (FABS(U_x_1_2*x46 - correlation_10) > x78) || (FABS(U_x_1_3*x47 - correlation_20) > x78) || (FABS(U_x_1_4*x49 - correlation_30) > x78) || (FABS(U_x_1_5*x52 - correlation_40) > x78) || (FABS(U_x_2_3*x48 - correlation_21) > x78) || (FABS(U_x_2_4*x50 - correlation_31) > x78) || (FABS(U_x_2_5*x53 - correlation_41) > x78) || (FABS(U_x_3_4*x51 - correlation_32) > x78) || (FABS(U_x_3_5*x54 - correlation_42) > x78) || (FABS(U_x_4_5*x55 - correlation_43) > x78) || (correlation_00 < -x78) || (left_0_11 < -x78) || (left_1_22 < -x78) || (left_2_33 < -x78) || (left_3_44 < -x78);
+  const CONDITION no_covariance = ((NOT(pivot_0)) & (TEST(x56 > x79))) | ((NOT(pivot_0)) & (TEST(x59 > x79))) | ((NOT(pivot_0)) & (TEST(x63 > x79))) | ((NOT(pivot_0)) & (TEST(x67 > x79))) | ((NOT(pivot_1)) & (TEST(x68 > x79))) | ((NOT(pivot_1)) & (TEST(x70 > x79))) | ((NOT(pivot_1)) & (TEST(x71 > x79))) | ((NOT(pivot_2)) & (TEST(x72 > x79))) | ((NOT(pivot_2)) & (TEST(x73 > x79))) | ((NOT(pivot_3)) & (TEST(x74 > x79))) | (NOT((TEST(U_x_1_1 >= K(0.0))) & (TEST(U_x_1_1 <= REAL_MAX)))) | (NOT((TEST(U_x_2_2 >= K(0.0))) & (TEST(U_x_2_2 <= REAL_MAX)))) | (NOT((TEST(U_x_3_3 >= K(0.0))) & (TEST(U_x_3_3 <= REAL_MAX)))) | (NOT((TEST(U_x_4_4 >= K(0.0))) & (TEST(U_x_4_4 <= REAL_MAX)))) | (NOT((TEST(U_x_5_5 >= K(0.0))) & (TEST(U_x_5_5 <= REAL_MAX)))) | (TEST(FABS(U_x_1_2*x46 - correlation_10) > x78)) | (TEST(FABS(U_x_1_3*x47 - correlation_20) > x78)) | (TEST(FABS(U_x_1_4*x49 - correlation_30) > x78)) | (TEST(FABS(U_x_1_5*x52 - correlation_40) > x78)) | (TEST(FABS(U_x_2_3*x48 - correlation_21) > x78)) | (TEST(FABS(U_x_2_4*x50 - correlation_31) > x78)) | (TEST(FABS(U_x_2_5*x53 - correlation_41) > x78)) | (TEST(FABS(U_x_3_4*x51 - correlation_32) > x78)) | (TEST(FABS(U_x_3_5*x54 - correlation_42) > x78)) | (TEST(FABS(U_x_4_5*x55 - correlation_43) > x78)) | (TEST(correlation_00 < -x78)) | (TEST(left_0_11 < -x78)) | (TEST(left_1_22 < -x78)) | (TEST(left_2_33 < -x78)) | (TEST(left_3_44 < -x78));
   const REAL half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1;
   const REAL half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2;
   const REAL half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3;
@@ -1527,35 +1505,30 @@ void TYPED(tricept_tricept_propagate)(const REAL point[3], REAL r, REAL R, REAL 
   const REAL covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5;
   const REAL covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5;
   const REAL covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5;
-  const int there = (valid) && (!(no_covariance)) && (!(no_root)) && (!(singular));
-  const REAL x75 = ((there) ? covariance_01 : (REAL)NAN);
-  const REAL x76 = ((there) ? covariance_02 : (REAL)NAN);
-  const REAL x77 = ((there) ? covariance_12 : (REAL)NAN);
-  const REAL status_value = ((!(valid)) ? K(7.0) : ((no_covariance) ? K(6.0) : ((no_root) ? K(4.0) : ((singular) ? K(5.0) : (((free_alpha) || (free_beta)) ? K(3.0) : ((double_root) ? K(2.0) : (((rod_length_1 > longest) || (rod_length_2 > longest) || (rod_length_3 > longest) || (rod_length_1 < shortest) || (rod_length_2 < shortest) || (rod_length_3 < shortest)) ? K(1.0) : K(0.0))))))));
+  const CONDITION there = (valid) & (NOT(no_covariance)) & (NOT(no_root)) & (NOT(singular));
+  const REAL x75 = SELECT(there, covariance_01, (REAL)NAN);
+  const REAL x76 = SELECT(there, covariance_02, (REAL)NAN);
+  const REAL x77 = SELECT(there, covariance_12, (REAL)NAN);
+  const REAL status_value = SELECT(NOT(valid), K(7.0), SELECT(no_covariance, K(6.0), SELECT(no_root, K(4.0), SELECT(singular, K(5.0), SELECT((free_alpha) | (free_beta), K(3.0), SELECT(double_root, K(2.0), SELECT((TEST(rod_length_1 > longest)) | (TEST(rod_length_2 > longest)) | (TEST(rod_length_3 > longest)) | (TEST(rod_length_1 < shortest)) | (TEST(rod_length_2 < shortest)) | (TEST(rod_length_3 < shortest)), K(1.0), K(0.0))))))));
   /* outputs */
-  U_y[0] = ((there) ? covariance_00 : (REAL)NAN);
-  U_y[1] = x75;
-  U_y[2] = x76;
-  U_y[3] = x75;
-  U_y[4] = ((there) ? covariance_11 : (REAL)NAN);
-  U_y[5] = x77;
-  U_y[6] = x76;
-  U_y[7] = x77;
-  U_y[8] = ((there) ? covariance_22 : (REAL)NAN);
-  *status = (int8_t)status_value;
-}
-
-void TYPED(tricept_tricept_propagate_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, const REAL *shortest, const REAL *longest, const REAL *U_x, REAL *U_y, int8_t *status) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_tricept_propagate)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], U_x + 25 * i, U_y + 9 * i, status + i);
+  U_y[AT(0)] = SELECT(there, covariance_00, (REAL)NAN);
+  U_y[AT(1)] = x75;
+  U_y[AT(2)] = x76;
+  U_y[AT(3)] = x75;
+  U_y[AT(4)] = SELECT(there, covariance_11, (REAL)NAN);
+  U_y[AT(5)] = x77;
+  U_y[AT(6)] = x76;
+  U_y[AT(7)] = x77;
+  U_y[AT(8)] = SELECT(there, covariance_22, (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
 /* tricept_singularity: 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
-void TYPED(tricept_tricept_singularity)(const REAL pose[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL *det_W33, REAL *ratio, REAL *det_M33) {
+KERNEL(tricept_tricept_singularity, const REAL pose[3], REAL r, REAL R, REAL q_x, REAL q_y, REAL q_z, REAL *det_W33, REAL *ratio, REAL *det_M33) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
   (void)q_x;
   /* intermediate terms */
   const REAL alpha = pose_1;
@@ -1606,11 +1579,60 @@ void TYPED(tricept_tricept_singularity)(const REAL pose[3], REAL r, REAL R, REAL
   *det_W33 = det_W33_;
   *ratio = K(0.125)*det_W33_/((R*R)*(pose_3*pose_3*pose_3));
   *det_M33 = -h*(ca*h - q_y*sa);
+  ANGLE(0, alpha);
+  ANGLE(1, beta);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(tricept_tricept_point_batch)(size_t count, const REAL *pose, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *point, REAL *rotation) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_point)(pose + 3 * i, q_x[i], q_y[i], q_z[i], point + 3 * i, rotation + 9 * i);
+}
+
+void TYPED(tricept_tricept_legs_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, REAL *legs) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_legs)(pose + 3 * i, r[i], R[i], legs + 3 * i);
+}
+
+void TYPED(tricept_tricept_inverse_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, const REAL *shortest, const REAL *longest, REAL *poses, REAL *legs, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_inverse)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], poses + 12 * i, legs + 12 * i, status + 4 * i);
+}
+
+void TYPED(tricept_tricept_pose_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, const REAL *shortest, const REAL *longest, REAL *pose, REAL *legs, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_pose)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], pose + 3 * i, legs + 3 * i, status + i);
+}
+
+void TYPED(tricept_tricept_direct_batch)(size_t count, const REAL *legs, const REAL *r, const REAL *R, REAL *pose, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_direct)(legs + 3 * i, r[i], R[i], pose + 3 * i, status + i);
+}
+
+void TYPED(tricept_tricept_matrices_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *W33, REAL *W35, REAL *M33, REAL *M35, REAL *A35) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_matrices)(pose + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], W33 + 9 * i, W35 + 15 * i, M33 + 9 * i, M35 + 15 * i, A35 + 15 * i);
+}
+
+void TYPED(tricept_tricept_sensitivity_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *A35) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_sensitivity)(pose + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], A35 + 15 * i);
+}
+
+void TYPED(tricept_tricept_at_point_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *A35, REAL *legs) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_at_point)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], A35 + 15 * i, legs + 3 * i);
+}
+
+void TYPED(tricept_tricept_propagate_batch)(size_t count, const REAL *point, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, const REAL *shortest, const REAL *longest, const REAL *U_x, REAL *U_y, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_tricept_propagate)(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], U_x + 25 * i, U_y + 9 * i, status + i);
 }
 
 void TYPED(tricept_tricept_singularity_batch)(size_t count, const REAL *pose, const REAL *r, const REAL *R, const REAL *q_x, const REAL *q_y, const REAL *q_z, REAL *det_W33, REAL *ratio, REAL *det_M33) {
   for (size_t i = 0; i < count; ++i)
     TYPED(tricept_tricept_singularity)(pose + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], det_W33 + i, ratio + i, det_M33 + i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Kureková, Omachelová, Halaj and Martišovitš, "Positioning uncertainty of the Tricept type parallel kinematic structure", Acta IMEKO 4(4), 2015
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -14,6 +15,15 @@
 
 #include <float.h>
 #include <math.h>
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -54,32 +64,32 @@
 #else
 
 /* tricept_parameter_sensitivity: 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin */
-void TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(const REAL pose[3], const REAL fixed[9], const REAL moving[9], const REAL tool[3], REAL place[3], REAL rods[3], REAL sensitivity[129], REAL *regularity) {
+KERNEL(tricept_uncertainty_tricept_parameter_sensitivity, const REAL pose[3], const REAL fixed[9], const REAL moving[9], const REAL tool[3], REAL place[3], REAL rods[3], REAL sensitivity[129], REAL *regularity) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
-  const REAL fixed_1_1 = fixed[0];
-  const REAL fixed_1_2 = fixed[1];
-  const REAL fixed_1_3 = fixed[2];
-  const REAL fixed_2_1 = fixed[3];
-  const REAL fixed_2_2 = fixed[4];
-  const REAL fixed_2_3 = fixed[5];
-  const REAL fixed_3_1 = fixed[6];
-  const REAL fixed_3_2 = fixed[7];
-  const REAL fixed_3_3 = fixed[8];
-  const REAL moving_1_1 = moving[0];
-  const REAL moving_1_2 = moving[1];
-  const REAL moving_1_3 = moving[2];
-  const REAL moving_2_1 = moving[3];
-  const REAL moving_2_2 = moving[4];
-  const REAL moving_2_3 = moving[5];
-  const REAL moving_3_1 = moving[6];
-  const REAL moving_3_2 = moving[7];
-  const REAL moving_3_3 = moving[8];
-  const REAL tool_1 = tool[0];
-  const REAL tool_2 = tool[1];
-  const REAL tool_3 = tool[2];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
+  const REAL fixed_1_1 = fixed[AT(0)];
+  const REAL fixed_1_2 = fixed[AT(1)];
+  const REAL fixed_1_3 = fixed[AT(2)];
+  const REAL fixed_2_1 = fixed[AT(3)];
+  const REAL fixed_2_2 = fixed[AT(4)];
+  const REAL fixed_2_3 = fixed[AT(5)];
+  const REAL fixed_3_1 = fixed[AT(6)];
+  const REAL fixed_3_2 = fixed[AT(7)];
+  const REAL fixed_3_3 = fixed[AT(8)];
+  const REAL moving_1_1 = moving[AT(0)];
+  const REAL moving_1_2 = moving[AT(1)];
+  const REAL moving_1_3 = moving[AT(2)];
+  const REAL moving_2_1 = moving[AT(3)];
+  const REAL moving_2_2 = moving[AT(4)];
+  const REAL moving_2_3 = moving[AT(5)];
+  const REAL moving_3_1 = moving[AT(6)];
+  const REAL moving_3_2 = moving[AT(7)];
+  const REAL moving_3_3 = moving[AT(8)];
+  const REAL tool_1 = tool[AT(0)];
+  const REAL tool_2 = tool[AT(1)];
+  const REAL tool_3 = tool[AT(2)];
   /* intermediate terms */
   const REAL c_alpha = COS(pose_1);
   const REAL s_alpha = SIN(pose_1);
@@ -469,193 +479,190 @@ void TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(const REAL pose[3]
   const REAL x113 = gain_3_3*length_2;
   const REAL x114 = gain_3_1*x43;
   /* outputs */
-  place[0] = at_3_1;
-  place[1] = at_3_2;
-  place[2] = at_3_3;
-  rods[0] = length_0;
-  rods[1] = length_1;
-  rods[2] = length_2;
-  sensitivity[0] = x40;
-  sensitivity[1] = x41;
-  sensitivity[2] = x42;
-  sensitivity[3] = -gain_1_2*x50 - gain_1_3*x56 - x44;
-  sensitivity[4] = gain_1_1*leg_0_1 - gain_1_2*x57 - gain_1_3*x58;
-  sensitivity[5] = x40;
-  sensitivity[6] = x41;
-  sensitivity[7] = x42;
-  sensitivity[8] = gain_1_1*leg_0_1;
-  sensitivity[9] = gain_1_1*leg_0_2;
-  sensitivity[10] = gain_1_1*leg_0_3;
-  sensitivity[11] = gain_1_2*leg_1_1;
-  sensitivity[12] = gain_1_2*leg_1_2;
-  sensitivity[13] = gain_1_2*leg_1_3;
-  sensitivity[14] = gain_1_3*leg_2_1;
-  sensitivity[15] = gain_1_3*leg_2_2;
-  sensitivity[16] = gain_1_3*leg_2_3;
-  sensitivity[17] = -x44;
-  sensitivity[18] = -gain_1_1*x59;
-  sensitivity[19] = -gain_1_1*x60;
-  sensitivity[20] = -gain_1_2*x61;
-  sensitivity[21] = -gain_1_2*x49;
-  sensitivity[22] = -gain_1_2*x62;
-  sensitivity[23] = -gain_1_3*x63;
-  sensitivity[24] = -gain_1_3*x54;
-  sensitivity[25] = -gain_1_3*x64;
-  sensitivity[26] = turn_1_1;
-  sensitivity[27] = turn_1_2;
-  sensitivity[28] = turn_1_3;
-  sensitivity[29] = by_guide_3_1_1 - gain_1_1*x65 - gain_1_2*x66 - gain_1_3*x67;
-  sensitivity[30] = by_guide_3_1_2 - gain_1_1*x68 - gain_1_2*x69 - gain_1_3*x70;
-  sensitivity[31] = by_guide_3_1_3 - gain_1_1*x71 - gain_1_2*x72 - gain_1_3*x73;
-  sensitivity[32] = by_guide_3_1_4 - gain_1_1*x74 - gain_1_2*x75 - gain_1_3*x76;
-  sensitivity[33] = by_guide_3_1_5 - gain_1_1*x77 - gain_1_2*x78 - gain_1_3*x79;
-  sensitivity[34] = by_guide_3_1_6 - gain_1_1*x80 - gain_1_2*x81 - gain_1_3*x82;
-  sensitivity[35] = by_guide_3_1_7 - gain_1_1*x83 - gain_1_2*x84 - gain_1_3*x85;
-  sensitivity[36] = by_guide_3_1_8 - gain_1_1*x86 - gain_1_2*x87 - gain_1_3*x88;
-  sensitivity[37] = by_guide_3_1_9 - gain_1_1*x89 - gain_1_2*x90 - gain_1_3*x91;
-  sensitivity[38] = by_guide_3_1_10 - gain_1_1*x92 - gain_1_2*x93 - gain_1_3*x94;
-  sensitivity[39] = by_guide_3_1_11 - gain_1_1*x95 - gain_1_2*x96 - gain_1_3*x97;
-  sensitivity[40] = by_guide_3_1_12 - gain_1_1*x98 - gain_1_2*x99 - gain_1_3*x100;
-  sensitivity[41] = by_guide_3_1_13 - gain_1_1*x101 - gain_1_2*x102 - gain_1_3*x103;
-  sensitivity[42] = by_guide_3_1_14 - gain_1_1*x104 - gain_1_2*x105 - gain_1_3*x106;
-  sensitivity[43] = x107;
-  sensitivity[44] = x108;
-  sensitivity[45] = x109;
-  sensitivity[46] = -gain_2_2*x50 - gain_2_3*x56 - x110;
-  sensitivity[47] = gain_2_1*leg_0_1 - gain_2_2*x57 - gain_2_3*x58;
-  sensitivity[48] = x107;
-  sensitivity[49] = x108;
-  sensitivity[50] = x109;
-  sensitivity[51] = gain_2_1*leg_0_1;
-  sensitivity[52] = gain_2_1*leg_0_2;
-  sensitivity[53] = gain_2_1*leg_0_3;
-  sensitivity[54] = gain_2_2*leg_1_1;
-  sensitivity[55] = gain_2_2*leg_1_2;
-  sensitivity[56] = gain_2_2*leg_1_3;
-  sensitivity[57] = gain_2_3*leg_2_1;
-  sensitivity[58] = gain_2_3*leg_2_2;
-  sensitivity[59] = gain_2_3*leg_2_3;
-  sensitivity[60] = -x110;
-  sensitivity[61] = -gain_2_1*x59;
-  sensitivity[62] = -gain_2_1*x60;
-  sensitivity[63] = -gain_2_2*x61;
-  sensitivity[64] = -gain_2_2*x49;
-  sensitivity[65] = -gain_2_2*x62;
-  sensitivity[66] = -gain_2_3*x63;
-  sensitivity[67] = -gain_2_3*x54;
-  sensitivity[68] = -gain_2_3*x64;
-  sensitivity[69] = turn_2_1;
-  sensitivity[70] = turn_2_2;
-  sensitivity[71] = turn_2_3;
-  sensitivity[72] = by_guide_3_2_1 - gain_2_1*x65 - gain_2_2*x66 - gain_2_3*x67;
-  sensitivity[73] = by_guide_3_2_2 - gain_2_1*x68 - gain_2_2*x69 - gain_2_3*x70;
-  sensitivity[74] = by_guide_3_2_3 - gain_2_1*x71 - gain_2_2*x72 - gain_2_3*x73;
-  sensitivity[75] = by_guide_3_2_4 - gain_2_1*x74 - gain_2_2*x75 - gain_2_3*x76;
-  sensitivity[76] = by_guide_3_2_5 - gain_2_1*x77 - gain_2_2*x78 - gain_2_3*x79;
-  sensitivity[77] = by_guide_3_2_6 - gain_2_1*x80 - gain_2_2*x81 - gain_2_3*x82;
-  sensitivity[78] = by_guide_3_2_7 - gain_2_1*x83 - gain_2_2*x84 - gain_2_3*x85;
-  sensitivity[79] = by_guide_3_2_8 - gain_2_1*x86 - gain_2_2*x87 - gain_2_3*x88;
-  sensitivity[80] = by_guide_3_2_9 - gain_2_1*x89 - gain_2_2*x90 - gain_2_3*x91;
-  sensitivity[81] = by_guide_3_2_10 - gain_2_1*x92 - gain_2_2*x93 - gain_2_3*x94;
-  sensitivity[82] = by_guide_3_2_11 - gain_2_1*x95 - gain_2_2*x96 - gain_2_3*x97;
-  sensitivity[83] = by_guide_3_2_12 - gain_2_1*x98 - gain_2_2*x99 - gain_2_3*x100;
-  sensitivity[84] = by_guide_3_2_13 - gain_2_1*x101 - gain_2_2*x102 - gain_2_3*x103;
-  sensitivity[85] = by_guide_3_2_14 - gain_2_1*x104 - gain_2_2*x105 - gain_2_3*x106;
-  sensitivity[86] = x111;
-  sensitivity[87] = x112;
-  sensitivity[88] = x113;
-  sensitivity[89] = -gain_3_2*x50 - gain_3_3*x56 - x114;
-  sensitivity[90] = gain_3_1*leg_0_1 - gain_3_2*x57 - gain_3_3*x58;
-  sensitivity[91] = x111;
-  sensitivity[92] = x112;
-  sensitivity[93] = x113;
-  sensitivity[94] = gain_3_1*leg_0_1;
-  sensitivity[95] = gain_3_1*leg_0_2;
-  sensitivity[96] = gain_3_1*leg_0_3;
-  sensitivity[97] = gain_3_2*leg_1_1;
-  sensitivity[98] = gain_3_2*leg_1_2;
-  sensitivity[99] = gain_3_2*leg_1_3;
-  sensitivity[100] = gain_3_3*leg_2_1;
-  sensitivity[101] = gain_3_3*leg_2_2;
-  sensitivity[102] = gain_3_3*leg_2_3;
-  sensitivity[103] = -x114;
-  sensitivity[104] = -gain_3_1*x59;
-  sensitivity[105] = -gain_3_1*x60;
-  sensitivity[106] = -gain_3_2*x61;
-  sensitivity[107] = -gain_3_2*x49;
-  sensitivity[108] = -gain_3_2*x62;
-  sensitivity[109] = -gain_3_3*x63;
-  sensitivity[110] = -gain_3_3*x54;
-  sensitivity[111] = -gain_3_3*x64;
-  sensitivity[112] = turn_3_1;
-  sensitivity[113] = turn_3_2;
-  sensitivity[114] = turn_3_3;
-  sensitivity[115] = by_guide_3_3_1 - gain_3_1*x65 - gain_3_2*x66 - gain_3_3*x67;
-  sensitivity[116] = by_guide_3_3_2 - gain_3_1*x68 - gain_3_2*x69 - gain_3_3*x70;
-  sensitivity[117] = by_guide_3_3_3 - gain_3_1*x71 - gain_3_2*x72 - gain_3_3*x73;
-  sensitivity[118] = by_guide_3_3_4 - gain_3_1*x74 - gain_3_2*x75 - gain_3_3*x76;
-  sensitivity[119] = by_guide_3_3_5 - gain_3_1*x77 - gain_3_2*x78 - gain_3_3*x79;
-  sensitivity[120] = by_guide_3_3_6 - gain_3_1*x80 - gain_3_2*x81 - gain_3_3*x82;
-  sensitivity[121] = by_guide_3_3_7 - gain_3_1*x83 - gain_3_2*x84 - gain_3_3*x85;
-  sensitivity[122] = by_guide_3_3_8 - gain_3_1*x86 - gain_3_2*x87 - gain_3_3*x88;
-  sensitivity[123] = by_guide_3_3_9 - gain_3_1*x89 - gain_3_2*x90 - gain_3_3*x91;
-  sensitivity[124] = by_guide_3_3_10 - gain_3_1*x92 - gain_3_2*x93 - gain_3_3*x94;
-  sensitivity[125] = by_guide_3_3_11 - gain_3_1*x95 - gain_3_2*x96 - gain_3_3*x97;
-  sensitivity[126] = by_guide_3_3_12 - gain_3_1*x98 - gain_3_2*x99 - gain_3_3*x100;
-  sensitivity[127] = by_guide_3_3_13 - gain_3_1*x101 - gain_3_2*x102 - gain_3_3*x103;
-  sensitivity[128] = by_guide_3_3_14 - gain_3_1*x104 - gain_3_2*x105 - gain_3_3*x106;
+  place[AT(0)] = at_3_1;
+  place[AT(1)] = at_3_2;
+  place[AT(2)] = at_3_3;
+  rods[AT(0)] = length_0;
+  rods[AT(1)] = length_1;
+  rods[AT(2)] = length_2;
+  sensitivity[AT(0)] = x40;
+  sensitivity[AT(1)] = x41;
+  sensitivity[AT(2)] = x42;
+  sensitivity[AT(3)] = -gain_1_2*x50 - gain_1_3*x56 - x44;
+  sensitivity[AT(4)] = gain_1_1*leg_0_1 - gain_1_2*x57 - gain_1_3*x58;
+  sensitivity[AT(5)] = x40;
+  sensitivity[AT(6)] = x41;
+  sensitivity[AT(7)] = x42;
+  sensitivity[AT(8)] = gain_1_1*leg_0_1;
+  sensitivity[AT(9)] = gain_1_1*leg_0_2;
+  sensitivity[AT(10)] = gain_1_1*leg_0_3;
+  sensitivity[AT(11)] = gain_1_2*leg_1_1;
+  sensitivity[AT(12)] = gain_1_2*leg_1_2;
+  sensitivity[AT(13)] = gain_1_2*leg_1_3;
+  sensitivity[AT(14)] = gain_1_3*leg_2_1;
+  sensitivity[AT(15)] = gain_1_3*leg_2_2;
+  sensitivity[AT(16)] = gain_1_3*leg_2_3;
+  sensitivity[AT(17)] = -x44;
+  sensitivity[AT(18)] = -gain_1_1*x59;
+  sensitivity[AT(19)] = -gain_1_1*x60;
+  sensitivity[AT(20)] = -gain_1_2*x61;
+  sensitivity[AT(21)] = -gain_1_2*x49;
+  sensitivity[AT(22)] = -gain_1_2*x62;
+  sensitivity[AT(23)] = -gain_1_3*x63;
+  sensitivity[AT(24)] = -gain_1_3*x54;
+  sensitivity[AT(25)] = -gain_1_3*x64;
+  sensitivity[AT(26)] = turn_1_1;
+  sensitivity[AT(27)] = turn_1_2;
+  sensitivity[AT(28)] = turn_1_3;
+  sensitivity[AT(29)] = by_guide_3_1_1 - gain_1_1*x65 - gain_1_2*x66 - gain_1_3*x67;
+  sensitivity[AT(30)] = by_guide_3_1_2 - gain_1_1*x68 - gain_1_2*x69 - gain_1_3*x70;
+  sensitivity[AT(31)] = by_guide_3_1_3 - gain_1_1*x71 - gain_1_2*x72 - gain_1_3*x73;
+  sensitivity[AT(32)] = by_guide_3_1_4 - gain_1_1*x74 - gain_1_2*x75 - gain_1_3*x76;
+  sensitivity[AT(33)] = by_guide_3_1_5 - gain_1_1*x77 - gain_1_2*x78 - gain_1_3*x79;
+  sensitivity[AT(34)] = by_guide_3_1_6 - gain_1_1*x80 - gain_1_2*x81 - gain_1_3*x82;
+  sensitivity[AT(35)] = by_guide_3_1_7 - gain_1_1*x83 - gain_1_2*x84 - gain_1_3*x85;
+  sensitivity[AT(36)] = by_guide_3_1_8 - gain_1_1*x86 - gain_1_2*x87 - gain_1_3*x88;
+  sensitivity[AT(37)] = by_guide_3_1_9 - gain_1_1*x89 - gain_1_2*x90 - gain_1_3*x91;
+  sensitivity[AT(38)] = by_guide_3_1_10 - gain_1_1*x92 - gain_1_2*x93 - gain_1_3*x94;
+  sensitivity[AT(39)] = by_guide_3_1_11 - gain_1_1*x95 - gain_1_2*x96 - gain_1_3*x97;
+  sensitivity[AT(40)] = by_guide_3_1_12 - gain_1_1*x98 - gain_1_2*x99 - gain_1_3*x100;
+  sensitivity[AT(41)] = by_guide_3_1_13 - gain_1_1*x101 - gain_1_2*x102 - gain_1_3*x103;
+  sensitivity[AT(42)] = by_guide_3_1_14 - gain_1_1*x104 - gain_1_2*x105 - gain_1_3*x106;
+  sensitivity[AT(43)] = x107;
+  sensitivity[AT(44)] = x108;
+  sensitivity[AT(45)] = x109;
+  sensitivity[AT(46)] = -gain_2_2*x50 - gain_2_3*x56 - x110;
+  sensitivity[AT(47)] = gain_2_1*leg_0_1 - gain_2_2*x57 - gain_2_3*x58;
+  sensitivity[AT(48)] = x107;
+  sensitivity[AT(49)] = x108;
+  sensitivity[AT(50)] = x109;
+  sensitivity[AT(51)] = gain_2_1*leg_0_1;
+  sensitivity[AT(52)] = gain_2_1*leg_0_2;
+  sensitivity[AT(53)] = gain_2_1*leg_0_3;
+  sensitivity[AT(54)] = gain_2_2*leg_1_1;
+  sensitivity[AT(55)] = gain_2_2*leg_1_2;
+  sensitivity[AT(56)] = gain_2_2*leg_1_3;
+  sensitivity[AT(57)] = gain_2_3*leg_2_1;
+  sensitivity[AT(58)] = gain_2_3*leg_2_2;
+  sensitivity[AT(59)] = gain_2_3*leg_2_3;
+  sensitivity[AT(60)] = -x110;
+  sensitivity[AT(61)] = -gain_2_1*x59;
+  sensitivity[AT(62)] = -gain_2_1*x60;
+  sensitivity[AT(63)] = -gain_2_2*x61;
+  sensitivity[AT(64)] = -gain_2_2*x49;
+  sensitivity[AT(65)] = -gain_2_2*x62;
+  sensitivity[AT(66)] = -gain_2_3*x63;
+  sensitivity[AT(67)] = -gain_2_3*x54;
+  sensitivity[AT(68)] = -gain_2_3*x64;
+  sensitivity[AT(69)] = turn_2_1;
+  sensitivity[AT(70)] = turn_2_2;
+  sensitivity[AT(71)] = turn_2_3;
+  sensitivity[AT(72)] = by_guide_3_2_1 - gain_2_1*x65 - gain_2_2*x66 - gain_2_3*x67;
+  sensitivity[AT(73)] = by_guide_3_2_2 - gain_2_1*x68 - gain_2_2*x69 - gain_2_3*x70;
+  sensitivity[AT(74)] = by_guide_3_2_3 - gain_2_1*x71 - gain_2_2*x72 - gain_2_3*x73;
+  sensitivity[AT(75)] = by_guide_3_2_4 - gain_2_1*x74 - gain_2_2*x75 - gain_2_3*x76;
+  sensitivity[AT(76)] = by_guide_3_2_5 - gain_2_1*x77 - gain_2_2*x78 - gain_2_3*x79;
+  sensitivity[AT(77)] = by_guide_3_2_6 - gain_2_1*x80 - gain_2_2*x81 - gain_2_3*x82;
+  sensitivity[AT(78)] = by_guide_3_2_7 - gain_2_1*x83 - gain_2_2*x84 - gain_2_3*x85;
+  sensitivity[AT(79)] = by_guide_3_2_8 - gain_2_1*x86 - gain_2_2*x87 - gain_2_3*x88;
+  sensitivity[AT(80)] = by_guide_3_2_9 - gain_2_1*x89 - gain_2_2*x90 - gain_2_3*x91;
+  sensitivity[AT(81)] = by_guide_3_2_10 - gain_2_1*x92 - gain_2_2*x93 - gain_2_3*x94;
+  sensitivity[AT(82)] = by_guide_3_2_11 - gain_2_1*x95 - gain_2_2*x96 - gain_2_3*x97;
+  sensitivity[AT(83)] = by_guide_3_2_12 - gain_2_1*x98 - gain_2_2*x99 - gain_2_3*x100;
+  sensitivity[AT(84)] = by_guide_3_2_13 - gain_2_1*x101 - gain_2_2*x102 - gain_2_3*x103;
+  sensitivity[AT(85)] = by_guide_3_2_14 - gain_2_1*x104 - gain_2_2*x105 - gain_2_3*x106;
+  sensitivity[AT(86)] = x111;
+  sensitivity[AT(87)] = x112;
+  sensitivity[AT(88)] = x113;
+  sensitivity[AT(89)] = -gain_3_2*x50 - gain_3_3*x56 - x114;
+  sensitivity[AT(90)] = gain_3_1*leg_0_1 - gain_3_2*x57 - gain_3_3*x58;
+  sensitivity[AT(91)] = x111;
+  sensitivity[AT(92)] = x112;
+  sensitivity[AT(93)] = x113;
+  sensitivity[AT(94)] = gain_3_1*leg_0_1;
+  sensitivity[AT(95)] = gain_3_1*leg_0_2;
+  sensitivity[AT(96)] = gain_3_1*leg_0_3;
+  sensitivity[AT(97)] = gain_3_2*leg_1_1;
+  sensitivity[AT(98)] = gain_3_2*leg_1_2;
+  sensitivity[AT(99)] = gain_3_2*leg_1_3;
+  sensitivity[AT(100)] = gain_3_3*leg_2_1;
+  sensitivity[AT(101)] = gain_3_3*leg_2_2;
+  sensitivity[AT(102)] = gain_3_3*leg_2_3;
+  sensitivity[AT(103)] = -x114;
+  sensitivity[AT(104)] = -gain_3_1*x59;
+  sensitivity[AT(105)] = -gain_3_1*x60;
+  sensitivity[AT(106)] = -gain_3_2*x61;
+  sensitivity[AT(107)] = -gain_3_2*x49;
+  sensitivity[AT(108)] = -gain_3_2*x62;
+  sensitivity[AT(109)] = -gain_3_3*x63;
+  sensitivity[AT(110)] = -gain_3_3*x54;
+  sensitivity[AT(111)] = -gain_3_3*x64;
+  sensitivity[AT(112)] = turn_3_1;
+  sensitivity[AT(113)] = turn_3_2;
+  sensitivity[AT(114)] = turn_3_3;
+  sensitivity[AT(115)] = by_guide_3_3_1 - gain_3_1*x65 - gain_3_2*x66 - gain_3_3*x67;
+  sensitivity[AT(116)] = by_guide_3_3_2 - gain_3_1*x68 - gain_3_2*x69 - gain_3_3*x70;
+  sensitivity[AT(117)] = by_guide_3_3_3 - gain_3_1*x71 - gain_3_2*x72 - gain_3_3*x73;
+  sensitivity[AT(118)] = by_guide_3_3_4 - gain_3_1*x74 - gain_3_2*x75 - gain_3_3*x76;
+  sensitivity[AT(119)] = by_guide_3_3_5 - gain_3_1*x77 - gain_3_2*x78 - gain_3_3*x79;
+  sensitivity[AT(120)] = by_guide_3_3_6 - gain_3_1*x80 - gain_3_2*x81 - gain_3_3*x82;
+  sensitivity[AT(121)] = by_guide_3_3_7 - gain_3_1*x83 - gain_3_2*x84 - gain_3_3*x85;
+  sensitivity[AT(122)] = by_guide_3_3_8 - gain_3_1*x86 - gain_3_2*x87 - gain_3_3*x88;
+  sensitivity[AT(123)] = by_guide_3_3_9 - gain_3_1*x89 - gain_3_2*x90 - gain_3_3*x91;
+  sensitivity[AT(124)] = by_guide_3_3_10 - gain_3_1*x92 - gain_3_2*x93 - gain_3_3*x94;
+  sensitivity[AT(125)] = by_guide_3_3_11 - gain_3_1*x95 - gain_3_2*x96 - gain_3_3*x97;
+  sensitivity[AT(126)] = by_guide_3_3_12 - gain_3_1*x98 - gain_3_2*x99 - gain_3_3*x100;
+  sensitivity[AT(127)] = by_guide_3_3_13 - gain_3_1*x101 - gain_3_2*x102 - gain_3_3*x103;
+  sensitivity[AT(128)] = by_guide_3_3_14 - gain_3_1*x104 - gain_3_2*x105 - gain_3_3*x106;
   *regularity = det/(size_0*size_1*size_2);
-}
-
-void TYPED(tricept_uncertainty_tricept_parameter_sensitivity_batch)(size_t count, const REAL *pose, const REAL *fixed, const REAL *moving, const REAL *tool, REAL *place, REAL *rods, REAL *sensitivity, REAL *regularity) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(pose + 3 * i, fixed + 9 * i, moving + 9 * i, tool + 3 * i, place + 3 * i, rods + 3 * i, sensitivity + 129 * i, regularity + i);
+  ANGLE(0, pose_1);
+  ANGLE(1, pose_2);
 }
 
 /* tricept_closure: 219 add, 319 mul, 9 cos, 9 sin */
-void TYPED(tricept_uncertainty_tricept_closure)(const REAL pose[3], const REAL rods[3], const REAL fixed[9], const REAL moving[9], const REAL tool[3], const REAL guide[14], REAL residual[3], REAL place[3], REAL residual_jacobian[9], REAL place_jacobian[9]) {
+KERNEL(tricept_uncertainty_tricept_closure, const REAL pose[3], const REAL rods[3], const REAL fixed[9], const REAL moving[9], const REAL tool[3], const REAL guide[14], REAL residual[3], REAL place[3], REAL residual_jacobian[9], REAL place_jacobian[9]) {
   /* inputs */
-  const REAL pose_1 = pose[0];
-  const REAL pose_2 = pose[1];
-  const REAL pose_3 = pose[2];
-  const REAL rods_1 = rods[0];
-  const REAL rods_2 = rods[1];
-  const REAL rods_3 = rods[2];
-  const REAL fixed_1_1 = fixed[0];
-  const REAL fixed_1_2 = fixed[1];
-  const REAL fixed_1_3 = fixed[2];
-  const REAL fixed_2_1 = fixed[3];
-  const REAL fixed_2_2 = fixed[4];
-  const REAL fixed_2_3 = fixed[5];
-  const REAL fixed_3_1 = fixed[6];
-  const REAL fixed_3_2 = fixed[7];
-  const REAL fixed_3_3 = fixed[8];
-  const REAL moving_1_1 = moving[0];
-  const REAL moving_1_2 = moving[1];
-  const REAL moving_1_3 = moving[2];
-  const REAL moving_2_1 = moving[3];
-  const REAL moving_2_2 = moving[4];
-  const REAL moving_2_3 = moving[5];
-  const REAL moving_3_1 = moving[6];
-  const REAL moving_3_2 = moving[7];
-  const REAL moving_3_3 = moving[8];
-  const REAL tool_1 = tool[0];
-  const REAL tool_2 = tool[1];
-  const REAL tool_3 = tool[2];
-  const REAL guide_1 = guide[0];
-  const REAL guide_2 = guide[1];
-  const REAL guide_3 = guide[2];
-  const REAL guide_4 = guide[3];
-  const REAL guide_5 = guide[4];
-  const REAL guide_6 = guide[5];
-  const REAL guide_7 = guide[6];
-  const REAL guide_8 = guide[7];
-  const REAL guide_9 = guide[8];
-  const REAL guide_10 = guide[9];
-  const REAL guide_11 = guide[10];
-  const REAL guide_12 = guide[11];
-  const REAL guide_13 = guide[12];
-  const REAL guide_14 = guide[13];
+  const REAL pose_1 = pose[AT(0)];
+  const REAL pose_2 = pose[AT(1)];
+  const REAL pose_3 = pose[AT(2)];
+  const REAL rods_1 = rods[AT(0)];
+  const REAL rods_2 = rods[AT(1)];
+  const REAL rods_3 = rods[AT(2)];
+  const REAL fixed_1_1 = fixed[AT(0)];
+  const REAL fixed_1_2 = fixed[AT(1)];
+  const REAL fixed_1_3 = fixed[AT(2)];
+  const REAL fixed_2_1 = fixed[AT(3)];
+  const REAL fixed_2_2 = fixed[AT(4)];
+  const REAL fixed_2_3 = fixed[AT(5)];
+  const REAL fixed_3_1 = fixed[AT(6)];
+  const REAL fixed_3_2 = fixed[AT(7)];
+  const REAL fixed_3_3 = fixed[AT(8)];
+  const REAL moving_1_1 = moving[AT(0)];
+  const REAL moving_1_2 = moving[AT(1)];
+  const REAL moving_1_3 = moving[AT(2)];
+  const REAL moving_2_1 = moving[AT(3)];
+  const REAL moving_2_2 = moving[AT(4)];
+  const REAL moving_2_3 = moving[AT(5)];
+  const REAL moving_3_1 = moving[AT(6)];
+  const REAL moving_3_2 = moving[AT(7)];
+  const REAL moving_3_3 = moving[AT(8)];
+  const REAL tool_1 = tool[AT(0)];
+  const REAL tool_2 = tool[AT(1)];
+  const REAL tool_3 = tool[AT(2)];
+  const REAL guide_1 = guide[AT(0)];
+  const REAL guide_2 = guide[AT(1)];
+  const REAL guide_3 = guide[AT(2)];
+  const REAL guide_4 = guide[AT(3)];
+  const REAL guide_5 = guide[AT(4)];
+  const REAL guide_6 = guide[AT(5)];
+  const REAL guide_7 = guide[AT(6)];
+  const REAL guide_8 = guide[AT(7)];
+  const REAL guide_9 = guide[AT(8)];
+  const REAL guide_10 = guide[AT(9)];
+  const REAL guide_11 = guide[AT(10)];
+  const REAL guide_12 = guide[AT(11)];
+  const REAL guide_13 = guide[AT(12)];
+  const REAL guide_14 = guide[AT(13)];
   /* intermediate terms */
   const REAL x0 = COS(guide_13);
   const REAL x1 = COS(guide_14);
@@ -836,43 +843,47 @@ void TYPED(tricept_uncertainty_tricept_closure)(const REAL pose[3], const REAL r
   const REAL d_place_3_d_pose_2 = d_outer_3_1_d_pose_2*x49 + d_outer_3_3_d_pose_2*x51;
   const REAL d_place_3_d_pose_3 = x62;
   /* outputs */
-  residual[0] = K(0.5)*(leg_0_1*leg_0_1) + K(0.5)*(leg_0_2*leg_0_2) + K(0.5)*(leg_0_3*leg_0_3) - K(0.5)*(rods_1*rods_1);
-  residual[1] = K(0.5)*(leg_1_1*leg_1_1) + K(0.5)*(leg_1_2*leg_1_2) + K(0.5)*(leg_1_3*leg_1_3) - K(0.5)*(rods_2*rods_2);
-  residual[2] = K(0.5)*(leg_2_1*leg_2_1) + K(0.5)*(leg_2_2*leg_2_2) + K(0.5)*(leg_2_3*leg_2_3) - K(0.5)*(rods_3*rods_3);
-  place[0] = guide_1 + outer_1_1*x49 + outer_1_2*x50 + outer_1_3*x51;
-  place[1] = guide_2 + outer_2_1*x49 + outer_2_2*x50 + outer_2_3*x51;
-  place[2] = guide_3 + outer_3_1*x49 + outer_3_2*x50 + outer_3_3*x51;
-  residual_jacobian[0] = d_residual_1_d_pose_1;
-  residual_jacobian[1] = d_residual_1_d_pose_2;
-  residual_jacobian[2] = d_residual_1_d_pose_3;
-  residual_jacobian[3] = d_residual_2_d_pose_1;
-  residual_jacobian[4] = d_residual_2_d_pose_2;
-  residual_jacobian[5] = d_residual_2_d_pose_3;
-  residual_jacobian[6] = d_residual_3_d_pose_1;
-  residual_jacobian[7] = d_residual_3_d_pose_2;
-  residual_jacobian[8] = d_residual_3_d_pose_3;
-  place_jacobian[0] = d_place_1_d_pose_1;
-  place_jacobian[1] = d_place_1_d_pose_2;
-  place_jacobian[2] = d_place_1_d_pose_3;
-  place_jacobian[3] = d_place_2_d_pose_1;
-  place_jacobian[4] = d_place_2_d_pose_2;
-  place_jacobian[5] = d_place_2_d_pose_3;
-  place_jacobian[6] = d_place_3_d_pose_1;
-  place_jacobian[7] = d_place_3_d_pose_2;
-  place_jacobian[8] = d_place_3_d_pose_3;
-}
-
-void TYPED(tricept_uncertainty_tricept_closure_batch)(size_t count, const REAL *pose, const REAL *rods, const REAL *fixed, const REAL *moving, const REAL *tool, const REAL *guide, REAL *residual, REAL *place, REAL *residual_jacobian, REAL *place_jacobian) {
-  for (size_t i = 0; i < count; ++i)
-    TYPED(tricept_uncertainty_tricept_closure)(pose + 3 * i, rods + 3 * i, fixed + 9 * i, moving + 9 * i, tool + 3 * i, guide + 14 * i, residual + 3 * i, place + 3 * i, residual_jacobian + 9 * i, place_jacobian + 9 * i);
+  residual[AT(0)] = K(0.5)*(leg_0_1*leg_0_1) + K(0.5)*(leg_0_2*leg_0_2) + K(0.5)*(leg_0_3*leg_0_3) - K(0.5)*(rods_1*rods_1);
+  residual[AT(1)] = K(0.5)*(leg_1_1*leg_1_1) + K(0.5)*(leg_1_2*leg_1_2) + K(0.5)*(leg_1_3*leg_1_3) - K(0.5)*(rods_2*rods_2);
+  residual[AT(2)] = K(0.5)*(leg_2_1*leg_2_1) + K(0.5)*(leg_2_2*leg_2_2) + K(0.5)*(leg_2_3*leg_2_3) - K(0.5)*(rods_3*rods_3);
+  place[AT(0)] = guide_1 + outer_1_1*x49 + outer_1_2*x50 + outer_1_3*x51;
+  place[AT(1)] = guide_2 + outer_2_1*x49 + outer_2_2*x50 + outer_2_3*x51;
+  place[AT(2)] = guide_3 + outer_3_1*x49 + outer_3_2*x50 + outer_3_3*x51;
+  residual_jacobian[AT(0)] = d_residual_1_d_pose_1;
+  residual_jacobian[AT(1)] = d_residual_1_d_pose_2;
+  residual_jacobian[AT(2)] = d_residual_1_d_pose_3;
+  residual_jacobian[AT(3)] = d_residual_2_d_pose_1;
+  residual_jacobian[AT(4)] = d_residual_2_d_pose_2;
+  residual_jacobian[AT(5)] = d_residual_2_d_pose_3;
+  residual_jacobian[AT(6)] = d_residual_3_d_pose_1;
+  residual_jacobian[AT(7)] = d_residual_3_d_pose_2;
+  residual_jacobian[AT(8)] = d_residual_3_d_pose_3;
+  place_jacobian[AT(0)] = d_place_1_d_pose_1;
+  place_jacobian[AT(1)] = d_place_1_d_pose_2;
+  place_jacobian[AT(2)] = d_place_1_d_pose_3;
+  place_jacobian[AT(3)] = d_place_2_d_pose_1;
+  place_jacobian[AT(4)] = d_place_2_d_pose_2;
+  place_jacobian[AT(5)] = d_place_2_d_pose_3;
+  place_jacobian[AT(6)] = d_place_3_d_pose_1;
+  place_jacobian[AT(7)] = d_place_3_d_pose_2;
+  place_jacobian[AT(8)] = d_place_3_d_pose_3;
+  ANGLE(0, guide_11);
+  ANGLE(1, guide_12);
+  ANGLE(2, guide_13);
+  ANGLE(3, guide_14);
+  ANGLE(4, guide_4);
+  ANGLE(5, guide_5);
+  ANGLE(6, guide_7);
+  ANGLE(7, pose_1);
+  ANGLE(8, pose_2);
 }
 
 /* tricept_beam: 680 add, 1301 mul, 1 sqrt, 2 cos, 2 sin */
-void TYPED(tricept_uncertainty_tricept_beam)(REAL alpha, REAL beta, REAL R, REAL r, const REAL tool[3], REAL numerator[75], REAL determinant[4], REAL squares[9]) {
+KERNEL(tricept_uncertainty_tricept_beam, REAL alpha, REAL beta, REAL R, REAL r, const REAL tool[3], REAL numerator[75], REAL determinant[4], REAL squares[9]) {
   /* inputs */
-  const REAL tool_1 = tool[0];
-  const REAL tool_2 = tool[1];
-  const REAL tool_3 = tool[2];
+  const REAL tool_1 = tool[AT(0)];
+  const REAL tool_2 = tool[AT(1)];
+  const REAL tool_3 = tool[AT(2)];
   /* intermediate terms */
   const REAL c_alpha = COS(alpha);
   const REAL s_alpha = SIN(alpha);
@@ -1227,99 +1238,113 @@ void TYPED(tricept_uncertainty_tricept_beam)(REAL alpha, REAL beta, REAL R, REAL
   const REAL x349 = x219*x348;
   const REAL x350 = x19*x348*x73;
   /* outputs */
-  numerator[0] = x27*(K(6.0)*c_alpha*c_beta*tool_3*x6 + r*x0*x1 + K(2.0)*tool_1*x0*x1 - x13 - x18 - K(3.0)*x21 - x25 - K(6.0)*x4 - x5*x7);
-  numerator[1] = x60*(K(3.0)*R*x39 + x29*x30 + x37 + x44 + x59 - x33);
-  numerator[2] = -x67*x68;
-  numerator[3] = -x31*x69;
-  numerator[4] = K(0.0);
-  numerator[5] = -x93*(x72 + x76 + x78 + x86 + x91 - x80 - x82);
-  numerator[6] = -x60*(R*x94 + tool_1*x29 + x104 + x40*x47 + x53 - x48 - x50 - x55 - x58 - x95 - x96);
-  numerator[7] = x60*(x109 + x67);
-  numerator[8] = x110;
-  numerator[9] = K(0.0);
-  numerator[10] = -x93*(x111 + x80 + x82 + x91 - x72 - x76 - x78);
-  numerator[11] = -x60*(K(2.0)*R*r*x0*x8 + K(2.0)*R*r*x6*x8 + c_alpha*r*tool_1*x8 - x104 - x59 - x95 - x96);
-  numerator[12] = x60*(c_beta*r*s_beta*x0 + K(2.0)*c_beta*tool_3*x0 + x66 - x109 - x62 - x63);
-  numerator[13] = x110;
-  numerator[14] = K(0.0);
-  numerator[15] = x145*(R*c_alpha*c_beta*tool_2*x2*x8 + R*c_alpha*tool_1*x1*x6 + K(2.0)*R*c_alpha*tool_3*x115*x6 + R*c_beta*tool_1*x0*x1 + R*tool_1*x1*x9 + K(2.0)*c_alpha*c_beta*r*tool_3*x6*x8 + c_alpha*c_beta*s_beta*x113*x6 + K(2.0)*c_beta*r*tool_2*x2 + K(2.0)*c_beta*r*tool_3*x8*x9 + K(2.0)*r*s_beta*tool_1*x6 + K(2.0)*r*tool_3*x6*x8 + x0*x1*x113 - c_alpha*x120 - tool_3*x128*x8 - x102*x35 - x114*x116 - x118*x30 - x122*x126 - x122*x6*x75 - x123*x125*x8 - x123*x134*x24 - x130 - x133*x61 - x136*x31 - x143);
-  numerator[16] = x144*(R*x162*x34 + c_alpha*x50 + c_beta*x50 + tool_1*x146 + tool_1*x152 + x115*x169*x22*x56 + x116*x165 + K(5.0)*x150 + x155*x4 + x156*x157*x56 + x158*x19 + K(2.0)*x160 + K(2.0)*x161 + x164 - c_beta*x147*x87 - s_beta*x10*x116 - x113*x14*x34 - x132*x87 - x149 - x151*x28 - x153*x40 - x153*x42 - x154 - K(8.0)*x159 - x163*x34 - x167 - K(5.0)*x19*x4);
-  numerator[17] = x144*x182;
-  numerator[18] = x184*(c_alpha - c_beta);
-  numerator[19] = K(0.0);
-  numerator[20] = -x145*(c_beta*x187 + r*x121*x126 + tool_3*x125*x28 + x1*x195 + x11*x131 + x117*x191 + x121*x38*x75 + x123*x176 + x131*x193 + x15*x198 + x189 + x199*x34 + x202*x61 + x23*x40 + x77*x94 - R*x21 - tool_1*x192 - tool_1*x200 - x114*x146 - x136 - x141 - x175*x201 - x185*x24 - x190 - x197 - x198*x34 - x203 - x54);
-  numerator[21] = x47*(K(2.0)*R*c_alpha*c_beta*r*s_beta*tool_2*x2 + K(2.0)*R*c_alpha*r*tool_1*x6*x8 + K(2.0)*R*c_alpha*x113*x115*x6 + K(4.0)*R*c_beta*r*s_alpha*s_beta*tool_2*x9 + K(2.0)*R*c_beta*r*tool_1*x0*x8 + K(2.0)*R*c_beta*r*tool_1*x6*x8 + K(4.0)*R*r*s_alpha*s_beta*tool_2*x0*x115 + K(2.0)*R*r*s_beta*tool_2*x115*x2 + K(2.0)*R*r*tool_1*x8*x9 + R*x113*x121*x9 + K(2.0)*c_alpha*c_beta*s_beta*tool_3*x113*x6 + c_alpha*c_beta*tool_1*x113*x8 + c_beta*s_beta*tool_3*x113*x9 + K(4.0)*c_beta*s_beta*tool_3*x26*x9 + K(2.0)*r*x0*x26*x8 + K(2.0)*r*x26*x6*x8 - s_beta*x131*x213 - s_beta*x209*x4 - tool_1*x161 - tool_1*x211 - tool_3*x207 - x102*x208 - x113*x115*x212 - x113*x46 - x125*x135*x19 - x15*x194*x56 - x161*x215 - x194*x204 - x202*x87 - x205*x4 - x209*x46 - x210*x47 - x214*x57);
-  numerator[22] = x218*(s_beta*x215*x34 + x1*x151 + x117*x30 + x158 + x182 + x217*x34 + x25 - x13 - x140 - x178 - x18);
-  numerator[23] = -x56*(c_alpha*c_beta*r*x6*x8 + c_beta*r*x8*x9 + K(2.0)*c_beta*s_beta*tool_3*x9 + r*x0*x115 + r*x6*x8 - s_beta*x178 - x220 - x221 - x222 - K(4.0)*x31*x57 - x39);
-  numerator[24] = -K(8.0)*c_beta*x223;
-  numerator[25] = s_alpha*x27*(x105*x22 + x226 + x29 - x224 - K(3.0)*x99);
-  numerator[26] = c_beta*s_alpha*x60*(r*x227 + x148*x47 + x19*x231 + x230 - r*x23 - x228);
-  numerator[27] = x232*x68;
-  numerator[28] = K(0.0);
-  numerator[29] = K(0.0);
-  numerator[30] = -x93*(s_alpha*x84 + x107 + x237 + x79 - x233 - x234);
-  numerator[31] = x60*(x100 + x107*x242 + x129*x64 + x2*x239 + x244 - x240 - x241);
-  numerator[32] = -x249*(x245 + x247 - x243 - x248);
-  numerator[33] = -x250;
-  numerator[34] = K(0.0);
-  numerator[35] = -x93*(c_alpha*c_beta*tool_2*x6 + c_alpha*r*s_alpha*s_beta + K(2.0)*tool_2*x6 - x233 - x234 - x237);
-  numerator[36] = x60*(K(2.0)*R*c_alpha*c_beta*tool_2*x6 + K(2.0)*R*c_beta*r*s_alpha*s_beta*x0 + R*c_beta*r*s_beta*x2 + c_beta*r*tool_2*x6 - x240 - x241 - x244);
-  numerator[37] = -x249*(x243 + x245 + x248 - x247);
-  numerator[38] = x250;
-  numerator[39] = K(0.0);
-  numerator[40] = x252*(R*c_beta*s_beta*tool_3*x9 + R*s_beta*tool_3*x0*x115 + K(2.0)*R*s_beta*tool_3*x0 + R*tool_3*x0*x1 + c_alpha*x113*x8 + c_beta*x113*x6 + K(2.0)*r*s_alpha*s_beta*tool_2 - R*x115*x22*x61 - x133 - x155*x22 - x19*x227 - x204*x216 - x215*x57 - x251 - x33 - x44);
-  numerator[41] = -x257*(K(2.0)*R*c_beta*tool_3*x9 + K(2.0)*R*tool_3*x0*x115 + K(3.0)*c_alpha*c_beta*r*s_alpha*tool_2 + K(4.0)*c_beta*s_beta*x0*x113 + r*s_alpha*tool_2*x115 + r*s_alpha*tool_2*x8 + x255 - R*x179 - K(3.0)*tool_3*x201 - x120 - x173*x185 - x177*x47 - x185*x31 - x19*x256 - x190 - x198 - x199 - x253);
-  numerator[42] = -c_alpha*x257*(c_alpha*c_beta*r + K(2.0)*c_alpha*c_beta*s_beta*tool_3 - x105*x157 - x131 - x28);
-  numerator[43] = -s_alpha*s_beta*x184;
-  numerator[44] = K(0.0);
-  numerator[45] = -x252*(x149 + x159 + x160 + x161 + x202 + x23*x84 + x258 + x260 + x261*x87 + x262*x61 - R*x99 - x150 - x163 - x167 - x174*x19 - x259 - x263);
-  numerator[46] = x129*(R*x207 + tool_3*x194*x8 + x113*x276 + x115*x265 + x14*x264 + x185*x201 + x202*x275 + x209*x77 + x269*x47 + x270 + x273 + x274*x47 - x113*x77 - x135*x166 - x135*x220 - x14*x209*x22 - x209*x64 - x264*x8 - x267*x34 - x268 - x271);
-  numerator[47] = -s_alpha*x218*(c_beta*r*x0 + K(2.0)*s_alpha*s_beta*tool_2 - x162 - x224 - x277);
-  numerator[48] = c_alpha*s_alpha*x56*(x181 + x19 - x246);
-  numerator[49] = -K(8.0)*s_alpha*x215;
-  numerator[50] = x27*(c_beta*x221 + K(2.0)*x1*x10 + K(6.0)*x165 + x225 + x278 + x284 - K(6.0)*tool_1*x65 - x117*x23 - x279 - x281 - x7*x89);
-  numerator[51] = x60*(R*x64 + R*x66 + x143 + x16*x40 + x19*x285 + x290 - K(3.0)*c_alpha*x230 - x131*x35 - x162*x23);
-  numerator[52] = x68*(s_beta*x174 + x127*x8 + x128 + x134*x216 + x15*x216 + x285 + x40 - x132 - x83);
-  numerator[53] = x169*x69;
-  numerator[54] = K(0.0);
-  numerator[55] = -x93*(x103 + x292 + x293 + x297 + x300 - x294 - x295);
-  numerator[56] = x60*(x302 + x304 + x305 + x310 - x303 - x306 - x307 - x309);
-  numerator[57] = -x60*(x308 + x311 - x111 - x312 - x314 - x315 - x316 - x318);
-  numerator[58] = -x320*(c_alpha*s_beta - x319);
-  numerator[59] = K(0.0);
-  numerator[60] = -x93*(x294 + x295 + x300 - x103 - x292 - x293 - x297);
-  numerator[61] = x60*(x303 + x306 + x307 + x309 + x310 - x302 - x304 - x305);
-  numerator[62] = -x60*(x312 + x314 + x315 + x316 - x308 - x311 - x318 - x86);
-  numerator[63] = -x320*(x319 + x61);
-  numerator[64] = K(0.0);
-  numerator[65] = x145*(R*c_alpha*c_beta*tool_1*x6*x8 + R*c_beta*tool_1*x8*x9 + R*c_beta*tool_3*x1*x9 + R*tool_1*x0*x115*x8 + R*tool_3*x0*x1*x6 + R*tool_3*x1*x124 + K(2.0)*c_alpha*r*s_beta*tool_3*x115*x6 + K(2.0)*r*s_alpha*s_beta*tool_2*x0*x115 + x321 + x322 + x55 - R*x134*x212 - R*x169*x324 - c_beta*x127*x28 - x1*x123*x20 - x114*x217 - x123*x291*x323 - x127*x204 - x128*x57 - x134*x191 - x14*x43 - x204*x261 - x216*x323*x38 - x251 - x259*x31 - x325 - x56*x90);
-  numerator[66] = -x144*(K(4.0)*R*c_alpha*c_beta*r*s_beta*x6 + K(2.0)*R*c_alpha*tool_2*x2*x8 + K(2.0)*R*c_beta*s_alpha*tool_2*x0*x8 + K(2.0)*R*c_beta*tool_2*x2*x8 + K(2.0)*R*s_alpha*tool_2*x8*x9 + K(2.0)*c_alpha*c_beta*r*s_alpha*tool_2*x8 + c_alpha*r*s_alpha*tool_2*x323 + K(3.0)*c_alpha*r*tool_3*x115*x6 + K(5.0)*c_alpha*r*tool_3*x6*x8 + K(5.0)*c_beta*r*s_beta*tool_1*x0 + K(5.0)*c_beta*r*s_beta*tool_1*x6 + c_beta*r*tool_3*x6*x8 + K(3.0)*r*s_alpha*tool_2*x0*x115 + r*tool_3*x323*x6 + K(5.0)*r*tool_3*x8*x9 + K(2.0)*s_beta*x113*x115*x9 + K(2.0)*x1*x113*x9 + x253 - R*x1*x220 - R*x327 - c_beta*x151*x5 - x0*x116*x5 - K(5.0)*x114*x28 - x124*x131*x275 - x127*x331 - x131*x326 - x134*x228 - x134*x336 - x15*x228 - x177*x337 - x190*x6 - x197 - x203 - x22*x317 - K(5.0)*x22*x40 - x255 - x28*x77 - x31*x330 - x326*x332 - x328*x8 - x329*x34 - x333*x334 - x335*x47);
-  numerator[67] = -x144*(K(5.0)*c_alpha*r*x6*x8 + c_beta*r*x6*x8 + K(2.0)*c_beta*tool_1*x0 + K(4.0)*r*x115*x9 + r*x323*x6 + K(5.0)*r*x8*x9 + K(2.0)*s_beta*tool_3*x9 + K(2.0)*tool_2*x1*x2 - c_beta*x152 - c_beta*x222 - x0*x49 - x1*x339 - x115*x147 - x134*x231 - x14*x49 - x147*x8 - x170*x57 - x173*x30 - x216*x333 - x226 - x279 - x281 - x284 - x338);
-  numerator[68] = -x209*x61*(x0 - x14 - x340);
-  numerator[69] = K(0.0);
-  numerator[70] = -x145*(c_alpha*x114*x137 + c_beta*x210 + tool_1*x131*x34 + K(4.0)*tool_3*x19*x20 + x1*x201*x23 + x1*x213 + x126*x331 + x14*x154 + x14*x161 + x156*x262 + x164 + x165*x47 + x167*x6 + x192*x22 + x195*x323 + x229*x323*x75 + x23*x64 + x260 - R*x278 - R*x282 - R*x283 - tool_1*x332 - tool_1*x342 - tool_1*x343 - tool_3*x1*x220 - tool_3*x327 - x117*x185 - x131*x46 - x134*x258 - x178*x19 - x22*x276 - x263*x6 - x341*x61);
-  numerator[71] = x47*(c_beta*x189*x47 + r*x323*x334*x34 + tool_1*x115*x329 + tool_3*x322 + x0*x268 + x1*x124*x266 + x113*x286 + x115*x124*x267 + x123*x14*x94 + x131*x141 + x134*x265 + x144*x64 + x151*x262 + x160*x22 + x166*x336 + x166*x341 + x172*x191 + x187*x242 + x188*x275*x323 + x208*x84 + x209*x286 + x209*x299 + x218*x335 + x271 + x274*x337 + x28*x328 + x28*x47*x51 + x35*x41 - c_beta*tool_3*x161 - tool_3*x206*x323 - tool_3*x210 - x11*x209 - x113*x288 - x113*x63*x8 - x114*x29*x47 - x131*x144*x156 - x144*x192 - x15*x265 - x151*x344 - x194*x324 - x209*x288 - x209*x289 - x209*x298 - x209*x5*x65 - x211*x75 - x261*x344 - x270 - x272*x5 - K(6.0)*x273 - x28*x54);
-  numerator[72] = -x47*(K(4.0)*c_alpha*c_beta*r*s_alpha*s_beta*tool_2 + c_alpha*x113*x6*x8 + K(4.0)*c_alpha*x115*x26*x6 + K(4.0)*c_alpha*x26*x6*x8 + K(2.0)*c_beta*r*tool_1*x0 + c_beta*x113*x6*x8 + K(2.0)*r*s_beta*tool_3*x9 + K(2.0)*r*tool_2*x1*x2 + x113*x323*x6 + x113*x8*x9 + K(4.0)*x115*x26*x9 + K(4.0)*x26*x8*x9 - c_beta*tool_1*x94 - r*x338 - x131*x147 - x137*x339 - x147*x28 - x162*x30 - x166*x56*x6 - x170*x19*x22 - x321 - x322 - x325 - x33 - x333*x345 - x34*x41 - x342*x56 - x343*x56);
-  numerator[73] = x56*(c_alpha*x17 + c_beta*x140 + x12 + x134*x227 + x192 + x200 + x22*x280 + K(2.0)*x288 + x64 - c_alpha*x229 - x171 - K(2.0)*x286 - K(2.0)*x299 - x66);
-  numerator[74] = K(8.0)*x216*(x340 + x45);
-  determinant[0] = -(R*R*R)*x330*(x0*x8 - x20 - x34);
-  determinant[1] = -x145*(x277 + x99);
-  determinant[2] = K(4.0)*x92*(x31 + x65 - c_alpha);
-  determinant[3] = x214;
-  squares[0] = x346 - x219*x47;
-  squares[1] = -x155;
-  squares[2] = K(1.0);
-  squares[3] = x113 + x26 - x347 - x349 - x350;
-  squares[4] = R*(x61 - x73);
-  squares[5] = K(1.0);
-  squares[6] = x346 + x350 - x347 - x349;
-  squares[7] = R*(x61 + x73);
-  squares[8] = K(1.0);
+  numerator[AT(0)] = x27*(K(6.0)*c_alpha*c_beta*tool_3*x6 + r*x0*x1 + K(2.0)*tool_1*x0*x1 - x13 - x18 - K(3.0)*x21 - x25 - K(6.0)*x4 - x5*x7);
+  numerator[AT(1)] = x60*(K(3.0)*R*x39 + x29*x30 + x37 + x44 + x59 - x33);
+  numerator[AT(2)] = -x67*x68;
+  numerator[AT(3)] = -x31*x69;
+  numerator[AT(4)] = K(0.0);
+  numerator[AT(5)] = -x93*(x72 + x76 + x78 + x86 + x91 - x80 - x82);
+  numerator[AT(6)] = -x60*(R*x94 + tool_1*x29 + x104 + x40*x47 + x53 - x48 - x50 - x55 - x58 - x95 - x96);
+  numerator[AT(7)] = x60*(x109 + x67);
+  numerator[AT(8)] = x110;
+  numerator[AT(9)] = K(0.0);
+  numerator[AT(10)] = -x93*(x111 + x80 + x82 + x91 - x72 - x76 - x78);
+  numerator[AT(11)] = -x60*(K(2.0)*R*r*x0*x8 + K(2.0)*R*r*x6*x8 + c_alpha*r*tool_1*x8 - x104 - x59 - x95 - x96);
+  numerator[AT(12)] = x60*(c_beta*r*s_beta*x0 + K(2.0)*c_beta*tool_3*x0 + x66 - x109 - x62 - x63);
+  numerator[AT(13)] = x110;
+  numerator[AT(14)] = K(0.0);
+  numerator[AT(15)] = x145*(R*c_alpha*c_beta*tool_2*x2*x8 + R*c_alpha*tool_1*x1*x6 + K(2.0)*R*c_alpha*tool_3*x115*x6 + R*c_beta*tool_1*x0*x1 + R*tool_1*x1*x9 + K(2.0)*c_alpha*c_beta*r*tool_3*x6*x8 + c_alpha*c_beta*s_beta*x113*x6 + K(2.0)*c_beta*r*tool_2*x2 + K(2.0)*c_beta*r*tool_3*x8*x9 + K(2.0)*r*s_beta*tool_1*x6 + K(2.0)*r*tool_3*x6*x8 + x0*x1*x113 - c_alpha*x120 - tool_3*x128*x8 - x102*x35 - x114*x116 - x118*x30 - x122*x126 - x122*x6*x75 - x123*x125*x8 - x123*x134*x24 - x130 - x133*x61 - x136*x31 - x143);
+  numerator[AT(16)] = x144*(R*x162*x34 + c_alpha*x50 + c_beta*x50 + tool_1*x146 + tool_1*x152 + x115*x169*x22*x56 + x116*x165 + K(5.0)*x150 + x155*x4 + x156*x157*x56 + x158*x19 + K(2.0)*x160 + K(2.0)*x161 + x164 - c_beta*x147*x87 - s_beta*x10*x116 - x113*x14*x34 - x132*x87 - x149 - x151*x28 - x153*x40 - x153*x42 - x154 - K(8.0)*x159 - x163*x34 - x167 - K(5.0)*x19*x4);
+  numerator[AT(17)] = x144*x182;
+  numerator[AT(18)] = x184*(c_alpha - c_beta);
+  numerator[AT(19)] = K(0.0);
+  numerator[AT(20)] = -x145*(c_beta*x187 + r*x121*x126 + tool_3*x125*x28 + x1*x195 + x11*x131 + x117*x191 + x121*x38*x75 + x123*x176 + x131*x193 + x15*x198 + x189 + x199*x34 + x202*x61 + x23*x40 + x77*x94 - R*x21 - tool_1*x192 - tool_1*x200 - x114*x146 - x136 - x141 - x175*x201 - x185*x24 - x190 - x197 - x198*x34 - x203 - x54);
+  numerator[AT(21)] = x47*(K(2.0)*R*c_alpha*c_beta*r*s_beta*tool_2*x2 + K(2.0)*R*c_alpha*r*tool_1*x6*x8 + K(2.0)*R*c_alpha*x113*x115*x6 + K(4.0)*R*c_beta*r*s_alpha*s_beta*tool_2*x9 + K(2.0)*R*c_beta*r*tool_1*x0*x8 + K(2.0)*R*c_beta*r*tool_1*x6*x8 + K(4.0)*R*r*s_alpha*s_beta*tool_2*x0*x115 + K(2.0)*R*r*s_beta*tool_2*x115*x2 + K(2.0)*R*r*tool_1*x8*x9 + R*x113*x121*x9 + K(2.0)*c_alpha*c_beta*s_beta*tool_3*x113*x6 + c_alpha*c_beta*tool_1*x113*x8 + c_beta*s_beta*tool_3*x113*x9 + K(4.0)*c_beta*s_beta*tool_3*x26*x9 + K(2.0)*r*x0*x26*x8 + K(2.0)*r*x26*x6*x8 - s_beta*x131*x213 - s_beta*x209*x4 - tool_1*x161 - tool_1*x211 - tool_3*x207 - x102*x208 - x113*x115*x212 - x113*x46 - x125*x135*x19 - x15*x194*x56 - x161*x215 - x194*x204 - x202*x87 - x205*x4 - x209*x46 - x210*x47 - x214*x57);
+  numerator[AT(22)] = x218*(s_beta*x215*x34 + x1*x151 + x117*x30 + x158 + x182 + x217*x34 + x25 - x13 - x140 - x178 - x18);
+  numerator[AT(23)] = -x56*(c_alpha*c_beta*r*x6*x8 + c_beta*r*x8*x9 + K(2.0)*c_beta*s_beta*tool_3*x9 + r*x0*x115 + r*x6*x8 - s_beta*x178 - x220 - x221 - x222 - K(4.0)*x31*x57 - x39);
+  numerator[AT(24)] = -K(8.0)*c_beta*x223;
+  numerator[AT(25)] = s_alpha*x27*(x105*x22 + x226 + x29 - x224 - K(3.0)*x99);
+  numerator[AT(26)] = c_beta*s_alpha*x60*(r*x227 + x148*x47 + x19*x231 + x230 - r*x23 - x228);
+  numerator[AT(27)] = x232*x68;
+  numerator[AT(28)] = K(0.0);
+  numerator[AT(29)] = K(0.0);
+  numerator[AT(30)] = -x93*(s_alpha*x84 + x107 + x237 + x79 - x233 - x234);
+  numerator[AT(31)] = x60*(x100 + x107*x242 + x129*x64 + x2*x239 + x244 - x240 - x241);
+  numerator[AT(32)] = -x249*(x245 + x247 - x243 - x248);
+  numerator[AT(33)] = -x250;
+  numerator[AT(34)] = K(0.0);
+  numerator[AT(35)] = -x93*(c_alpha*c_beta*tool_2*x6 + c_alpha*r*s_alpha*s_beta + K(2.0)*tool_2*x6 - x233 - x234 - x237);
+  numerator[AT(36)] = x60*(K(2.0)*R*c_alpha*c_beta*tool_2*x6 + K(2.0)*R*c_beta*r*s_alpha*s_beta*x0 + R*c_beta*r*s_beta*x2 + c_beta*r*tool_2*x6 - x240 - x241 - x244);
+  numerator[AT(37)] = -x249*(x243 + x245 + x248 - x247);
+  numerator[AT(38)] = x250;
+  numerator[AT(39)] = K(0.0);
+  numerator[AT(40)] = x252*(R*c_beta*s_beta*tool_3*x9 + R*s_beta*tool_3*x0*x115 + K(2.0)*R*s_beta*tool_3*x0 + R*tool_3*x0*x1 + c_alpha*x113*x8 + c_beta*x113*x6 + K(2.0)*r*s_alpha*s_beta*tool_2 - R*x115*x22*x61 - x133 - x155*x22 - x19*x227 - x204*x216 - x215*x57 - x251 - x33 - x44);
+  numerator[AT(41)] = -x257*(K(2.0)*R*c_beta*tool_3*x9 + K(2.0)*R*tool_3*x0*x115 + K(3.0)*c_alpha*c_beta*r*s_alpha*tool_2 + K(4.0)*c_beta*s_beta*x0*x113 + r*s_alpha*tool_2*x115 + r*s_alpha*tool_2*x8 + x255 - R*x179 - K(3.0)*tool_3*x201 - x120 - x173*x185 - x177*x47 - x185*x31 - x19*x256 - x190 - x198 - x199 - x253);
+  numerator[AT(42)] = -c_alpha*x257*(c_alpha*c_beta*r + K(2.0)*c_alpha*c_beta*s_beta*tool_3 - x105*x157 - x131 - x28);
+  numerator[AT(43)] = -s_alpha*s_beta*x184;
+  numerator[AT(44)] = K(0.0);
+  numerator[AT(45)] = -x252*(x149 + x159 + x160 + x161 + x202 + x23*x84 + x258 + x260 + x261*x87 + x262*x61 - R*x99 - x150 - x163 - x167 - x174*x19 - x259 - x263);
+  numerator[AT(46)] = x129*(R*x207 + tool_3*x194*x8 + x113*x276 + x115*x265 + x14*x264 + x185*x201 + x202*x275 + x209*x77 + x269*x47 + x270 + x273 + x274*x47 - x113*x77 - x135*x166 - x135*x220 - x14*x209*x22 - x209*x64 - x264*x8 - x267*x34 - x268 - x271);
+  numerator[AT(47)] = -s_alpha*x218*(c_beta*r*x0 + K(2.0)*s_alpha*s_beta*tool_2 - x162 - x224 - x277);
+  numerator[AT(48)] = c_alpha*s_alpha*x56*(x181 + x19 - x246);
+  numerator[AT(49)] = -K(8.0)*s_alpha*x215;
+  numerator[AT(50)] = x27*(c_beta*x221 + K(2.0)*x1*x10 + K(6.0)*x165 + x225 + x278 + x284 - K(6.0)*tool_1*x65 - x117*x23 - x279 - x281 - x7*x89);
+  numerator[AT(51)] = x60*(R*x64 + R*x66 + x143 + x16*x40 + x19*x285 + x290 - K(3.0)*c_alpha*x230 - x131*x35 - x162*x23);
+  numerator[AT(52)] = x68*(s_beta*x174 + x127*x8 + x128 + x134*x216 + x15*x216 + x285 + x40 - x132 - x83);
+  numerator[AT(53)] = x169*x69;
+  numerator[AT(54)] = K(0.0);
+  numerator[AT(55)] = -x93*(x103 + x292 + x293 + x297 + x300 - x294 - x295);
+  numerator[AT(56)] = x60*(x302 + x304 + x305 + x310 - x303 - x306 - x307 - x309);
+  numerator[AT(57)] = -x60*(x308 + x311 - x111 - x312 - x314 - x315 - x316 - x318);
+  numerator[AT(58)] = -x320*(c_alpha*s_beta - x319);
+  numerator[AT(59)] = K(0.0);
+  numerator[AT(60)] = -x93*(x294 + x295 + x300 - x103 - x292 - x293 - x297);
+  numerator[AT(61)] = x60*(x303 + x306 + x307 + x309 + x310 - x302 - x304 - x305);
+  numerator[AT(62)] = -x60*(x312 + x314 + x315 + x316 - x308 - x311 - x318 - x86);
+  numerator[AT(63)] = -x320*(x319 + x61);
+  numerator[AT(64)] = K(0.0);
+  numerator[AT(65)] = x145*(R*c_alpha*c_beta*tool_1*x6*x8 + R*c_beta*tool_1*x8*x9 + R*c_beta*tool_3*x1*x9 + R*tool_1*x0*x115*x8 + R*tool_3*x0*x1*x6 + R*tool_3*x1*x124 + K(2.0)*c_alpha*r*s_beta*tool_3*x115*x6 + K(2.0)*r*s_alpha*s_beta*tool_2*x0*x115 + x321 + x322 + x55 - R*x134*x212 - R*x169*x324 - c_beta*x127*x28 - x1*x123*x20 - x114*x217 - x123*x291*x323 - x127*x204 - x128*x57 - x134*x191 - x14*x43 - x204*x261 - x216*x323*x38 - x251 - x259*x31 - x325 - x56*x90);
+  numerator[AT(66)] = -x144*(K(4.0)*R*c_alpha*c_beta*r*s_beta*x6 + K(2.0)*R*c_alpha*tool_2*x2*x8 + K(2.0)*R*c_beta*s_alpha*tool_2*x0*x8 + K(2.0)*R*c_beta*tool_2*x2*x8 + K(2.0)*R*s_alpha*tool_2*x8*x9 + K(2.0)*c_alpha*c_beta*r*s_alpha*tool_2*x8 + c_alpha*r*s_alpha*tool_2*x323 + K(3.0)*c_alpha*r*tool_3*x115*x6 + K(5.0)*c_alpha*r*tool_3*x6*x8 + K(5.0)*c_beta*r*s_beta*tool_1*x0 + K(5.0)*c_beta*r*s_beta*tool_1*x6 + c_beta*r*tool_3*x6*x8 + K(3.0)*r*s_alpha*tool_2*x0*x115 + r*tool_3*x323*x6 + K(5.0)*r*tool_3*x8*x9 + K(2.0)*s_beta*x113*x115*x9 + K(2.0)*x1*x113*x9 + x253 - R*x1*x220 - R*x327 - c_beta*x151*x5 - x0*x116*x5 - K(5.0)*x114*x28 - x124*x131*x275 - x127*x331 - x131*x326 - x134*x228 - x134*x336 - x15*x228 - x177*x337 - x190*x6 - x197 - x203 - x22*x317 - K(5.0)*x22*x40 - x255 - x28*x77 - x31*x330 - x326*x332 - x328*x8 - x329*x34 - x333*x334 - x335*x47);
+  numerator[AT(67)] = -x144*(K(5.0)*c_alpha*r*x6*x8 + c_beta*r*x6*x8 + K(2.0)*c_beta*tool_1*x0 + K(4.0)*r*x115*x9 + r*x323*x6 + K(5.0)*r*x8*x9 + K(2.0)*s_beta*tool_3*x9 + K(2.0)*tool_2*x1*x2 - c_beta*x152 - c_beta*x222 - x0*x49 - x1*x339 - x115*x147 - x134*x231 - x14*x49 - x147*x8 - x170*x57 - x173*x30 - x216*x333 - x226 - x279 - x281 - x284 - x338);
+  numerator[AT(68)] = -x209*x61*(x0 - x14 - x340);
+  numerator[AT(69)] = K(0.0);
+  numerator[AT(70)] = -x145*(c_alpha*x114*x137 + c_beta*x210 + tool_1*x131*x34 + K(4.0)*tool_3*x19*x20 + x1*x201*x23 + x1*x213 + x126*x331 + x14*x154 + x14*x161 + x156*x262 + x164 + x165*x47 + x167*x6 + x192*x22 + x195*x323 + x229*x323*x75 + x23*x64 + x260 - R*x278 - R*x282 - R*x283 - tool_1*x332 - tool_1*x342 - tool_1*x343 - tool_3*x1*x220 - tool_3*x327 - x117*x185 - x131*x46 - x134*x258 - x178*x19 - x22*x276 - x263*x6 - x341*x61);
+  numerator[AT(71)] = x47*(c_beta*x189*x47 + r*x323*x334*x34 + tool_1*x115*x329 + tool_3*x322 + x0*x268 + x1*x124*x266 + x113*x286 + x115*x124*x267 + x123*x14*x94 + x131*x141 + x134*x265 + x144*x64 + x151*x262 + x160*x22 + x166*x336 + x166*x341 + x172*x191 + x187*x242 + x188*x275*x323 + x208*x84 + x209*x286 + x209*x299 + x218*x335 + x271 + x274*x337 + x28*x328 + x28*x47*x51 + x35*x41 - c_beta*tool_3*x161 - tool_3*x206*x323 - tool_3*x210 - x11*x209 - x113*x288 - x113*x63*x8 - x114*x29*x47 - x131*x144*x156 - x144*x192 - x15*x265 - x151*x344 - x194*x324 - x209*x288 - x209*x289 - x209*x298 - x209*x5*x65 - x211*x75 - x261*x344 - x270 - x272*x5 - K(6.0)*x273 - x28*x54);
+  numerator[AT(72)] = -x47*(K(4.0)*c_alpha*c_beta*r*s_alpha*s_beta*tool_2 + c_alpha*x113*x6*x8 + K(4.0)*c_alpha*x115*x26*x6 + K(4.0)*c_alpha*x26*x6*x8 + K(2.0)*c_beta*r*tool_1*x0 + c_beta*x113*x6*x8 + K(2.0)*r*s_beta*tool_3*x9 + K(2.0)*r*tool_2*x1*x2 + x113*x323*x6 + x113*x8*x9 + K(4.0)*x115*x26*x9 + K(4.0)*x26*x8*x9 - c_beta*tool_1*x94 - r*x338 - x131*x147 - x137*x339 - x147*x28 - x162*x30 - x166*x56*x6 - x170*x19*x22 - x321 - x322 - x325 - x33 - x333*x345 - x34*x41 - x342*x56 - x343*x56);
+  numerator[AT(73)] = x56*(c_alpha*x17 + c_beta*x140 + x12 + x134*x227 + x192 + x200 + x22*x280 + K(2.0)*x288 + x64 - c_alpha*x229 - x171 - K(2.0)*x286 - K(2.0)*x299 - x66);
+  numerator[AT(74)] = K(8.0)*x216*(x340 + x45);
+  determinant[AT(0)] = -(R*R*R)*x330*(x0*x8 - x20 - x34);
+  determinant[AT(1)] = -x145*(x277 + x99);
+  determinant[AT(2)] = K(4.0)*x92*(x31 + x65 - c_alpha);
+  determinant[AT(3)] = x214;
+  squares[AT(0)] = x346 - x219*x47;
+  squares[AT(1)] = -x155;
+  squares[AT(2)] = K(1.0);
+  squares[AT(3)] = x113 + x26 - x347 - x349 - x350;
+  squares[AT(4)] = R*(x61 - x73);
+  squares[AT(5)] = K(1.0);
+  squares[AT(6)] = x346 + x350 - x347 - x349;
+  squares[AT(7)] = R*(x61 + x73);
+  squares[AT(8)] = K(1.0);
+  ANGLE(0, alpha);
+  ANGLE(1, beta);
+}
+
+#ifndef ON_COLUMNS
+void TYPED(tricept_uncertainty_tricept_parameter_sensitivity_batch)(size_t count, const REAL *pose, const REAL *fixed, const REAL *moving, const REAL *tool, REAL *place, REAL *rods, REAL *sensitivity, REAL *regularity) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(pose + 3 * i, fixed + 9 * i, moving + 9 * i, tool + 3 * i, place + 3 * i, rods + 3 * i, sensitivity + 129 * i, regularity + i);
+}
+
+void TYPED(tricept_uncertainty_tricept_closure_batch)(size_t count, const REAL *pose, const REAL *rods, const REAL *fixed, const REAL *moving, const REAL *tool, const REAL *guide, REAL *residual, REAL *place, REAL *residual_jacobian, REAL *place_jacobian) {
+  for (size_t i = 0; i < count; ++i)
+    TYPED(tricept_uncertainty_tricept_closure)(pose + 3 * i, rods + 3 * i, fixed + 9 * i, moving + 9 * i, tool + 3 * i, guide + 14 * i, residual + 3 * i, place + 3 * i, residual_jacobian + 9 * i, place_jacobian + 9 * i);
 }
 
 void TYPED(tricept_uncertainty_tricept_beam_batch)(size_t count, const REAL *alpha, const REAL *beta, const REAL *R, const REAL *r, const REAL *tool, REAL *numerator, REAL *determinant, REAL *squares) {
   for (size_t i = 0; i < count; ++i)
     TYPED(tricept_uncertainty_tricept_beam)(alpha[i], beta[i], R[i], r[i], tool + 3 * i, numerator + 75 * i, determinant + 4 * i, squares + 9 * i);
 }
+#endif
 
 #endif

@@ -4,7 +4,8 @@
  * Template: c.c.j2. Source: Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"
  *
  * This file includes itself twice, so that each function is written once for double (_f64) and float (_f32): REAL is the
- * number type, K(0.5) a constant of that type.
+ * number type, K(0.5) a constant of that type. The loops of a NumPy extension include it, too, where TEST, SELECT and AT
+ * stand for vectors.
  */
 #ifndef REAL
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
@@ -40,6 +41,15 @@ static inline float power_of_two_scale_f32(float x) {
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
+
+#define KERNEL(name, ...) void TYPED(name)(__VA_ARGS__)
+#define CODE int8_t
+#define CONDITION int
+#define TEST(x) (x)
+#define NOT(x) !(x)
+#define SELECT(condition, x, y) ((condition) ? (x) : (y))
+#define AT(component) component
+#define ANGLE(number, x)
 
 #define REAL double
 #define REAL_EPSILON DBL_EPSILON
@@ -84,7 +94,7 @@ static inline float power_of_two_scale_f32(float x) {
 #else
 
 /* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-void TYPED(trig_equation_trig_solve)(REAL A, REAL B, REAL D, REAL theta[2], int8_t *status) {
+KERNEL(trig_equation_trig_solve, REAL A, REAL B, REAL D, REAL theta[2], CODE *status) {
   /* inputs */
   /* intermediate terms */
   const REAL size = K(0.25)*FABS(A) + K(0.25)*FABS(B) + K(0.25)*FABS(D);
@@ -94,39 +104,41 @@ void TYPED(trig_equation_trig_solve)(REAL A, REAL B, REAL D, REAL theta[2], int8
   const REAL d = D*scale;
   const REAL x0 = FABS(b);
   const REAL x1 = FABS(a);
-  const REAL larger = ((x1 < x0) ? x0 : x1);
-  const REAL smaller = ((x1 < x0) ? x1 : x0);
+  const REAL larger = SELECT(TEST(x1 < x0), x0, x1);
+  const REAL smaller = SELECT(TEST(x1 < x0), x1, x0);
   const REAL x2 = (smaller*smaller);
   const REAL square = x2 + (larger - d)*(d + larger);
   const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
-  const int is_double = FABS(square) <= bound;
-  const int valid = size <= REAL_MAX;
-  const int two = square > bound;
-  const REAL w = ((two) ? SQRT(square) : K(0.0));
-  const int empty = (A == K(0.0)) && (B == K(0.0));
-  const int there = (valid) && (!(empty)) && ((is_double) || (two));
+  const CONDITION is_double = TEST(FABS(square) <= bound);
+  const CONDITION valid = TEST(size <= REAL_MAX);
+  const CONDITION two = TEST(square > bound);
+  const REAL w = SELECT(two, SQRT(square), K(0.0));
+  const CONDITION empty = (TEST(A == K(0.0))) & (TEST(B == K(0.0)));
+  const CONDITION there = (valid) & (NOT(empty)) & ((is_double) | (two));
   const REAL x3 = a*d;
   const REAL x4 = b*w;
   const REAL x5 = x3 + x4;
-  const REAL cosine_plus = ((x5 == K(0.0)) ? K(0.0) : -x5);
+  const REAL cosine_plus = SELECT(TEST(x5 == K(0.0)), K(0.0), -x5);
   const REAL x6 = a*w;
   const REAL x7 = b*d;
   const REAL x8 = x6 - x7;
-  const REAL sine_plus = ((x8 == K(0.0)) ? K(0.0) : x8);
+  const REAL sine_plus = SELECT(TEST(x8 == K(0.0)), K(0.0), x8);
   const REAL x9 = x3 - x4;
-  const REAL cosine_minus = ((x9 == K(0.0)) ? K(0.0) : -x9);
+  const REAL cosine_minus = SELECT(TEST(x9 == K(0.0)), K(0.0), -x9);
   const REAL x10 = x6 + x7;
-  const REAL sine_minus = ((x10 == K(0.0)) ? K(0.0) : -x10);
-  const REAL status_value = ((!(valid)) ? K(5.0) : (((empty) && (FABS(d) > K(0.0))) ? K(4.0) : ((empty) ? K(3.0) : ((is_double) ? K(1.0) : ((two) ? K(0.0) : K(2.0))))));
+  const REAL sine_minus = SELECT(TEST(x10 == K(0.0)), K(0.0), -x10);
+  const REAL status_value = SELECT(NOT(valid), K(5.0), SELECT((empty) & (TEST(FABS(d) > K(0.0))), K(4.0), SELECT(empty, K(3.0), SELECT(is_double, K(1.0), SELECT(two, K(0.0), K(2.0))))));
   /* outputs */
-  theta[0] = ((there) ? ATAN2(sine_plus, cosine_plus) : (REAL)NAN);
-  theta[1] = ((there) ? ATAN2(sine_minus, cosine_minus) : (REAL)NAN);
-  *status = (int8_t)status_value;
+  theta[AT(0)] = SELECT(there, ATAN2(sine_plus, cosine_plus), (REAL)NAN);
+  theta[AT(1)] = SELECT(there, ATAN2(sine_minus, cosine_minus), (REAL)NAN);
+  *status = (CODE)status_value;
 }
 
+#ifndef ON_COLUMNS
 void TYPED(trig_equation_trig_solve_batch)(size_t count, const REAL *A, const REAL *B, const REAL *D, REAL *theta, int8_t *status) {
   for (size_t i = 0; i < count; ++i)
     TYPED(trig_equation_trig_solve)(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
+#endif
 
 #endif

@@ -14,85 +14,15 @@
 #endif
 #include "../c/delta.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/delta.c"
+#endif
 
-/* linear_delta_direct: 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(linear_delta_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL carriage_1 = input[0][i];
-    const REAL carriage_2 = input[1][i];
-    const REAL carriage_3 = input[2][i];
-    const REAL radius_1 = input[3][i];
-    const REAL radius_2 = input[4][i];
-    const REAL radius_3 = input[5][i];
-    const REAL rod_1 = input[6][i];
-    const REAL rod_2 = input[7][i];
-    const REAL rod_3 = input[8][i];
-    const REAL heading_1 = input[9][i];
-    const REAL heading_2 = input[10][i];
-    const REAL heading_3 = input[11][i];
-    const REAL joint_1_1 = radius_1*TYPED(vector_cos)(heading_1);
-    const REAL joint_1_2 = radius_1*TYPED(vector_sin)(heading_1);
-    const REAL joint_1_3 = carriage_1;
-    const REAL joint_2_1 = radius_2*TYPED(vector_cos)(heading_2);
-    const REAL joint_2_2 = radius_2*TYPED(vector_sin)(heading_2);
-    const REAL joint_2_3 = carriage_2;
-    const REAL joint_3_1 = radius_3*TYPED(vector_cos)(heading_3);
-    const REAL joint_3_2 = radius_3*TYPED(vector_sin)(heading_3);
-    const REAL joint_3_3 = carriage_3;
-    const REAL total = FABS(carriage_1) + FABS(carriage_2) + FABS(carriage_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-    const REAL_MASK valid = (TYPED(mask)(total <= REAL_MAX)) & (TYPED(mask)(rod_1 > K(0.0))) & (TYPED(mask)(rod_2 > K(0.0))) & (TYPED(mask)(rod_3 > K(0.0)));
-    const REAL square_1 = (rod_1*rod_1);
-    const REAL square_2 = (rod_2*rod_2);
-    const REAL square_3 = (rod_3*rod_3);
-    const REAL x0 = joint_2_1 - joint_1_1;
-    const REAL to_second_0_1 = x0;
-    const REAL x1 = joint_2_2 - joint_1_2;
-    const REAL to_second_0_2 = x1;
-    const REAL x2 = joint_2_3 - joint_1_3;
-    const REAL to_second_0_3 = x2;
-    const REAL x3 = joint_3_1 - joint_1_1;
-    const REAL to_third_1_1 = x3;
-    const REAL x4 = joint_3_2 - joint_1_2;
-    const REAL to_third_1_2 = x4;
-    const REAL x5 = joint_3_3 - joint_1_3;
-    const REAL to_third_1_3 = x5;
-    const REAL normal_2_1 = to_second_0_2*to_third_1_3 - to_second_0_3*to_third_1_2;
-    const REAL normal_2_2 = to_second_0_3*to_third_1_1 - to_second_0_1*to_third_1_3;
-    const REAL normal_2_3 = to_second_0_1*to_third_1_2 - to_second_0_2*to_third_1_1;
-    const REAL area_3 = (normal_2_1*normal_2_1) + (normal_2_2*normal_2_2) + (normal_2_3*normal_2_3);
-    const REAL x6 = K(0.5)*square_1;
-    const REAL along_second_4 = K(0.5)*(to_second_0_1*to_second_0_1) + K(0.5)*(to_second_0_2*to_second_0_2) + K(0.5)*(to_second_0_3*to_second_0_3) + x6 - K(0.5)*square_2;
-    const REAL along_third_5 = K(0.5)*(to_third_1_1*to_third_1_1) + K(0.5)*(to_third_1_2*to_third_1_2) + K(0.5)*(to_third_1_3*to_third_1_3) + x6 - K(0.5)*square_3;
-    const REAL x7 = K(1.0)/area_3;
-    const REAL way_6_1 = x7*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2));
-    const REAL way_6_2 = x7*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3));
-    const REAL way_6_3 = x7*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1));
-    const REAL height_7 = square_1 - (way_6_1*way_6_1) - (way_6_2*way_6_2) - (way_6_3*way_6_3);
-    const REAL foot_8_1 = joint_1_1 + way_6_1;
-    const REAL foot_8_2 = joint_1_2 + way_6_2;
-    const REAL foot_8_3 = joint_1_3 + way_6_3;
-    const REAL ratio_9 = height_7*x7;
-    const REAL bound = K(16.0)*REAL_EPSILON*(K(2.0)*square_1 - height_7);
-    const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5));
-    const REAL_MASK collinear = TYPED(mask)(area_3 <= area_bound);
-    const REAL_MASK flat = TYPED(mask)(FABS(height_7) <= bound);
-    const REAL_MASK above = TYPED(mask)(height_7 > bound);
-    const REAL below = TYPED(blend)(above, SQRT(ratio_9), K(0.0));
-    const REAL down = TYPED(blend)(TYPED(mask)(normal_2_3 < K(0.0)), below, -below);
-    const REAL position_found_1 = down*normal_2_1 + foot_8_1;
-    const REAL position_found_2 = down*normal_2_2 + foot_8_2;
-    const REAL position_found_3 = down*normal_2_3 + foot_8_3;
-    const REAL_MASK there = (valid) & (~(collinear)) & ((above) | (flat));
-    output[0][i] = TYPED(blend)(there, position_found_1, (REAL)NAN);
-    output[1][i] = TYPED(blend)(there, position_found_2, (REAL)NAN);
-    output[2][i] = TYPED(blend)(there, position_found_3, (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(collinear, K(2.0), TYPED(blend)(flat, K(1.0), TYPED(blend)(above, K(0.0), K(3.0)))));
-    output[4][i] = FABS(heading_1);
-    output[5][i] = FABS(heading_2);
-    output[6][i] = FABS(heading_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_delta_linear_delta_direct)(input[0] + i, input[3] + i, input[6] + i, input[9] + i, output[0] + i, output[3] + i, output[4] + i);
   return is_beyond(output + 4, 3);
 }
 #endif
@@ -109,93 +39,11 @@ void LOOP(delta_linear_delta_direct)(char **args, const ptrdiff_t *dimensions, c
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* rotary_delta_direct: 59 add, 80 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rotary_delta_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angle_1 = input[0][i];
-    const REAL angle_2 = input[1][i];
-    const REAL angle_3 = input[2][i];
-    const REAL radius_1 = input[3][i];
-    const REAL radius_2 = input[4][i];
-    const REAL radius_3 = input[5][i];
-    const REAL arm_1 = input[6][i];
-    const REAL arm_2 = input[7][i];
-    const REAL arm_3 = input[8][i];
-    const REAL rod_1 = input[9][i];
-    const REAL rod_2 = input[10][i];
-    const REAL rod_3 = input[11][i];
-    const REAL heading_1 = input[12][i];
-    const REAL heading_2 = input[13][i];
-    const REAL heading_3 = input[14][i];
-    const REAL reach_1 = arm_1*TYPED(vector_cos)(angle_1) + radius_1;
-    const REAL elbow_1_1 = reach_1*TYPED(vector_cos)(heading_1);
-    const REAL elbow_1_2 = reach_1*TYPED(vector_sin)(heading_1);
-    const REAL elbow_1_3 = -arm_1*TYPED(vector_sin)(angle_1);
-    const REAL reach_2 = arm_2*TYPED(vector_cos)(angle_2) + radius_2;
-    const REAL elbow_2_1 = reach_2*TYPED(vector_cos)(heading_2);
-    const REAL elbow_2_2 = reach_2*TYPED(vector_sin)(heading_2);
-    const REAL elbow_2_3 = -arm_2*TYPED(vector_sin)(angle_2);
-    const REAL reach_3 = arm_3*TYPED(vector_cos)(angle_3) + radius_3;
-    const REAL elbow_3_1 = reach_3*TYPED(vector_cos)(heading_3);
-    const REAL elbow_3_2 = reach_3*TYPED(vector_sin)(heading_3);
-    const REAL elbow_3_3 = -arm_3*TYPED(vector_sin)(angle_3);
-    const REAL total = FABS(angle_1) + FABS(angle_2) + FABS(angle_3) + FABS(arm_1) + FABS(arm_2) + FABS(arm_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-    const REAL_MASK valid = (TYPED(mask)(total <= REAL_MAX)) & (TYPED(mask)(arm_1 > K(0.0))) & (TYPED(mask)(arm_2 > K(0.0))) & (TYPED(mask)(arm_3 > K(0.0))) & (TYPED(mask)(rod_1 > K(0.0))) & (TYPED(mask)(rod_2 > K(0.0))) & (TYPED(mask)(rod_3 > K(0.0)));
-    const REAL square_1 = (rod_1*rod_1);
-    const REAL square_2 = (rod_2*rod_2);
-    const REAL square_3 = (rod_3*rod_3);
-    const REAL x0 = elbow_2_1 - elbow_1_1;
-    const REAL to_second_0_1 = x0;
-    const REAL x1 = elbow_2_2 - elbow_1_2;
-    const REAL to_second_0_2 = x1;
-    const REAL x2 = elbow_2_3 - elbow_1_3;
-    const REAL to_second_0_3 = x2;
-    const REAL x3 = elbow_3_1 - elbow_1_1;
-    const REAL to_third_1_1 = x3;
-    const REAL x4 = elbow_3_2 - elbow_1_2;
-    const REAL to_third_1_2 = x4;
-    const REAL x5 = elbow_3_3 - elbow_1_3;
-    const REAL to_third_1_3 = x5;
-    const REAL normal_2_1 = to_second_0_2*to_third_1_3 - to_second_0_3*to_third_1_2;
-    const REAL normal_2_2 = to_second_0_3*to_third_1_1 - to_second_0_1*to_third_1_3;
-    const REAL normal_2_3 = to_second_0_1*to_third_1_2 - to_second_0_2*to_third_1_1;
-    const REAL area_3 = (normal_2_1*normal_2_1) + (normal_2_2*normal_2_2) + (normal_2_3*normal_2_3);
-    const REAL x6 = K(0.5)*square_1;
-    const REAL along_second_4 = K(0.5)*(to_second_0_1*to_second_0_1) + K(0.5)*(to_second_0_2*to_second_0_2) + K(0.5)*(to_second_0_3*to_second_0_3) + x6 - K(0.5)*square_2;
-    const REAL along_third_5 = K(0.5)*(to_third_1_1*to_third_1_1) + K(0.5)*(to_third_1_2*to_third_1_2) + K(0.5)*(to_third_1_3*to_third_1_3) + x6 - K(0.5)*square_3;
-    const REAL x7 = K(1.0)/area_3;
-    const REAL way_6_1 = x7*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2));
-    const REAL way_6_2 = x7*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3));
-    const REAL way_6_3 = x7*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1));
-    const REAL height_7 = square_1 - (way_6_1*way_6_1) - (way_6_2*way_6_2) - (way_6_3*way_6_3);
-    const REAL foot_8_1 = elbow_1_1 + way_6_1;
-    const REAL foot_8_2 = elbow_1_2 + way_6_2;
-    const REAL foot_8_3 = elbow_1_3 + way_6_3;
-    const REAL ratio_9 = height_7*x7;
-    const REAL bound = K(16.0)*REAL_EPSILON*(K(2.0)*square_1 - height_7);
-    const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5));
-    const REAL_MASK collinear = TYPED(mask)(area_3 <= area_bound);
-    const REAL_MASK flat = TYPED(mask)(FABS(height_7) <= bound);
-    const REAL_MASK above = TYPED(mask)(height_7 > bound);
-    const REAL below = TYPED(blend)(above, SQRT(ratio_9), K(0.0));
-    const REAL down = TYPED(blend)(TYPED(mask)(normal_2_3 < K(0.0)), below, -below);
-    const REAL position_found_1 = down*normal_2_1 + foot_8_1;
-    const REAL position_found_2 = down*normal_2_2 + foot_8_2;
-    const REAL position_found_3 = down*normal_2_3 + foot_8_3;
-    const REAL_MASK there = (valid) & (~(collinear)) & ((above) | (flat));
-    output[0][i] = TYPED(blend)(there, position_found_1, (REAL)NAN);
-    output[1][i] = TYPED(blend)(there, position_found_2, (REAL)NAN);
-    output[2][i] = TYPED(blend)(there, position_found_3, (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(collinear, K(2.0), TYPED(blend)(flat, K(1.0), TYPED(blend)(above, K(0.0), K(3.0)))));
-    output[4][i] = FABS(angle_1);
-    output[5][i] = FABS(angle_2);
-    output[6][i] = FABS(angle_3);
-    output[7][i] = FABS(heading_1);
-    output[8][i] = FABS(heading_2);
-    output[9][i] = FABS(heading_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_delta_rotary_delta_direct)(input[0] + i, input[3] + i, input[6] + i, input[9] + i, input[12] + i, output[0] + i, output[3] + i, output[4] + i);
   return is_beyond(output + 4, 6);
 }
 #endif
@@ -212,56 +60,11 @@ void LOOP(delta_rotary_delta_direct)(char **args, const ptrdiff_t *dimensions, c
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* linear_delta_inverse: 29 add, 22 mul, 6 sqrt, 9 select, 10 compare, 15 abs, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(linear_delta_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL position_1 = input[0][i];
-    const REAL position_2 = input[1][i];
-    const REAL position_3 = input[2][i];
-    const REAL radius_1 = input[3][i];
-    const REAL radius_2 = input[4][i];
-    const REAL radius_3 = input[5][i];
-    const REAL rod_1 = input[6][i];
-    const REAL rod_2 = input[7][i];
-    const REAL rod_3 = input[8][i];
-    const REAL heading_1 = input[9][i];
-    const REAL heading_2 = input[10][i];
-    const REAL heading_3 = input[11][i];
-    const REAL total = FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(position_1) + FABS(position_2) + FABS(position_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-    const REAL_MASK valid = (TYPED(mask)(total <= REAL_MAX)) & (TYPED(mask)(rod_1 > K(0.0))) & (TYPED(mask)(rod_2 > K(0.0))) & (TYPED(mask)(rod_3 > K(0.0)));
-    const REAL dx_1 = position_1 - radius_1*TYPED(vector_cos)(heading_1);
-    const REAL dy_1 = position_2 - radius_1*TYPED(vector_sin)(heading_1);
-    const REAL away_1 = SQRT((dx_1*dx_1) + (dy_1*dy_1));
-    const REAL height_1 = (rod_1 - away_1)*(away_1 + rod_1);
-    const REAL x0 = K(16.0)*REAL_EPSILON;
-    const REAL bound_1 = (rod_1*rod_1)*x0;
-    const REAL_MASK above_1 = TYPED(mask)(height_1 > bound_1);
-    const REAL_MASK level_1 = TYPED(mask)(FABS(height_1) <= bound_1);
-    const REAL dx_2 = position_1 - radius_2*TYPED(vector_cos)(heading_2);
-    const REAL dy_2 = position_2 - radius_2*TYPED(vector_sin)(heading_2);
-    const REAL away_2 = SQRT((dx_2*dx_2) + (dy_2*dy_2));
-    const REAL height_2 = (rod_2 - away_2)*(away_2 + rod_2);
-    const REAL bound_2 = (rod_2*rod_2)*x0;
-    const REAL_MASK above_2 = TYPED(mask)(height_2 > bound_2);
-    const REAL_MASK level_2 = TYPED(mask)(FABS(height_2) <= bound_2);
-    const REAL dx_3 = position_1 - radius_3*TYPED(vector_cos)(heading_3);
-    const REAL dy_3 = position_2 - radius_3*TYPED(vector_sin)(heading_3);
-    const REAL away_3 = SQRT((dx_3*dx_3) + (dy_3*dy_3));
-    const REAL height_3 = (rod_3 - away_3)*(away_3 + rod_3);
-    const REAL bound_3 = (rod_3*rod_3)*x0;
-    const REAL_MASK above_3 = TYPED(mask)(height_3 > bound_3);
-    const REAL_MASK level_3 = TYPED(mask)(FABS(height_3) <= bound_3);
-    const REAL_MASK there = (valid) & ((above_1) | (level_1)) & ((above_2) | (level_2)) & ((above_3) | (level_3));
-    output[0][i] = TYPED(blend)(there, position_3 + TYPED(blend)(above_1, SQRT(height_1), K(0.0)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(there, position_3 + TYPED(blend)(above_2, SQRT(height_2), K(0.0)), (REAL)NAN);
-    output[2][i] = TYPED(blend)(there, position_3 + TYPED(blend)(above_3, SQRT(height_3), K(0.0)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(valid), K(4.0), TYPED(blend)(~(there), K(3.0), TYPED(blend)((level_1) | (level_2) | (level_3), K(1.0), K(0.0))));
-    output[4][i] = FABS(heading_1);
-    output[5][i] = FABS(heading_2);
-    output[6][i] = FABS(heading_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_delta_linear_delta_inverse)(input[0] + i, input[3] + i, input[6] + i, input[9] + i, output[0] + i, output[3] + i, output[4] + i);
   return is_beyond(output + 4, 3);
 }
 #endif
@@ -278,53 +81,11 @@ void LOOP(delta_linear_delta_inverse)(char **args, const ptrdiff_t *dimensions, 
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* rotary_delta_equations: 24 add, 26 mul, 3 div, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rotary_delta_equations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL position_1 = input[0][i];
-    const REAL position_2 = input[1][i];
-    const REAL position_3 = input[2][i];
-    const REAL radius_1 = input[3][i];
-    const REAL radius_2 = input[4][i];
-    const REAL radius_3 = input[5][i];
-    const REAL arm_1 = input[6][i];
-    const REAL arm_2 = input[7][i];
-    const REAL arm_3 = input[8][i];
-    const REAL rod_1 = input[9][i];
-    const REAL rod_2 = input[10][i];
-    const REAL rod_3 = input[11][i];
-    const REAL heading_1 = input[12][i];
-    const REAL heading_2 = input[13][i];
-    const REAL heading_3 = input[14][i];
-    const REAL cosine_1 = TYPED(vector_cos)(heading_1);
-    const REAL sine_1 = TYPED(vector_sin)(heading_1);
-    const REAL along_1 = cosine_1*position_1 + position_2*sine_1 - radius_1;
-    const REAL across_1 = cosine_1*position_2 - position_1*sine_1;
-    const REAL cosine_2 = TYPED(vector_cos)(heading_2);
-    const REAL sine_2 = TYPED(vector_sin)(heading_2);
-    const REAL along_2 = cosine_2*position_1 + position_2*sine_2 - radius_2;
-    const REAL across_2 = cosine_2*position_2 - position_1*sine_2;
-    const REAL cosine_3 = TYPED(vector_cos)(heading_3);
-    const REAL sine_3 = TYPED(vector_sin)(heading_3);
-    const REAL along_3 = cosine_3*position_1 + position_2*sine_3 - radius_3;
-    const REAL across_3 = cosine_3*position_2 - position_1*sine_3;
-    const REAL x0 = K(2.0)*position_3;
-    const REAL x1 = (position_3*position_3);
-    output[0][i] = -K(2.0)*along_1;
-    output[1][i] = -K(2.0)*along_2;
-    output[2][i] = -K(2.0)*along_3;
-    output[3][i] = x0;
-    output[4][i] = x0;
-    output[5][i] = x0;
-    output[6][i] = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
-    output[7][i] = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
-    output[8][i] = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
-    output[9][i] = FABS(heading_1);
-    output[10][i] = FABS(heading_2);
-    output[11][i] = FABS(heading_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_delta_rotary_delta_equations)(input[0] + i, input[3] + i, input[6] + i, input[9] + i, input[12] + i, output[0] + i, output[3] + i, output[6] + i, output[9] + i);
   return is_beyond(output + 9, 3);
 }
 #endif

@@ -14,84 +14,15 @@
 #endif
 #include "../c/instantaneous_euler_arm.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/instantaneous_euler_arm.c"
+#endif
 
-/* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL joints_1 = input[0][i];
-    const REAL joints_2 = input[1][i];
-    const REAL joints_3 = input[2][i];
-    const REAL joints_4 = input[3][i];
-    const REAL joints_5 = input[4][i];
-    const REAL joints_6 = input[5][i];
-    const REAL lengths_1 = input[6][i];
-    const REAL lengths_2 = input[7][i];
-    const REAL lengths_3 = input[8][i];
-    const REAL lengths_4 = input[9][i];
-    const REAL x0 = TYPED(vector_sin)(joints_1);
-    const REAL x2 = TYPED(vector_cos)(joints_5);
-    const REAL x1 = TYPED(vector_sin)(joints_4);
-    const REAL x3 = x1*x2;
-    const REAL x4 = TYPED(vector_sin)(joints_5);
-    const REAL x5 = TYPED(vector_cos)(joints_1);
-    const REAL x6 = TYPED(vector_sin)(joints_2);
-    const REAL x7 = TYPED(vector_cos)(joints_3);
-    const REAL x8 = x6*x7;
-    const REAL x9 = TYPED(vector_sin)(joints_3);
-    const REAL x10 = TYPED(vector_cos)(joints_2);
-    const REAL x11 = x10*x9;
-    const REAL x12 = x11*x5 + x5*x8;
-    const REAL x13 = TYPED(vector_cos)(joints_4);
-    const REAL x14 = x6*x9;
-    const REAL x15 = x10*x5*x7 - x14*x5;
-    const REAL x16 = x13*x15*x2 - x0*x3 - x12*x4;
-    const REAL x19 = TYPED(vector_sin)(joints_6);
-    const REAL x17 = TYPED(vector_cos)(joints_6);
-    const REAL x18 = x13*x17;
-    const REAL x20 = x1*x19;
-    const REAL x21 = x18 + x20*x4;
-    const REAL x22 = x12*x2;
-    const REAL x23 = x1*x17;
-    const REAL x24 = x13*x19*x4 - x23;
-    const REAL x25 = x23*x4 - x13*x19;
-    const REAL x26 = x18*x4 + x20;
-    const REAL x27 = x0*x11 + x0*x8;
-    const REAL x28 = x0*x10*x7 - x0*x14;
-    const REAL x29 = x13*x2*x28 + x3*x5 - x27*x4;
-    const REAL x30 = x2*x27;
-    const REAL x31 = x10*x7 - x14;
-    const REAL x32 = -x11 - x8;
-    const REAL x33 = x13*x2*x32 - x31*x4;
-    const REAL x34 = x2*x31;
-    const REAL x35 = lengths_2 - lengths_3*x9;
-    const REAL x36 = lengths_3*x10*x7 + x35*x6;
-    const REAL x37 = x36*x5;
-    const REAL x38 = x0*x36;
-    const REAL x39 = lengths_1 + x10*x35 - lengths_3*x8;
-    output[0][i] = x16;
-    output[1][i] = x15*x24 + x19*x22 - x0*x21;
-    output[2][i] = x15*x26 + x17*x22 - x0*x25;
-    output[3][i] = x29;
-    output[4][i] = x19*x30 + x21*x5 + x24*x28;
-    output[5][i] = x17*x30 + x25*x5 + x26*x28;
-    output[6][i] = x33;
-    output[7][i] = x19*x34 + x24*x32;
-    output[8][i] = x17*x34 + x26*x32;
-    output[9][i] = lengths_4*x16 + x37;
-    output[10][i] = lengths_4*x29 + x38;
-    output[11][i] = lengths_4*x33 + x39;
-    output[12][i] = x37;
-    output[13][i] = x38;
-    output[14][i] = x39;
-    output[15][i] = FABS(joints_1);
-    output[16][i] = FABS(joints_2);
-    output[17][i] = FABS(joints_3);
-    output[18][i] = FABS(joints_4);
-    output[19][i] = FABS(joints_5);
-    output[20][i] = FABS(joints_6);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_arm_chi_arm_pose)(input[0] + i, input[6] + i, output[0] + i, output[9] + i, output[12] + i, output[15] + i);
   return is_beyond(output + 15, 6);
 }
 #endif

@@ -14,152 +14,15 @@
 #endif
 #include "../c/instantaneous_euler_inverse.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/instantaneous_euler_inverse.c"
+#endif
 
-/* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL chi_1 = input[0][i];
-    const REAL chi_2 = input[1][i];
-    const REAL chi_3 = input[2][i];
-    const REAL tolerance = input[3][i];
-    const REAL x22 = K(3.141592653589793)*(K(4.0)*REAL_EPSILON + K(1.0));
-    const REAL_MASK good = (TYPED(mask)(chi_1 >= K(0.0))) & (TYPED(mask)(chi_2 >= K(0.0))) & (TYPED(mask)(chi_3 >= K(0.0))) & (TYPED(mask)(tolerance >= K(0.0))) & (TYPED(mask)(chi_1 <= x22)) & (TYPED(mask)(chi_2 <= x22)) & (TYPED(mask)(chi_3 <= x22));
-    const REAL x0 = K(16.0)*REAL_EPSILON;
-    const REAL slack = TYPED(blend)(TYPED(mask)(tolerance < x0), x0, tolerance);
-    const REAL x1 = K(0.5)*chi_1;
-    const REAL s_1 = (TYPED(vector_sin)(x1)*TYPED(vector_sin)(x1));
-    const REAL x2 = K(0.5)*chi_2;
-    const REAL s_2 = (TYPED(vector_sin)(x2)*TYPED(vector_sin)(x2));
-    const REAL x3 = K(0.5)*chi_3;
-    const REAL s_3 = (TYPED(vector_sin)(x3)*TYPED(vector_sin)(x3));
-    const REAL c_1 = (TYPED(vector_cos)(x1)*TYPED(vector_cos)(x1));
-    const REAL c_2 = (TYPED(vector_cos)(x2)*TYPED(vector_cos)(x2));
-    const REAL c_3 = (TYPED(vector_cos)(x3)*TYPED(vector_cos)(x3));
-    const REAL whole = K(0.5)*s_1 + K(0.5)*s_2 + K(0.5)*s_3;
-    const REAL share_0 = K(1.0) - whole;
-    const REAL share_1 = whole - s_1;
-    const REAL share_2 = whole - s_2;
-    const REAL share_3 = whole - s_3;
-    const REAL_MASK above_1 = TYPED(mask)(share_1 > share_0);
-    const REAL largest_1 = TYPED(blend)(above_1, share_1, share_0);
-    const REAL_MASK above_2 = TYPED(mask)(share_2 > largest_1);
-    const REAL largest_2 = TYPED(blend)(above_2, share_2, largest_1);
-    const REAL_MASK above_3 = TYPED(mask)(share_3 > largest_2);
-    const REAL_MASK at_2 = (above_2) & (~(above_3));
-    const REAL_MASK at_1 = (above_1) & (~(above_2)) & (~(above_3));
-    const REAL part_1 = TYPED(blend)((above_3) | (at_2), c_1, s_1);
-    const REAL part_2 = TYPED(blend)((above_3) | (at_1), c_2, s_2);
-    const REAL part_3 = TYPED(blend)((at_1) | (at_2), c_3, s_3);
-    const REAL size = part_1 + part_2 + part_3;
-    const REAL x5 = -K(0.5)*size;
-    const REAL raw_1 = -part_1 - x5;
-    const REAL raw_2 = -part_2 - x5;
-    const REAL raw_3 = -part_3 - x5;
-    const REAL coarse = TYPED(blend)((above_3) | (at_1) | (at_2), x0*(REAL_EPSILON + SQRT(size)), K(0.0));
-    const REAL floor = coarse + size*slack;
-    const REAL_MASK outside = (TYPED(mask)(raw_1 < -floor)) | (TYPED(mask)(raw_2 < -floor)) | (TYPED(mask)(raw_3 < -floor));
-    const REAL rest_1 = TYPED(blend)(TYPED(mask)(floor >= raw_1), K(0.0), raw_1);
-    const REAL rest_2 = TYPED(blend)(TYPED(mask)(floor >= raw_2), K(0.0), raw_2);
-    const REAL rest_3 = TYPED(blend)(TYPED(mask)(floor >= raw_3), K(0.0), raw_3);
-    const REAL rest_0 = K(1.0) - rest_1 - rest_2 - rest_3;
-    const REAL x6 = SQRT(rest_3);
-    const REAL x7 = SQRT(rest_2);
-    const REAL x8 = SQRT(rest_1);
-    const REAL x9 = SQRT(rest_0);
-    const REAL component_0 = TYPED(blend)(above_3, x6, TYPED(blend)(at_2, x7, TYPED(blend)(at_1, x8, x9)));
-    const REAL component_1 = TYPED(blend)(above_3, x7, TYPED(blend)(at_2, x6, TYPED(blend)(at_1, x9, x8)));
-    const REAL component_2 = TYPED(blend)(above_3, x8, TYPED(blend)(at_2, x9, TYPED(blend)(at_1, x6, x7)));
-    const REAL component_3 = TYPED(blend)(above_3, x9, TYPED(blend)(at_2, x8, TYPED(blend)(at_1, x7, x6)));
-    const REAL_MASK present_0 = TYPED(mask)(component_0 > K(0.0));
-    const REAL_MASK present_1 = TYPED(mask)(component_1 > K(0.0));
-    const REAL_MASK present_2 = TYPED(mask)(component_2 > K(0.0));
-    const REAL_MASK present_3 = TYPED(mask)(component_3 > K(0.0));
-    const REAL_MASK free_1 = (present_0) & (present_1);
-    const REAL_MASK free_2 = (present_2) & ((present_0) | (present_1));
-    const REAL_MASK free_3 = (present_3) & ((present_0) | (present_1) | (present_2));
-    const REAL x10 = TYPED(blend)(free_1, K(1.0), K(0.0));
-    const REAL x11 = TYPED(blend)(free_2, K(1.0), K(0.0));
-    const REAL freedom = x10 + x11 + TYPED(blend)(free_3, K(1.0), K(0.0));
-    const REAL before_2 = x10;
-    const REAL before_3 = before_2 + x11;
-    const REAL_MASK known = (good) & (~(outside));
-    const REAL x12 = TYPED(blend)(free_1, -component_1, component_1);
-    const REAL x13 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_0, (REAL)NAN);
-    const REAL x14 = TYPED(blend)(TYPED(mask)(before_2 < K(1.5)), -K(1.0), K(1.0));
-    const REAL x15 = TYPED(blend)(TYPED(mask)(before_3 < K(1.5)), -K(1.0), K(1.0));
-    const REAL x16 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), component_0, (REAL)NAN);
-    const REAL x17 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), component_1, (REAL)NAN);
-    const REAL x18 = TYPED(blend)(TYPED(mask)(before_2 < K(1.5)), K(1.0), -K(1.0));
-    const REAL x19 = TYPED(blend)(TYPED(mask)(before_3 < K(1.5)), K(1.0), -K(1.0));
-    const REAL x20 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), x12, (REAL)NAN);
-    const REAL upper_0 = TYPED(blend)(TYPED(mask)(share_0 < share_1), share_1, share_0);
-    const REAL lower_0 = TYPED(blend)(TYPED(mask)(share_0 < share_1), share_0, share_1);
-    const REAL upper_1 = TYPED(blend)(TYPED(mask)(share_2 < share_3), share_3, share_2);
-    const REAL lower_1 = TYPED(blend)(TYPED(mask)(share_2 < share_3), share_2, share_3);
-    const REAL upper_2 = TYPED(blend)(TYPED(mask)(upper_0 < upper_1), upper_1, upper_0);
-    const REAL lower_2 = TYPED(blend)(TYPED(mask)(upper_0 < upper_1), upper_0, upper_1);
-    const REAL upper_3 = TYPED(blend)(TYPED(mask)(lower_0 < lower_1), lower_1, lower_0);
-    const REAL lower_3 = TYPED(blend)(TYPED(mask)(lower_0 < lower_1), lower_0, lower_1);
-    const REAL upper_4 = TYPED(blend)(TYPED(mask)(lower_2 > upper_3), lower_2, upper_3);
-    const REAL lower_4 = TYPED(blend)(TYPED(mask)(lower_2 > upper_3), upper_3, lower_2);
-    const REAL total_1 = upper_2;
-    const REAL mean_1 = total_1 - K(1.0);
-    const REAL total_2 = total_1 + upper_4;
-    const REAL mean_2 = K(0.5)*total_2 - K(0.5);
-    const REAL shift_2 = TYPED(blend)(TYPED(mask)(mean_1 < mean_2), mean_2, mean_1);
-    const REAL total_3 = lower_4 + total_2;
-    const REAL mean_3 = total_3/K(3.0) - K(1.0)/K(3.0);
-    const REAL shift_3 = TYPED(blend)(TYPED(mask)(mean_3 > shift_2), mean_3, shift_2);
-    const REAL total_4 = lower_3 + total_3;
-    const REAL mean_4 = K(0.25)*total_4 - K(0.25);
-    const REAL shift_4 = TYPED(blend)(TYPED(mask)(mean_4 > shift_3), mean_4, shift_3);
-    const REAL kept_0 = TYPED(blend)(TYPED(mask)(share_0 > shift_4), share_0 - shift_4, K(0.0));
-    const REAL kept_1 = TYPED(blend)(TYPED(mask)(share_1 > shift_4), share_1 - shift_4, K(0.0));
-    const REAL kept_2 = TYPED(blend)(TYPED(mask)(share_2 > shift_4), share_2 - shift_4, K(0.0));
-    const REAL kept_3 = TYPED(blend)(TYPED(mask)(share_3 > shift_4), share_3 - shift_4, K(0.0));
-    output[0][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_0, (REAL)NAN);
-    output[1][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_1, (REAL)NAN);
-    output[2][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_2, (REAL)NAN);
-    output[3][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_3, (REAL)NAN);
-    output[4][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), component_0, (REAL)NAN);
-    output[5][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), x12, (REAL)NAN);
-    output[6][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), K(1.0)), component_2), (REAL)NAN);
-    output[7][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), K(1.0)), component_3), (REAL)NAN);
-    output[8][i] = x13;
-    output[9][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_1, (REAL)NAN);
-    output[10][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x14), component_2), (REAL)NAN);
-    output[11][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x15), component_3), (REAL)NAN);
-    output[12][i] = x13;
-    output[13][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), x12, (REAL)NAN);
-    output[14][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x14), component_2), (REAL)NAN);
-    output[15][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x15), component_3), (REAL)NAN);
-    output[16][i] = x16;
-    output[17][i] = x17;
-    output[18][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x18), component_2), (REAL)NAN);
-    output[19][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x19), component_3), (REAL)NAN);
-    output[20][i] = x16;
-    output[21][i] = x20;
-    output[22][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x18), component_2), (REAL)NAN);
-    output[23][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x19), component_3), (REAL)NAN);
-    output[24][i] = x16;
-    output[25][i] = x17;
-    output[26][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), -K(1.0)), component_2), (REAL)NAN);
-    output[27][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), -K(1.0)), component_3), (REAL)NAN);
-    output[28][i] = x16;
-    output[29][i] = x20;
-    output[30][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, -component_2, component_2), (REAL)NAN);
-    output[31][i] = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, -component_3, component_3), (REAL)NAN);
-    output[32][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), K(0.0)), (REAL)NAN);
-    output[33][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)), chi_1), (REAL)NAN);
-    output[34][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)), chi_2), (REAL)NAN);
-    output[35][i] = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)), chi_3), (REAL)NAN);
-    output[36][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)(outside, K(4.0), TYPED(blend)(TYPED(mask)(freedom > K(2.5)), K(0.0), TYPED(blend)(TYPED(mask)(freedom > K(1.5)), K(1.0), TYPED(blend)(TYPED(mask)(freedom > K(0.5)), K(2.0), K(3.0))))));
-    output[37][i] = FABS(x1);
-    output[38][i] = FABS(x2);
-    output[39][i] = FABS(x3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_inverse_chi_rotations)(input[0] + i, input[3][i], output[0] + i, output[32] + i, output[33] + i, output[36] + i, output[37] + i);
   return is_beyond(output + 37, 3);
 }
 #endif

@@ -14,63 +14,15 @@
 #endif
 #include "../c/instantaneous_euler.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/instantaneous_euler.c"
+#endif
 
-/* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
-    const REAL quaternion_scaled_1 = quaternion_1*x0;
-    const REAL quaternion_scaled_2 = quaternion_2*x0;
-    const REAL quaternion_scaled_3 = quaternion_3*x0;
-    const REAL quaternion_scaled_4 = quaternion_4*x0;
-    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
-    const REAL x2 = FABS(quaternion_unit_3);
-    const REAL x3 = FABS(quaternion_unit_4);
-    const REAL sine_x_scale = TYPED(power_of_two_scale)(x2 + x3);
-    const REAL sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
-    const REAL sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
-    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const REAL x4 = FABS(quaternion_unit_1);
-    const REAL x5 = FABS(quaternion_unit_2);
-    const REAL cosine_x_scale = TYPED(power_of_two_scale)(x4 + x5);
-    const REAL cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
-    const REAL cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
-    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const REAL sine_y_scale = TYPED(power_of_two_scale)(x3 + x5);
-    const REAL sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
-    const REAL sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
-    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const REAL cosine_y_scale = TYPED(power_of_two_scale)(x2 + x4);
-    const REAL cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
-    const REAL cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
-    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const REAL sine_z_scale = TYPED(power_of_two_scale)(x2 + x5);
-    const REAL sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
-    const REAL sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
-    const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const REAL cosine_z_scale = TYPED(power_of_two_scale)(x3 + x4);
-    const REAL cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
-    const REAL cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
-    const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_chi_from_quaternion)(input[0] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif
@@ -87,100 +39,11 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL x0 = matrix_1_1 + K(1.0);
-    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const REAL x1 = matrix_3_2 - matrix_2_3;
-    const REAL products_1_2 = x1;
-    const REAL x2 = matrix_1_3 - matrix_3_1;
-    const REAL products_1_3 = x2;
-    const REAL x3 = matrix_2_1 - matrix_1_2;
-    const REAL products_1_4 = x3;
-    const REAL products_2_1 = x1;
-    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const REAL x6 = matrix_1_2 + matrix_2_1;
-    const REAL products_2_3 = x6;
-    const REAL x7 = matrix_1_3 + matrix_3_1;
-    const REAL products_2_4 = x7;
-    const REAL products_3_1 = x2;
-    const REAL products_3_2 = x6;
-    const REAL x8 = matrix_1_1 - K(1.0);
-    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const REAL x9 = matrix_2_3 + matrix_3_2;
-    const REAL products_3_4 = x9;
-    const REAL products_4_1 = x3;
-    const REAL products_4_2 = x7;
-    const REAL products_4_3 = x9;
-    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
-    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
-    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
-    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
-    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
-    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
-    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
-    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
-    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
-    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const REAL x10 = K(1.0)/length;
-    const REAL unit_1 = column_c_1*x10;
-    const REAL unit_2 = column_c_2*x10;
-    const REAL unit_3 = column_c_3*x10;
-    const REAL unit_4 = column_c_4*x10;
-    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
-    const REAL x11 = FABS(unit_3);
-    const REAL x12 = FABS(unit_4);
-    const REAL sine_x_scale = TYPED(power_of_two_scale)(x11 + x12);
-    const REAL sine_x_scaled_1 = sine_x_scale*unit_3;
-    const REAL sine_x_scaled_2 = sine_x_scale*unit_4;
-    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const REAL x13 = FABS(unit_1);
-    const REAL x14 = FABS(unit_2);
-    const REAL cosine_x_scale = TYPED(power_of_two_scale)(x13 + x14);
-    const REAL cosine_x_scaled_1 = cosine_x_scale*unit_1;
-    const REAL cosine_x_scaled_2 = cosine_x_scale*unit_2;
-    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const REAL sine_y_scale = TYPED(power_of_two_scale)(x12 + x14);
-    const REAL sine_y_scaled_1 = sine_y_scale*unit_4;
-    const REAL sine_y_scaled_2 = sine_y_scale*unit_2;
-    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const REAL cosine_y_scale = TYPED(power_of_two_scale)(x11 + x13);
-    const REAL cosine_y_scaled_1 = cosine_y_scale*unit_1;
-    const REAL cosine_y_scaled_2 = cosine_y_scale*unit_3;
-    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const REAL sine_z_scale = TYPED(power_of_two_scale)(x11 + x14);
-    const REAL sine_z_scaled_1 = sine_z_scale*unit_2;
-    const REAL sine_z_scaled_2 = sine_z_scale*unit_3;
-    const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const REAL cosine_z_scale = TYPED(power_of_two_scale)(x12 + x13);
-    const REAL cosine_z_scaled_1 = cosine_z_scale*unit_1;
-    const REAL cosine_z_scaled_2 = cosine_z_scale*unit_4;
-    const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_chi_from_matrix)(input[0] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif
@@ -197,68 +60,11 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL half_1 = K(0.5)*angles_1;
-    const REAL half_2 = K(0.5)*angles_2;
-    const REAL half_3 = K(0.5)*angles_3;
-    const REAL sin_1 = TYPED(vector_sin)(half_1);
-    const REAL sin_2 = TYPED(vector_sin)(half_2);
-    const REAL sin_3 = TYPED(vector_sin)(half_3);
-    const REAL cos_1 = TYPED(vector_cos)(half_1);
-    const REAL cos_2 = TYPED(vector_cos)(half_2);
-    const REAL cos_3 = TYPED(vector_cos)(half_3);
-    const REAL_MASK good = TYPED(mask)(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
-    const REAL x0 = cos_1*cos_2;
-    const REAL x1 = sin_1*sin_2;
-    const REAL w = cos_3*x0 + sin_3*x1;
-    const REAL x2 = cos_2*sin_3;
-    const REAL x3 = cos_3*sin_2;
-    const REAL x = cos_1*x2 - sin_1*x3;
-    const REAL x4 = cos_1*sin_2;
-    const REAL x5 = cos_2*sin_1;
-    const REAL y = cos_3*x4 + sin_3*x5;
-    const REAL z = cos_2*cos_3*sin_1 - sin_3*x4;
-    const REAL sine_x_scale = TYPED(power_of_two_scale)(FABS(x4) + FABS(x5));
-    const REAL sine_x_scaled_1 = sine_x_scale*x5;
-    const REAL sine_x_scaled_2 = sine_x_scale*x4;
-    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const REAL sine_y_scale = TYPED(power_of_two_scale)(FABS(x) + FABS(z));
-    const REAL sine_y_scaled_1 = sine_y_scale*x;
-    const REAL sine_y_scaled_2 = sine_y_scale*z;
-    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const REAL sine_z_scale = TYPED(power_of_two_scale)(FABS(x2) + FABS(x3));
-    const REAL sine_z_scaled_1 = sine_z_scale*x3;
-    const REAL sine_z_scaled_2 = sine_z_scale*x2;
-    const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const REAL cosine_x_scale = TYPED(power_of_two_scale)(FABS(x0) + FABS(x1));
-    const REAL cosine_x_scaled_1 = cosine_x_scale*x0;
-    const REAL cosine_x_scaled_2 = cosine_x_scale*x1;
-    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const REAL cosine_y_scale = TYPED(power_of_two_scale)(FABS(w) + FABS(y));
-    const REAL cosine_y_scaled_1 = cosine_y_scale*w;
-    const REAL cosine_y_scaled_2 = cosine_y_scale*y;
-    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const REAL x6 = cos_2*cos_3;
-    const REAL x7 = sin_2*sin_3;
-    const REAL cosine_z_scale = TYPED(power_of_two_scale)(FABS(x6) + FABS(x7));
-    const REAL cosine_z_scaled_1 = cosine_z_scale*x6;
-    const REAL cosine_z_scaled_2 = cosine_z_scale*x7;
-    const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
-    output[4][i] = FABS(half_1);
-    output[5][i] = FABS(half_2);
-    output[6][i] = FABS(half_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_chi_from_zyx)(input[0] + i, output[0] + i, output[3] + i, output[4] + i);
   return is_beyond(output + 4, 3);
 }
 #endif
@@ -275,56 +81,11 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_from_zyz: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL half_1 = K(0.5)*angles_1;
-    const REAL half_2 = K(0.5)*angles_2;
-    const REAL half_3 = K(0.5)*angles_3;
-    const REAL sin_2 = TYPED(vector_sin)(half_2);
-    const REAL cos_2 = TYPED(vector_cos)(half_2);
-    const REAL_MASK good = TYPED(mask)(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
-    const REAL half_sum = half_1 + half_3;
-    const REAL half_difference = half_1 - half_3;
-    const REAL w = cos_2*TYPED(vector_cos)(half_sum);
-    const REAL z = cos_2*TYPED(vector_sin)(half_sum);
-    const REAL x = -sin_2*TYPED(vector_sin)(half_difference);
-    const REAL y = sin_2*TYPED(vector_cos)(half_difference);
-    const REAL x0 = FABS(y);
-    const REAL x1 = FABS(z);
-    const REAL sine_x_scale = TYPED(power_of_two_scale)(x0 + x1);
-    const REAL sine_x_scaled_1 = sine_x_scale*y;
-    const REAL sine_x_scaled_2 = sine_x_scale*z;
-    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const REAL x2 = FABS(x);
-    const REAL sine_y_scale = TYPED(power_of_two_scale)(x1 + x2);
-    const REAL sine_y_scaled_1 = sine_y_scale*x;
-    const REAL sine_y_scaled_2 = sine_y_scale*z;
-    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const REAL sine_z = FABS(sin_2);
-    const REAL x3 = FABS(w);
-    const REAL cosine_x_scale = TYPED(power_of_two_scale)(x2 + x3);
-    const REAL cosine_x_scaled_1 = cosine_x_scale*w;
-    const REAL cosine_x_scaled_2 = cosine_x_scale*x;
-    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const REAL cosine_y_scale = TYPED(power_of_two_scale)(x0 + x3);
-    const REAL cosine_y_scaled_1 = cosine_y_scale*w;
-    const REAL cosine_y_scaled_2 = cosine_y_scale*y;
-    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const REAL cosine_z = FABS(cos_2);
-    output[0][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
-    output[4][i] = FABS(half_2);
-    output[5][i] = FABS(half_difference);
-    output[6][i] = FABS(half_sum);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_chi_from_zyz)(input[0] + i, output[0] + i, output[3] + i, output[4] + i);
   return is_beyond(output + 4, 3);
 }
 #endif

@@ -14,56 +14,15 @@
 #endif
 #include "../c/instantaneous_euler_motion.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/instantaneous_euler_motion.c"
+#endif
 
-/* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_rates)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL omega_1 = input[9][i];
-    const REAL omega_2 = input[10][i];
-    const REAL omega_3 = input[11][i];
-    const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-    const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(handed > K(0.0)));
-    const REAL_MASK abnormal = TYPED(mask)(deviation > K(64.0)*REAL_EPSILON);
-    const REAL sine_x = SQRT(x0);
-    const REAL sine_y = SQRT(x1);
-    const REAL sine_z = SQRT(x2);
-    const REAL x6 = K(4.0)*REAL_EPSILON;
-    const REAL_MASK kink_x = TYPED(mask)(sine_x <= x6);
-    const REAL_MASK kink_y = TYPED(mask)(sine_y <= x6);
-    const REAL_MASK kink_z = TYPED(mask)(sine_z <= x6);
-    const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const REAL most = sine_x*sine_y*sine_z;
-    const REAL x7 = FABS(volume);
-    const REAL_MASK flat = TYPED(mask)(x7 <= K(16.0)*REAL_EPSILON*most);
-    const REAL_MASK near = TYPED(mask)(x7 <= SQRT(REAL_EPSILON)*most);
-    const REAL_MASK known = (good) & (TYPED(mask)(K(0.25)*FABS(omega_1) + K(0.25)*FABS(omega_2) + K(0.25)*FABS(omega_3) <= REAL_MAX));
-    const REAL x3 = (omega_2*omega_2);
-    const REAL x4 = (omega_3*omega_3);
-    const REAL speed_x = SQRT(x3 + x4);
-    const REAL x5 = (omega_1*omega_1);
-    const REAL speed_y = SQRT(x4 + x5);
-    const REAL speed_z = SQRT(x3 + x5);
-    output[0][i] = TYPED(blend)(known, TYPED(blend)(kink_x, TYPED(blend)(TYPED(mask)(matrix_1_1 > K(0.0)), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*TYPED(blend)(kink_x, K(1.0), K(1.0)/sine_x)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(known, TYPED(blend)(kink_y, TYPED(blend)(TYPED(mask)(matrix_2_2 > K(0.0)), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*TYPED(blend)(kink_y, K(1.0), K(1.0)/sine_y)), (REAL)NAN);
-    output[2][i] = TYPED(blend)(known, TYPED(blend)(kink_z, TYPED(blend)(TYPED(mask)(matrix_3_3 > K(0.0)), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*TYPED(blend)(kink_z, K(1.0), K(1.0)/sine_z)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, volume, (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_motion_chi_rates)(input[0] + i, input[9] + i, output[0] + i, output[3] + i, output[4] + i, NULL);
   return 0;
 }
 #endif
@@ -80,58 +39,11 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_angular_velocity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL rate_1 = input[9][i];
-    const REAL rate_2 = input[10][i];
-    const REAL rate_3 = input[11][i];
-    const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const REAL x3 = matrix_3_1*matrix_3_2;
-    const REAL x4 = matrix_2_1*matrix_2_3;
-    const REAL x5 = matrix_1_2*matrix_1_3;
-    const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + K(2.0)*FABS(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5);
-    const REAL x6 = matrix_1_2*matrix_2_3;
-    const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(handed > K(0.0)));
-    const REAL_MASK abnormal = TYPED(mask)(deviation > K(64.0)*REAL_EPSILON);
-    const REAL sine_x = SQRT(x0);
-    const REAL sine_y = SQRT(x1);
-    const REAL sine_z = SQRT(x2);
-    const REAL x8 = K(4.0)*REAL_EPSILON;
-    const REAL_MASK kink_x = TYPED(mask)(sine_x <= x8);
-    const REAL_MASK kink_y = TYPED(mask)(sine_y <= x8);
-    const REAL_MASK kink_z = TYPED(mask)(sine_z <= x8);
-    const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const REAL most = sine_x*sine_y*sine_z;
-    const REAL x9 = FABS(volume);
-    const REAL_MASK flat = TYPED(mask)(x9 <= K(16.0)*REAL_EPSILON*most);
-    const REAL_MASK near = TYPED(mask)(x9 <= SQRT(REAL_EPSILON)*most);
-    const REAL_MASK known = (good) & (TYPED(mask)(K(0.25)*FABS(rate_1) + K(0.25)*FABS(rate_2) + K(0.25)*FABS(rate_3) <= REAL_MAX));
-    const REAL b_x = rate_1*sine_x;
-    const REAL b_y = rate_2*sine_y;
-    const REAL b_z = rate_3*sine_z;
-    const REAL_MASK lost = (flat) | (kink_x) | (kink_y) | (kink_z);
-    const REAL divisor = TYPED(blend)(lost, K(1.0), volume);
-    const REAL x7 = K(1.0)/divisor;
-    output[0][i] = TYPED(blend)((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (REAL)NAN);
-    output[1][i] = TYPED(blend)((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (REAL)NAN);
-    output[2][i] = TYPED(blend)((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_motion_chi_angular_velocity)(input[0] + i, input[9] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif
@@ -148,43 +60,11 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_motion_from_zyx: 7 add, 19 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angle_rates_1 = input[3][i];
-    const REAL angle_rates_2 = input[4][i];
-    const REAL angle_rates_3 = input[5][i];
-    const REAL x0 = TYPED(vector_cos)(angles_1);
-    const REAL x1 = TYPED(vector_cos)(angles_2);
-    const REAL x2 = TYPED(vector_sin)(angles_1);
-    const REAL x3 = TYPED(vector_cos)(angles_3);
-    const REAL x4 = x2*x3;
-    const REAL x5 = TYPED(vector_sin)(angles_2);
-    const REAL x6 = TYPED(vector_sin)(angles_3);
-    const REAL x7 = x2*x6;
-    const REAL x8 = x0*x3;
-    const REAL x9 = x1*x2;
-    output[0][i] = x0*x1;
-    output[1][i] = x0*x5*x6 - x4;
-    output[2][i] = x5*x8 + x7;
-    output[3][i] = x9;
-    output[4][i] = x5*x7 + x8;
-    output[5][i] = x4*x5 - x0*x6;
-    output[6][i] = -x5;
-    output[7][i] = x1*x6;
-    output[8][i] = x1*x3;
-    output[9][i] = angle_rates_3*x0*x1 - angle_rates_2*x2;
-    output[10][i] = angle_rates_2*x0 + angle_rates_3*x9;
-    output[11][i] = angle_rates_1 - angle_rates_3*x5;
-    output[12][i] = FABS(angles_1);
-    output[13][i] = FABS(angles_2);
-    output[14][i] = FABS(angles_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_motion_chi_motion_from_zyx)(input[0] + i, input[3] + i, output[0] + i, output[9] + i, output[12] + i);
   return is_beyond(output + 12, 3);
 }
 #endif
@@ -201,43 +81,11 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angle_rates_1 = input[3][i];
-    const REAL angle_rates_2 = input[4][i];
-    const REAL angle_rates_3 = input[5][i];
-    const REAL x0 = TYPED(vector_sin)(angles_1);
-    const REAL x1 = TYPED(vector_sin)(angles_3);
-    const REAL x2 = x0*x1;
-    const REAL x3 = TYPED(vector_cos)(angles_1);
-    const REAL x4 = TYPED(vector_cos)(angles_2);
-    const REAL x5 = TYPED(vector_cos)(angles_3);
-    const REAL x6 = x0*x5;
-    const REAL x7 = x1*x3;
-    const REAL x8 = TYPED(vector_sin)(angles_2);
-    const REAL x9 = x0*x8;
-    output[0][i] = x3*x4*x5 - x2;
-    output[1][i] = -x4*x7 - x6;
-    output[2][i] = x3*x8;
-    output[3][i] = x4*x6 + x7;
-    output[4][i] = x3*x5 - x2*x4;
-    output[5][i] = x9;
-    output[6][i] = -x5*x8;
-    output[7][i] = x1*x8;
-    output[8][i] = x4;
-    output[9][i] = angle_rates_3*x3*x8 - angle_rates_2*x0;
-    output[10][i] = angle_rates_2*x3 + angle_rates_3*x9;
-    output[11][i] = angle_rates_1 + angle_rates_3*x4;
-    output[12][i] = FABS(angles_1);
-    output[13][i] = FABS(angles_2);
-    output[14][i] = FABS(angles_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_motion_chi_motion_from_zyz)(input[0] + i, input[3] + i, output[0] + i, output[9] + i, output[12] + i);
   return is_beyond(output + 12, 3);
 }
 #endif
@@ -254,58 +102,11 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_zyx_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
-    const REAL quaternion_scaled_1 = quaternion_1*x0;
-    const REAL quaternion_scaled_2 = quaternion_2*x0;
-    const REAL quaternion_scaled_3 = quaternion_3*x0;
-    const REAL quaternion_scaled_4 = quaternion_4*x0;
-    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
-    const REAL x2 = K(0.5)*SQRT(K(2.0));
-    const REAL turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
-    const REAL turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
-    const REAL turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
-    const REAL turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(turned_2) + FABS(turned_3));
-    const REAL sine_scaled_1 = sine_scale*turned_2;
-    const REAL sine_scaled_2 = sine_scale*turned_3;
-    const REAL sine = SQRT((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
-    const REAL cosine_scale = TYPED(power_of_two_scale)(FABS(turned_1) + FABS(turned_4));
-    const REAL cosine_scaled_1 = cosine_scale*turned_1;
-    const REAL cosine_scaled_2 = cosine_scale*turned_4;
-    const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-    const REAL x5 = K(4.0)*REAL_EPSILON;
-    const REAL_MASK low = TYPED(mask)(sine <= x5);
-    const REAL_MASK high = TYPED(mask)(cosine <= x5);
-    const REAL sigma = TYPED(vector_atan2)(turned_4, turned_1);
-    const REAL delta = TYPED(vector_atan2)(-turned_2, turned_3);
-    const REAL half_sum = TYPED(blend)(high, delta, sigma);
-    const REAL half_difference = TYPED(blend)(low, sigma, delta);
-    const REAL first = half_difference + half_sum;
-    const REAL third = half_sum - half_difference;
-    const REAL x3 = K(2.0)*K(3.141592653589793);
-    const REAL x6 = -K(3.141592653589793);
-    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x3, TYPED(blend)(TYPED(mask)(first <= x6), first + x3, first)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(vector_atan2)(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x3, TYPED(blend)(TYPED(mask)(third <= x6), third + x3, third)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_motion_chi_zyx_from_quaternion)(input[0] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif
@@ -322,53 +123,11 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_zyz_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
-    const REAL quaternion_scaled_1 = quaternion_1*x0;
-    const REAL quaternion_scaled_2 = quaternion_2*x0;
-    const REAL quaternion_scaled_3 = quaternion_3*x0;
-    const REAL quaternion_scaled_4 = quaternion_4*x0;
-    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(quaternion_unit_2) + FABS(quaternion_unit_3));
-    const REAL sine_scaled_1 = quaternion_unit_2*sine_scale;
-    const REAL sine_scaled_2 = quaternion_unit_3*sine_scale;
-    const REAL sine = SQRT((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
-    const REAL cosine_scale = TYPED(power_of_two_scale)(FABS(quaternion_unit_1) + FABS(quaternion_unit_4));
-    const REAL cosine_scaled_1 = cosine_scale*quaternion_unit_1;
-    const REAL cosine_scaled_2 = cosine_scale*quaternion_unit_4;
-    const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-    const REAL x4 = K(4.0)*REAL_EPSILON;
-    const REAL_MASK low = TYPED(mask)(sine <= x4);
-    const REAL_MASK high = TYPED(mask)(cosine <= x4);
-    const REAL sigma = TYPED(vector_atan2)(quaternion_unit_4, quaternion_unit_1);
-    const REAL delta = TYPED(vector_atan2)(-quaternion_unit_2, quaternion_unit_3);
-    const REAL half_sum = TYPED(blend)(high, delta, sigma);
-    const REAL half_difference = TYPED(blend)(low, sigma, delta);
-    const REAL first = half_difference + half_sum;
-    const REAL third = half_sum - half_difference;
-    const REAL x2 = K(2.0)*K(3.141592653589793);
-    const REAL x5 = -K(3.141592653589793);
-    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x2, TYPED(blend)(TYPED(mask)(first <= x5), first + x2, first)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, cosine), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x2, TYPED(blend)(TYPED(mask)(third <= x5), third + x2, third)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_motion_chi_zyz_from_quaternion)(input[0] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif

@@ -14,74 +14,15 @@
 #endif
 #include "../c/instantaneous_euler_ridges.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/instantaneous_euler_ridges.c"
+#endif
 
-/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(chi_ridge_lines)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL point_1 = input[9][i];
-    const REAL point_2 = input[10][i];
-    const REAL point_3 = input[11][i];
-    const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const REAL size = FABS(point_1) + FABS(point_2) + FABS(point_3);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(size <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
-    const REAL_MASK abnormal = TYPED(mask)(deviation > K(64.0)*REAL_EPSILON);
-    const REAL sine_x = SQRT(x0);
-    const REAL height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-    const REAL x9 = K(4.0)*REAL_EPSILON;
-    const REAL_MASK flat_x = TYPED(mask)(sine_x <= x9);
-    const REAL length_x = TYPED(blend)(flat_x, (REAL)NAN, sine_x);
-    const REAL sine_y = SQRT(x1);
-    const REAL height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-    const REAL_MASK flat_y = TYPED(mask)(sine_y <= x9);
-    const REAL length_y = TYPED(blend)(flat_y, (REAL)NAN, sine_y);
-    const REAL sine_z = SQRT(x2);
-    const REAL height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-    const REAL_MASK flat_z = TYPED(mask)(sine_z <= x9);
-    const REAL length_z = TYPED(blend)(flat_z, (REAL)NAN, sine_z);
-    const REAL x3 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, K(0.0));
-    const REAL x4 = K(1.0)/length_x;
-    const REAL x5 = K(1.0)/length_y;
-    const REAL x6 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, K(0.0));
-    const REAL x7 = K(1.0)/length_z;
-    const REAL x8 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, K(0.0));
-    const REAL x10 = size*x9;
-    output[0][i] = x3;
-    output[1][i] = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, -matrix_3_1*x4);
-    output[2][i] = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, matrix_2_1*x4);
-    output[3][i] = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, height_x*x4);
-    output[4][i] = x3;
-    output[5][i] = x3;
-    output[6][i] = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, matrix_3_2*x5);
-    output[7][i] = x6;
-    output[8][i] = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, -matrix_1_2*x5);
-    output[9][i] = x6;
-    output[10][i] = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, height_y*x5);
-    output[11][i] = x6;
-    output[12][i] = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, -matrix_2_3*x7);
-    output[13][i] = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, matrix_1_3*x7);
-    output[14][i] = x8;
-    output[15][i] = x8;
-    output[16][i] = x8;
-    output[17][i] = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, height_z*x7);
-    output[18][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_x) & (TYPED(mask)(FABS(height_x) <= x10)), K(1.0), TYPED(blend)(flat_x, K(2.0), K(0.0)))));
-    output[19][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_y) & (TYPED(mask)(FABS(height_y) <= x10)), K(1.0), TYPED(blend)(flat_y, K(2.0), K(0.0)))));
-    output[20][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_z) & (TYPED(mask)(FABS(height_z) <= x10)), K(1.0), TYPED(blend)(flat_z, K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_instantaneous_euler_ridges_chi_ridge_lines)(input[0] + i, input[9] + i, output[0] + i, output[18] + i, output[19] + i, output[20] + i, NULL);
   return 0;
 }
 #endif

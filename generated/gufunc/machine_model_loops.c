@@ -14,63 +14,15 @@
 #endif
 #include "../c/machine_model.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/machine_model.c"
+#endif
 
-/* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL w_1 = input[0][i];
-    const REAL w_2 = input[1][i];
-    const REAL w_3 = input[2][i];
-    const REAL x0 = (w_1*w_1);
-    const REAL x1 = (w_2*w_2);
-    const REAL x2 = (w_3*w_3);
-    const REAL x3 = x1 + x2;
-    const REAL square = x0 + x3;
-    const REAL_MASK is_small = TYPED(mask)(square < K(0.25));
-    const REAL safe = TYPED(blend)(is_small, K(1.0), square);
-    const REAL angle = SQRT(safe);
-    const REAL half_angle = K(0.5)*angle;
-    const REAL sine = TYPED(vector_sin)(angle);
-    const REAL half_sine = TYPED(vector_sin)(half_angle);
-    const REAL x4 = K(1.0)/angle;
-    const REAL S = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x4);
-    const REAL K = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
-    const REAL T = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x4*(angle - sine)/safe);
-    const REAL x6 = S*w_3;
-    const REAL x7 = K*w_2;
-    const REAL x8 = w_1*x7;
-    const REAL x9 = S*w_2;
-    const REAL x10 = K*w_3;
-    const REAL x11 = w_1*x10;
-    const REAL x12 = -x0 - x2;
-    const REAL x13 = S*w_1;
-    const REAL x14 = w_2*x10;
-    const REAL x15 = -x0 - x1;
-    const REAL x16 = T*w_1;
-    const REAL x17 = K*w_1;
-    output[0][i] = K(1.0) - K*x3;
-    output[1][i] = x8 - x6;
-    output[2][i] = x11 + x9;
-    output[3][i] = x6 + x8;
-    output[4][i] = K*x12 + K(1.0);
-    output[5][i] = x14 - x13;
-    output[6][i] = x11 - x9;
-    output[7][i] = x13 + x14;
-    output[8][i] = K*x15 + K(1.0);
-    output[9][i] = K(1.0) - T*x3;
-    output[10][i] = T*w_1*w_2 - x10;
-    output[11][i] = w_3*x16 + x7;
-    output[12][i] = w_2*x16 + x10;
-    output[13][i] = T*x12 + K(1.0);
-    output[14][i] = T*w_2*w_3 - x17;
-    output[15][i] = T*w_1*w_3 - x7;
-    output[16][i] = T*w_2*w_3 + x17;
-    output[17][i] = T*x15 + K(1.0);
-    output[18][i] = FABS(angle);
-    output[19][i] = FABS(half_angle);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_machine_model_rotation_from_vector)(input[0] + i, output[0] + i, output[9] + i, output[18] + i);
   return is_beyond(output + 18, 2);
 }
 #endif
@@ -87,66 +39,11 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL axis_1 = input[0][i];
-    const REAL axis_2 = input[1][i];
-    const REAL axis_3 = input[2][i];
-    const REAL u_1 = input[3][i];
-    const REAL u_2 = input[4][i];
-    const REAL u_3 = input[5][i];
-    const REAL v_1 = input[6][i];
-    const REAL v_2 = input[7][i];
-    const REAL v_3 = input[8][i];
-    const REAL tilt_1 = input[9][i];
-    const REAL tilt_2 = input[10][i];
-    const REAL w_1 = tilt_1*u_1 + tilt_2*v_1;
-    const REAL w_2 = tilt_1*u_2 + tilt_2*v_2;
-    const REAL w_3 = tilt_1*u_3 + tilt_2*v_3;
-    const REAL square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const REAL_MASK is_small = TYPED(mask)(square < K(0.25));
-    const REAL safe = TYPED(blend)(is_small, K(1.0), square);
-    const REAL angle = SQRT(safe);
-    const REAL half_angle = K(0.5)*angle;
-    const REAL sine = TYPED(vector_sin)(angle);
-    const REAL half_sine = TYPED(vector_sin)(half_angle);
-    const REAL x0 = K(1.0)/angle;
-    const REAL S = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x0);
-    const REAL K = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
-    const REAL T = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x0*(angle - sine)/safe);
-    const REAL across_1 = axis_3*w_2 - axis_2*w_3;
-    const REAL across_2 = axis_1*w_3 - axis_3*w_1;
-    const REAL across_3 = axis_2*w_1 - axis_1*w_2;
-    const REAL turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
-    const REAL turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
-    const REAL turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
-    const REAL beside_a_1 = u_3*w_2 - u_2*w_3;
-    const REAL beside_a_2 = u_1*w_3 - u_3*w_1;
-    const REAL beside_a_3 = u_2*w_1 - u_1*w_2;
-    const REAL beside_b_1 = v_3*w_2 - v_2*w_3;
-    const REAL beside_b_2 = v_1*w_3 - v_3*w_1;
-    const REAL beside_b_3 = v_2*w_1 - v_1*w_2;
-    const REAL x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
-    const REAL x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
-    const REAL x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
-    const REAL x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
-    const REAL x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
-    const REAL x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
-    output[0][i] = turned_axis_1;
-    output[1][i] = turned_axis_2;
-    output[2][i] = turned_axis_3;
-    output[3][i] = turned_axis_3*x2 - turned_axis_2*x1;
-    output[4][i] = turned_axis_3*x4 - turned_axis_2*x3;
-    output[5][i] = turned_axis_1*x1 - turned_axis_3*x5;
-    output[6][i] = turned_axis_1*x3 - turned_axis_3*x6;
-    output[7][i] = turned_axis_2*x5 - turned_axis_1*x2;
-    output[8][i] = turned_axis_2*x6 - turned_axis_1*x4;
-    output[9][i] = FABS(angle);
-    output[10][i] = FABS(half_angle);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_machine_model_tilted_axis)(input[0] + i, input[3] + i, input[6] + i, input[9] + i, output[0] + i, output[3] + i, output[9] + i);
   return is_beyond(output + 9, 2);
 }
 #endif

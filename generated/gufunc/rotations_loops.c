@@ -14,33 +14,15 @@
 #endif
 #include "../c/rotations.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/rotations.c"
+#endif
 
-/* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rotate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rho_1 = input[0][i];
-    const REAL rho_2 = input[1][i];
-    const REAL rho_3 = input[2][i];
-    const REAL theta_1 = input[3][i];
-    const REAL theta_2 = input[4][i];
-    const REAL theta_3 = input[5][i];
-    const REAL factor = TYPED(power_of_two_scale)(K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0));
-    const REAL x0 = K(0.5)*factor;
-    const REAL turn_1 = theta_1*x0;
-    const REAL turn_2 = theta_2*x0;
-    const REAL turn_3 = theta_3*x0;
-    const REAL divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3);
-    const REAL inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3;
-    const REAL inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1;
-    const REAL inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2;
-    const REAL x1 = K(1.0)/divisor;
-    const REAL x2 = K(2.0)*turn_3;
-    output[0][i] = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
-    output[1][i] = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
-    output[2][i] = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_rotate)(input[0] + i, input[3] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -57,47 +39,11 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL axis_1 = input[0][i];
-    const REAL axis_2 = input[1][i];
-    const REAL axis_3 = input[2][i];
-    const REAL angle = input[3][i];
-    const REAL half_angle = K(0.5)*angle;
-    const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
-    const REAL x0 = TYPED(power_of_two_scale)(axis_size);
-    const REAL axis_scaled_1 = axis_1*x0;
-    const REAL axis_scaled_2 = axis_2*x0;
-    const REAL axis_scaled_3 = axis_3*x0;
-    const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
-    const REAL axis_unit_1 = axis_scaled_1*x1;
-    const REAL axis_unit_2 = axis_scaled_2*x1;
-    const REAL axis_unit_3 = axis_scaled_3*x1;
-    const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
-    const REAL x2 = TYPED(vector_cos)(half_angle);
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x2 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*x2;
-    const REAL x3 = quaternion_sign*TYPED(vector_sin)(half_angle);
-    const REAL v_1 = axis_unit_1*x3;
-    const REAL v_2 = axis_unit_2*x3;
-    const REAL v_3 = axis_unit_3*x3;
-    const REAL_MASK good = (TYPED(mask)(axis_size <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & (TYPED(mask)(axis_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL x4 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-    output[0][i] = TYPED(blend)(good, v_1*x4, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, v_2*x4, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, v_3*x4, (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[4][i] = FABS(half_angle);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_rodrigues_vector_from_axis_angle)(input[0] + i, input[3][i], output[0] + i, output[3] + i, output[4] + i);
   return is_beyond(output + 4, 1);
 }
 #endif
@@ -114,62 +60,11 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL axis_1 = input[0][i];
-    const REAL axis_2 = input[1][i];
-    const REAL axis_3 = input[2][i];
-    const REAL angle = input[3][i];
-    const REAL half_angle = K(0.5)*angle;
-    const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
-    const REAL x0 = TYPED(power_of_two_scale)(axis_size);
-    const REAL axis_scaled_1 = axis_1*x0;
-    const REAL axis_scaled_2 = axis_2*x0;
-    const REAL axis_scaled_3 = axis_3*x0;
-    const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
-    const REAL axis_unit_1 = axis_scaled_1*x1;
-    const REAL axis_unit_2 = axis_scaled_2*x1;
-    const REAL axis_unit_3 = axis_scaled_3*x1;
-    const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
-    const REAL x2 = TYPED(vector_cos)(half_angle);
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x2 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*x2;
-    const REAL x3 = quaternion_sign*TYPED(vector_sin)(half_angle);
-    const REAL v_1 = axis_unit_1*x3;
-    const REAL v_2 = axis_unit_2*x3;
-    const REAL v_3 = axis_unit_3*x3;
-    const REAL_MASK good = (TYPED(mask)(axis_size <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & (TYPED(mask)(axis_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL x4 = K(2.0)*(v_2*v_2);
-    const REAL x5 = K(2.0)*(v_3*v_3) - K(1.0);
-    const REAL x6 = K(2.0)*v_2;
-    const REAL x7 = v_1*x6;
-    const REAL x8 = K(2.0)*v_3;
-    const REAL x9 = w*x8;
-    const REAL x10 = v_1*x8;
-    const REAL x11 = w*x6;
-    const REAL x12 = K(2.0)*(v_1*v_1);
-    const REAL x13 = K(2.0)*v_1*w;
-    output[0][i] = TYPED(blend)(good, -x4 - x5, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, x7 - x9, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, x10 + x11, (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, x7 + x9, (REAL)NAN);
-    output[4][i] = TYPED(blend)(good, -x12 - x5, (REAL)NAN);
-    output[5][i] = TYPED(blend)(good, K(2.0)*v_2*v_3 - x13, (REAL)NAN);
-    output[6][i] = TYPED(blend)(good, x10 - x11, (REAL)NAN);
-    output[7][i] = TYPED(blend)(good, v_2*x8 + x13, (REAL)NAN);
-    output[8][i] = TYPED(blend)(good, K(1.0) - x12 - x4, (REAL)NAN);
-    output[9][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[10][i] = FABS(half_angle);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_matrix_from_axis_angle)(input[0] + i, input[3][i], output[0] + i, output[9] + i, output[10] + i);
   return is_beyond(output + 10, 1);
 }
 #endif
@@ -186,47 +81,11 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL axis_1 = input[0][i];
-    const REAL axis_2 = input[1][i];
-    const REAL axis_3 = input[2][i];
-    const REAL angle = input[3][i];
-    const REAL half_angle = K(0.5)*angle;
-    const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
-    const REAL x0 = TYPED(power_of_two_scale)(axis_size);
-    const REAL axis_scaled_1 = axis_1*x0;
-    const REAL axis_scaled_2 = axis_2*x0;
-    const REAL axis_scaled_3 = axis_3*x0;
-    const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
-    const REAL axis_unit_1 = axis_scaled_1*x1;
-    const REAL axis_unit_2 = axis_scaled_2*x1;
-    const REAL axis_unit_3 = axis_scaled_3*x1;
-    const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
-    const REAL x2 = TYPED(vector_cos)(half_angle);
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x2 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*x2;
-    const REAL x3 = quaternion_sign*TYPED(vector_sin)(half_angle);
-    const REAL v_1 = axis_unit_1*x3;
-    const REAL v_2 = axis_unit_2*x3;
-    const REAL v_3 = axis_unit_3*x3;
-    const REAL_MASK good = (TYPED(mask)(axis_size <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & (TYPED(mask)(axis_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    output[0][i] = TYPED(blend)(good, w, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, v_1, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, v_2, (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, v_3, (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-    output[5][i] = FABS(half_angle);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_quaternion_from_axis_angle)(input[0] + i, input[3][i], output[0] + i, output[4] + i, output[5] + i);
   return is_beyond(output + 5, 1);
 }
 #endif
@@ -243,40 +102,11 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(axis_angle_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL theta_1 = input[0][i];
-    const REAL theta_2 = input[1][i];
-    const REAL theta_3 = input[2][i];
-    const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
-    const REAL factor = TYPED(power_of_two_scale)(size);
-    const REAL x0 = K(0.5)*factor;
-    const REAL theta_scaled_1 = theta_1*x0;
-    const REAL theta_scaled_2 = theta_2*x0;
-    const REAL theta_scaled_3 = theta_3*x0;
-    const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const REAL x1 = K(1.0)/length;
-    const REAL w = factor*x1;
-    const REAL v_1 = theta_scaled_1*x1;
-    const REAL v_2 = theta_scaled_2*x1;
-    const REAL v_3 = theta_scaled_3*x1;
-    const REAL_MASK good = TYPED(mask)(size <= REAL_MAX);
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const REAL sine = x2/sine_scale;
-    const REAL x3 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x2, K(1.0));
-    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_axis_angle_from_rodrigues_vector)(input[0] + i, output[0] + i, output[3] + i, output[4] + i, NULL);
   return 0;
 }
 #endif
@@ -293,53 +123,11 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(matrix_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL theta_1 = input[0][i];
-    const REAL theta_2 = input[1][i];
-    const REAL theta_3 = input[2][i];
-    const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
-    const REAL factor = TYPED(power_of_two_scale)(size);
-    const REAL x0 = K(0.5)*factor;
-    const REAL theta_scaled_1 = theta_1*x0;
-    const REAL theta_scaled_2 = theta_2*x0;
-    const REAL theta_scaled_3 = theta_3*x0;
-    const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const REAL x1 = K(1.0)/length;
-    const REAL w = factor*x1;
-    const REAL v_1 = theta_scaled_1*x1;
-    const REAL v_2 = theta_scaled_2*x1;
-    const REAL v_3 = theta_scaled_3*x1;
-    const REAL_MASK good = TYPED(mask)(size <= REAL_MAX);
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL x2 = K(2.0)*(v_2*v_2);
-    const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-    const REAL x4 = K(2.0)*v_2;
-    const REAL x5 = v_1*x4;
-    const REAL x6 = K(2.0)*v_3;
-    const REAL x7 = w*x6;
-    const REAL x8 = v_1*x6;
-    const REAL x9 = w*x4;
-    const REAL x10 = K(2.0)*(v_1*v_1);
-    const REAL x11 = K(2.0)*v_1*w;
-    output[0][i] = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, x5 - x7, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, x8 + x9, (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, x5 + x7, (REAL)NAN);
-    output[4][i] = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
-    output[5][i] = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
-    output[6][i] = TYPED(blend)(good, x8 - x9, (REAL)NAN);
-    output[7][i] = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
-    output[8][i] = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
-    output[9][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_matrix_from_rodrigues_vector)(input[0] + i, output[0] + i, output[9] + i, NULL);
   return 0;
 }
 #endif
@@ -356,38 +144,11 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(quaternion_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL theta_1 = input[0][i];
-    const REAL theta_2 = input[1][i];
-    const REAL theta_3 = input[2][i];
-    const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
-    const REAL factor = TYPED(power_of_two_scale)(size);
-    const REAL x0 = K(0.5)*factor;
-    const REAL theta_scaled_1 = theta_1*x0;
-    const REAL theta_scaled_2 = theta_2*x0;
-    const REAL theta_scaled_3 = theta_3*x0;
-    const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const REAL x1 = K(1.0)/length;
-    const REAL w = factor*x1;
-    const REAL v_1 = theta_scaled_1*x1;
-    const REAL v_2 = theta_scaled_2*x1;
-    const REAL v_3 = theta_scaled_3*x1;
-    const REAL_MASK good = TYPED(mask)(size <= REAL_MAX);
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    output[0][i] = TYPED(blend)(good, w, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, v_1, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, v_2, (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, v_3, (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_quaternion_from_rodrigues_vector)(input[0] + i, output[0] + i, output[4] + i, NULL);
   return 0;
 }
 #endif
@@ -404,83 +165,11 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(axis_angle_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL x0 = matrix_1_1 + K(1.0);
-    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const REAL x1 = matrix_3_2 - matrix_2_3;
-    const REAL products_1_2 = x1;
-    const REAL x2 = matrix_1_3 - matrix_3_1;
-    const REAL products_1_3 = x2;
-    const REAL x3 = matrix_2_1 - matrix_1_2;
-    const REAL products_1_4 = x3;
-    const REAL products_2_1 = x1;
-    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const REAL x6 = matrix_1_2 + matrix_2_1;
-    const REAL products_2_3 = x6;
-    const REAL x7 = matrix_1_3 + matrix_3_1;
-    const REAL products_2_4 = x7;
-    const REAL products_3_1 = x2;
-    const REAL products_3_2 = x6;
-    const REAL x8 = matrix_1_1 - K(1.0);
-    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const REAL x9 = matrix_2_3 + matrix_3_2;
-    const REAL products_3_4 = x9;
-    const REAL products_4_1 = x3;
-    const REAL products_4_2 = x7;
-    const REAL products_4_3 = x9;
-    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
-    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
-    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
-    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
-    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
-    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
-    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
-    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
-    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
-    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const REAL x10 = K(1.0)/length;
-    const REAL x11 = column_c_1*x10;
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x11 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*x11;
-    const REAL x12 = quaternion_sign*x10;
-    const REAL v_1 = column_c_2*x12;
-    const REAL v_2 = column_c_3*x12;
-    const REAL v_3 = column_c_4*x12;
-    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL x13 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const REAL sine = x13/sine_scale;
-    const REAL x14 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x13, K(1.0));
-    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x14, K(0.0)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x14, K(0.0)), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x14, K(1.0)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_axis_angle_from_matrix)(input[0] + i, output[0] + i, output[3] + i, output[4] + i, NULL);
   return 0;
 }
 #endif
@@ -497,81 +186,11 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rodrigues_vector_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL x0 = matrix_1_1 + K(1.0);
-    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const REAL x1 = matrix_3_2 - matrix_2_3;
-    const REAL products_1_2 = x1;
-    const REAL x2 = matrix_1_3 - matrix_3_1;
-    const REAL products_1_3 = x2;
-    const REAL x3 = matrix_2_1 - matrix_1_2;
-    const REAL products_1_4 = x3;
-    const REAL products_2_1 = x1;
-    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const REAL x6 = matrix_1_2 + matrix_2_1;
-    const REAL products_2_3 = x6;
-    const REAL x7 = matrix_1_3 + matrix_3_1;
-    const REAL products_2_4 = x7;
-    const REAL products_3_1 = x2;
-    const REAL products_3_2 = x6;
-    const REAL x8 = matrix_1_1 - K(1.0);
-    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const REAL x9 = matrix_2_3 + matrix_3_2;
-    const REAL products_3_4 = x9;
-    const REAL products_4_1 = x3;
-    const REAL products_4_2 = x7;
-    const REAL products_4_3 = x9;
-    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
-    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
-    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
-    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
-    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
-    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
-    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
-    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
-    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
-    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const REAL x10 = K(1.0)/length;
-    const REAL x11 = column_c_1*x10;
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x11 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*x11;
-    const REAL x12 = quaternion_sign*x10;
-    const REAL v_1 = column_c_2*x12;
-    const REAL v_2 = column_c_3*x12;
-    const REAL v_3 = column_c_4*x12;
-    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL x13 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-    output[0][i] = TYPED(blend)(good, v_1*x13, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, v_2*x13, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, v_3*x13, (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_rodrigues_vector_from_matrix)(input[0] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif
@@ -588,81 +207,11 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(quaternion_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_1_3 = input[2][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_2_3 = input[5][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL matrix_3_3 = input[8][i];
-    const REAL x0 = matrix_1_1 + K(1.0);
-    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const REAL x1 = matrix_3_2 - matrix_2_3;
-    const REAL products_1_2 = x1;
-    const REAL x2 = matrix_1_3 - matrix_3_1;
-    const REAL products_1_3 = x2;
-    const REAL x3 = matrix_2_1 - matrix_1_2;
-    const REAL products_1_4 = x3;
-    const REAL products_2_1 = x1;
-    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const REAL x6 = matrix_1_2 + matrix_2_1;
-    const REAL products_2_3 = x6;
-    const REAL x7 = matrix_1_3 + matrix_3_1;
-    const REAL products_2_4 = x7;
-    const REAL products_3_1 = x2;
-    const REAL products_3_2 = x6;
-    const REAL x8 = matrix_1_1 - K(1.0);
-    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const REAL x9 = matrix_2_3 + matrix_3_2;
-    const REAL products_3_4 = x9;
-    const REAL products_4_1 = x3;
-    const REAL products_4_2 = x7;
-    const REAL products_4_3 = x9;
-    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
-    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
-    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
-    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
-    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
-    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
-    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
-    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
-    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
-    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const REAL x10 = K(1.0)/length;
-    const REAL x11 = column_c_1*x10;
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x11 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*x11;
-    const REAL x12 = quaternion_sign*x10;
-    const REAL v_1 = column_c_2*x12;
-    const REAL v_2 = column_c_3*x12;
-    const REAL v_3 = column_c_4*x12;
-    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    output[0][i] = TYPED(blend)(good, w, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, v_1, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, v_2, (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, v_3, (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_quaternion_from_matrix)(input[0] + i, output[0] + i, output[4] + i, NULL);
   return 0;
 }
 #endif
@@ -679,47 +228,11 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(axis_angle_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
-    const REAL quaternion_scaled_1 = quaternion_1*x0;
-    const REAL quaternion_scaled_2 = quaternion_2*x0;
-    const REAL quaternion_scaled_3 = quaternion_3*x0;
-    const REAL quaternion_scaled_4 = quaternion_4*x0;
-    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*quaternion_unit_1;
-    const REAL v_1 = quaternion_sign*quaternion_unit_2;
-    const REAL v_2 = quaternion_sign*quaternion_unit_3;
-    const REAL v_3 = quaternion_sign*quaternion_unit_4;
-    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const REAL sine = x2/sine_scale;
-    const REAL x3 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x2, K(1.0));
-    output[0][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
-    output[4][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_axis_angle_from_quaternion)(input[0] + i, output[0] + i, output[3] + i, output[4] + i, NULL);
   return 0;
 }
 #endif
@@ -736,45 +249,11 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(rodrigues_vector_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
-    const REAL quaternion_scaled_1 = quaternion_1*x0;
-    const REAL quaternion_scaled_2 = quaternion_2*x0;
-    const REAL quaternion_scaled_3 = quaternion_3*x0;
-    const REAL quaternion_scaled_4 = quaternion_4*x0;
-    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*quaternion_unit_1;
-    const REAL v_1 = quaternion_sign*quaternion_unit_2;
-    const REAL v_2 = quaternion_sign*quaternion_unit_3;
-    const REAL v_3 = quaternion_sign*quaternion_unit_4;
-    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL x2 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-    output[0][i] = TYPED(blend)(good, v_1*x2, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, v_2*x2, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, v_3*x2, (REAL)NAN);
-    output[3][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_rodrigues_vector_from_quaternion)(input[0] + i, output[0] + i, output[3] + i, NULL);
   return 0;
 }
 #endif
@@ -791,60 +270,11 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(matrix_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
-    const REAL quaternion_scaled_1 = quaternion_1*x0;
-    const REAL quaternion_scaled_2 = quaternion_2*x0;
-    const REAL quaternion_scaled_3 = quaternion_3*x0;
-    const REAL quaternion_scaled_4 = quaternion_4*x0;
-    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
-    const REAL w = quaternion_sign*quaternion_unit_1;
-    const REAL v_1 = quaternion_sign*quaternion_unit_2;
-    const REAL v_2 = quaternion_sign*quaternion_unit_3;
-    const REAL v_3 = quaternion_sign*quaternion_unit_4;
-    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
-    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
-    const REAL v_scaled_1 = sine_scale*v_1;
-    const REAL v_scaled_2 = sine_scale*v_2;
-    const REAL v_scaled_3 = sine_scale*v_3;
-    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const REAL x2 = K(2.0)*(v_2*v_2);
-    const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-    const REAL x4 = K(2.0)*v_2;
-    const REAL x5 = v_1*x4;
-    const REAL x6 = K(2.0)*v_3;
-    const REAL x7 = w*x6;
-    const REAL x8 = v_1*x6;
-    const REAL x9 = w*x4;
-    const REAL x10 = K(2.0)*(v_1*v_1);
-    const REAL x11 = K(2.0)*v_1*w;
-    output[0][i] = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, x5 - x7, (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, x8 + x9, (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, x5 + x7, (REAL)NAN);
-    output[4][i] = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
-    output[5][i] = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
-    output[6][i] = TYPED(blend)(good, x8 - x9, (REAL)NAN);
-    output[7][i] = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
-    output[8][i] = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
-    output[9][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_rotations_matrix_from_quaternion)(input[0] + i, output[0] + i, output[9] + i, NULL);
   return 0;
 }
 #endif

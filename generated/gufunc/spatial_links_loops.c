@@ -14,55 +14,15 @@
 #endif
 #include "../c/spatial_links.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/spatial_links.c"
+#endif
 
-/* link_step: 18 add, 30 mul, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL frame_1_1 = input[0][i];
-    const REAL frame_1_2 = input[1][i];
-    const REAL frame_1_3 = input[2][i];
-    const REAL frame_1_4 = input[3][i];
-    const REAL frame_2_1 = input[4][i];
-    const REAL frame_2_2 = input[5][i];
-    const REAL frame_2_3 = input[6][i];
-    const REAL frame_2_4 = input[7][i];
-    const REAL frame_3_1 = input[8][i];
-    const REAL frame_3_2 = input[9][i];
-    const REAL frame_3_3 = input[10][i];
-    const REAL frame_3_4 = input[11][i];
-    const REAL a = input[16][i];
-    const REAL cos_alpha = input[17][i];
-    const REAL sin_alpha = input[18][i];
-    const REAL offset = input[19][i];
-    const REAL angle = input[20][i];
-    const REAL c = TYPED(vector_cos)(angle);
-    const REAL s = TYPED(vector_sin)(angle);
-    const REAL x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
-    const REAL x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
-    const REAL x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
-    const REAL x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
-    const REAL x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
-    const REAL x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
-    output[0][i] = c*frame_1_1 + s*x0;
-    output[1][i] = c*x0 - frame_1_1*s;
-    output[2][i] = x1;
-    output[3][i] = a*frame_1_1 + frame_1_4 + offset*x1;
-    output[4][i] = c*frame_2_1 + s*x2;
-    output[5][i] = c*x2 - frame_2_1*s;
-    output[6][i] = x3;
-    output[7][i] = a*frame_2_1 + frame_2_4 + offset*x3;
-    output[8][i] = c*frame_3_1 + s*x4;
-    output[9][i] = c*x4 - frame_3_1*s;
-    output[10][i] = x5;
-    output[11][i] = a*frame_3_1 + frame_3_4 + offset*x5;
-    output[12][i] = K(0.0);
-    output[13][i] = K(0.0);
-    output[14][i] = K(0.0);
-    output[15][i] = K(1.0);
-    output[16][i] = FABS(angle);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_links_link_step)(input[0] + i, input[16][i], input[17][i], input[18][i], input[19][i], input[20][i], output[0] + i, output[16] + i);
   return is_beyond(output + 16, 1);
 }
 #endif
@@ -79,40 +39,11 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* link_inverse: 6 add, 9 mul */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(link_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL transform_1_1 = input[0][i];
-    const REAL transform_1_2 = input[1][i];
-    const REAL transform_1_3 = input[2][i];
-    const REAL transform_1_4 = input[3][i];
-    const REAL transform_2_1 = input[4][i];
-    const REAL transform_2_2 = input[5][i];
-    const REAL transform_2_3 = input[6][i];
-    const REAL transform_2_4 = input[7][i];
-    const REAL transform_3_1 = input[8][i];
-    const REAL transform_3_2 = input[9][i];
-    const REAL transform_3_3 = input[10][i];
-    const REAL transform_3_4 = input[11][i];
-    output[0][i] = transform_1_1;
-    output[1][i] = transform_2_1;
-    output[2][i] = transform_3_1;
-    output[3][i] = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
-    output[4][i] = transform_1_2;
-    output[5][i] = transform_2_2;
-    output[6][i] = transform_3_2;
-    output[7][i] = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
-    output[8][i] = transform_1_3;
-    output[9][i] = transform_2_3;
-    output[10][i] = transform_3_3;
-    output[11][i] = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
-    output[12][i] = K(0.0);
-    output[13][i] = K(0.0);
-    output[14][i] = K(0.0);
-    output[15][i] = K(1.0);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_links_link_inverse)(input[0] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -129,163 +60,11 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL a_1 = input[0][i];
-    const REAL a_2 = input[1][i];
-    const REAL a_3 = input[2][i];
-    const REAL a_4 = input[3][i];
-    const REAL a_5 = input[4][i];
-    const REAL cos_alpha_1 = input[5][i];
-    const REAL cos_alpha_2 = input[6][i];
-    const REAL cos_alpha_3 = input[7][i];
-    const REAL cos_alpha_4 = input[8][i];
-    const REAL cos_alpha_5 = input[9][i];
-    const REAL sin_alpha_1 = input[10][i];
-    const REAL sin_alpha_2 = input[11][i];
-    const REAL sin_alpha_3 = input[12][i];
-    const REAL sin_alpha_4 = input[13][i];
-    const REAL sin_alpha_5 = input[14][i];
-    const REAL offset_1 = input[15][i];
-    const REAL offset_2 = input[16][i];
-    const REAL offset_3 = input[17][i];
-    const REAL offset_4 = input[18][i];
-    const REAL offset_5 = input[19][i];
-    const REAL offset_6 = input[20][i];
-    const REAL angle_1 = input[21][i];
-    const REAL angle_2 = input[22][i];
-    const REAL angle_3 = input[23][i];
-    const REAL angle_4 = input[24][i];
-    const REAL angle_5 = input[25][i];
-    const REAL angle_6 = input[26][i];
-    const REAL c_1 = TYPED(vector_cos)(angle_1);
-    const REAL c_2 = TYPED(vector_cos)(angle_2);
-    const REAL c_3 = TYPED(vector_cos)(angle_3);
-    const REAL c_4 = TYPED(vector_cos)(angle_4);
-    const REAL c_5 = TYPED(vector_cos)(angle_5);
-    const REAL c_6 = TYPED(vector_cos)(angle_6);
-    const REAL s_1 = TYPED(vector_sin)(angle_1);
-    const REAL s_2 = TYPED(vector_sin)(angle_2);
-    const REAL s_3 = TYPED(vector_sin)(angle_3);
-    const REAL s_4 = TYPED(vector_sin)(angle_4);
-    const REAL s_5 = TYPED(vector_sin)(angle_5);
-    const REAL s_6 = TYPED(vector_sin)(angle_6);
-    const REAL x0 = c_1*c_2;
-    const REAL x1 = s_1*s_2;
-    const REAL x_b_1 = x0 - cos_alpha_1*x1;
-    const REAL x2 = c_2*s_1;
-    const REAL x3 = c_1*s_2;
-    const REAL x_b_2 = cos_alpha_1*x3 + x2;
-    const REAL x_b_3 = s_2*sin_alpha_1;
-    const REAL y_b_1 = -cos_alpha_1*x2 - x3;
-    const REAL y_b_2 = cos_alpha_1*x0 - x1;
-    const REAL y_b_3 = c_2*sin_alpha_1;
-    const REAL x4 = s_1*sin_alpha_1;
-    const REAL z_b_1 = x4;
-    const REAL x5 = c_1*sin_alpha_1;
-    const REAL z_b_2 = -x5;
-    const REAL z_b_3 = cos_alpha_1;
-    const REAL p_b_1 = a_1*c_1 + offset_2*x4;
-    const REAL p_b_2 = a_1*s_1 - offset_2*x5;
-    const REAL p_b_3 = cos_alpha_1*offset_2 + offset_1;
-    const REAL x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-    const REAL x_c_1 = c_3*x_b_1 + s_3*x6;
-    const REAL x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-    const REAL x_c_2 = c_3*x_b_2 + s_3*x7;
-    const REAL x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-    const REAL x_c_3 = c_3*x_b_3 + s_3*x8;
-    const REAL y_c_1 = c_3*x6 - s_3*x_b_1;
-    const REAL y_c_2 = c_3*x7 - s_3*x_b_2;
-    const REAL y_c_3 = c_3*x8 - s_3*x_b_3;
-    const REAL x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-    const REAL z_c_1 = x9;
-    const REAL x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-    const REAL z_c_2 = x10;
-    const REAL x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-    const REAL z_c_3 = x11;
-    const REAL p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-    const REAL p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-    const REAL p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-    const REAL x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-    const REAL x_d_1 = c_4*x_c_1 + s_4*x12;
-    const REAL x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-    const REAL x_d_2 = c_4*x_c_2 + s_4*x13;
-    const REAL x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-    const REAL x_d_3 = c_4*x_c_3 + s_4*x14;
-    const REAL y_d_1 = c_4*x12 - s_4*x_c_1;
-    const REAL y_d_2 = c_4*x13 - s_4*x_c_2;
-    const REAL y_d_3 = c_4*x14 - s_4*x_c_3;
-    const REAL x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-    const REAL z_d_1 = x15;
-    const REAL x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-    const REAL z_d_2 = x16;
-    const REAL x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-    const REAL z_d_3 = x17;
-    const REAL p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-    const REAL p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-    const REAL p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-    const REAL x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-    const REAL x_e_1 = c_5*x_d_1 + s_5*x18;
-    const REAL x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-    const REAL x_e_2 = c_5*x_d_2 + s_5*x19;
-    const REAL x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-    const REAL x_e_3 = c_5*x_d_3 + s_5*x20;
-    const REAL y_e_1 = c_5*x18 - s_5*x_d_1;
-    const REAL y_e_2 = c_5*x19 - s_5*x_d_2;
-    const REAL y_e_3 = c_5*x20 - s_5*x_d_3;
-    const REAL x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-    const REAL z_e_1 = x21;
-    const REAL x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-    const REAL z_e_2 = x22;
-    const REAL x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-    const REAL z_e_3 = x23;
-    const REAL p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-    const REAL p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-    const REAL p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-    const REAL x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1;
-    const REAL x_f_1 = c_6*x_e_1 + s_6*x24;
-    const REAL x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2;
-    const REAL x_f_2 = c_6*x_e_2 + s_6*x25;
-    const REAL x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3;
-    const REAL x_f_3 = c_6*x_e_3 + s_6*x26;
-    const REAL y_f_1 = c_6*x24 - s_6*x_e_1;
-    const REAL y_f_2 = c_6*x25 - s_6*x_e_2;
-    const REAL y_f_3 = c_6*x26 - s_6*x_e_3;
-    const REAL x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-    const REAL z_f_1 = x27;
-    const REAL x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-    const REAL z_f_2 = x28;
-    const REAL x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-    const REAL z_f_3 = x29;
-    const REAL p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1;
-    const REAL p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
-    const REAL p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
-    output[0][i] = x_f_1;
-    output[1][i] = y_f_1;
-    output[2][i] = z_f_1;
-    output[3][i] = p_f_1;
-    output[4][i] = x_f_2;
-    output[5][i] = y_f_2;
-    output[6][i] = z_f_2;
-    output[7][i] = p_f_2;
-    output[8][i] = x_f_3;
-    output[9][i] = y_f_3;
-    output[10][i] = z_f_3;
-    output[11][i] = p_f_3;
-    output[12][i] = K(0.0);
-    output[13][i] = K(0.0);
-    output[14][i] = K(0.0);
-    output[15][i] = K(1.0);
-    output[16][i] = FABS(angle_1);
-    output[17][i] = FABS(angle_2);
-    output[18][i] = FABS(angle_3);
-    output[19][i] = FABS(angle_4);
-    output[20][i] = FABS(angle_5);
-    output[21][i] = FABS(angle_6);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_links_link_forward_6r)(input[0] + i, input[5] + i, input[10] + i, input[15] + i, input[21] + i, output[0] + i, output[16] + i);
   return is_beyond(output + 16, 6);
 }
 #endif
@@ -302,182 +81,11 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL a_1 = input[0][i];
-    const REAL a_2 = input[1][i];
-    const REAL a_3 = input[2][i];
-    const REAL a_4 = input[3][i];
-    const REAL a_5 = input[4][i];
-    const REAL cos_alpha_1 = input[5][i];
-    const REAL cos_alpha_2 = input[6][i];
-    const REAL cos_alpha_3 = input[7][i];
-    const REAL cos_alpha_4 = input[8][i];
-    const REAL cos_alpha_5 = input[9][i];
-    const REAL sin_alpha_1 = input[10][i];
-    const REAL sin_alpha_2 = input[11][i];
-    const REAL sin_alpha_3 = input[12][i];
-    const REAL sin_alpha_4 = input[13][i];
-    const REAL sin_alpha_5 = input[14][i];
-    const REAL offset_1 = input[15][i];
-    const REAL offset_2 = input[16][i];
-    const REAL offset_3 = input[17][i];
-    const REAL offset_4 = input[18][i];
-    const REAL offset_5 = input[19][i];
-    const REAL offset_6 = input[20][i];
-    const REAL angle_1 = input[21][i];
-    const REAL angle_2 = input[22][i];
-    const REAL angle_3 = input[23][i];
-    const REAL angle_4 = input[24][i];
-    const REAL angle_5 = input[25][i];
-    const REAL c_1 = TYPED(vector_cos)(angle_1);
-    const REAL c_2 = TYPED(vector_cos)(angle_2);
-    const REAL c_3 = TYPED(vector_cos)(angle_3);
-    const REAL c_4 = TYPED(vector_cos)(angle_4);
-    const REAL c_5 = TYPED(vector_cos)(angle_5);
-    const REAL s_1 = TYPED(vector_sin)(angle_1);
-    const REAL s_2 = TYPED(vector_sin)(angle_2);
-    const REAL s_3 = TYPED(vector_sin)(angle_3);
-    const REAL s_4 = TYPED(vector_sin)(angle_4);
-    const REAL s_5 = TYPED(vector_sin)(angle_5);
-    const REAL x0 = c_1*c_2;
-    const REAL x1 = s_1*s_2;
-    const REAL x_b_1 = x0 - cos_alpha_1*x1;
-    const REAL x2 = c_2*s_1;
-    const REAL x3 = c_1*s_2;
-    const REAL x_b_2 = cos_alpha_1*x3 + x2;
-    const REAL x_b_3 = s_2*sin_alpha_1;
-    const REAL y_b_1 = -cos_alpha_1*x2 - x3;
-    const REAL y_b_2 = cos_alpha_1*x0 - x1;
-    const REAL y_b_3 = c_2*sin_alpha_1;
-    const REAL x4 = s_1*sin_alpha_1;
-    const REAL z_b_1 = x4;
-    const REAL x5 = c_1*sin_alpha_1;
-    const REAL z_b_2 = -x5;
-    const REAL z_b_3 = cos_alpha_1;
-    const REAL p_b_1 = a_1*c_1 + offset_2*x4;
-    const REAL p_b_2 = a_1*s_1 - offset_2*x5;
-    const REAL p_b_3 = cos_alpha_1*offset_2 + offset_1;
-    const REAL x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-    const REAL x_c_1 = c_3*x_b_1 + s_3*x6;
-    const REAL x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-    const REAL x_c_2 = c_3*x_b_2 + s_3*x7;
-    const REAL x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-    const REAL x_c_3 = c_3*x_b_3 + s_3*x8;
-    const REAL y_c_1 = c_3*x6 - s_3*x_b_1;
-    const REAL y_c_2 = c_3*x7 - s_3*x_b_2;
-    const REAL y_c_3 = c_3*x8 - s_3*x_b_3;
-    const REAL x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-    const REAL z_c_1 = x9;
-    const REAL x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-    const REAL z_c_2 = x10;
-    const REAL x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-    const REAL z_c_3 = x11;
-    const REAL p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-    const REAL p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-    const REAL p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-    const REAL x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-    const REAL x_d_1 = c_4*x_c_1 + s_4*x12;
-    const REAL x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-    const REAL x_d_2 = c_4*x_c_2 + s_4*x13;
-    const REAL x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-    const REAL x_d_3 = c_4*x_c_3 + s_4*x14;
-    const REAL y_d_1 = c_4*x12 - s_4*x_c_1;
-    const REAL y_d_2 = c_4*x13 - s_4*x_c_2;
-    const REAL y_d_3 = c_4*x14 - s_4*x_c_3;
-    const REAL x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-    const REAL z_d_1 = x15;
-    const REAL x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-    const REAL z_d_2 = x16;
-    const REAL x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-    const REAL z_d_3 = x17;
-    const REAL p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-    const REAL p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-    const REAL p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-    const REAL x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-    const REAL x_e_1 = c_5*x_d_1 + s_5*x18;
-    const REAL x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-    const REAL x_e_2 = c_5*x_d_2 + s_5*x19;
-    const REAL x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-    const REAL x_e_3 = c_5*x_d_3 + s_5*x20;
-    const REAL y_e_1 = c_5*x18 - s_5*x_d_1;
-    const REAL y_e_2 = c_5*x19 - s_5*x_d_2;
-    const REAL y_e_3 = c_5*x20 - s_5*x_d_3;
-    const REAL x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-    const REAL z_e_1 = x21;
-    const REAL x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-    const REAL z_e_2 = x22;
-    const REAL x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-    const REAL z_e_3 = x23;
-    const REAL p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-    const REAL p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-    const REAL p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-    const REAL x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-    const REAL z_f_1 = x24;
-    const REAL x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-    const REAL z_f_2 = x25;
-    const REAL x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-    const REAL z_f_3 = x26;
-    const REAL p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1;
-    const REAL p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2;
-    const REAL p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3;
-    const REAL x29 = p_f_3 - p_b_3;
-    const REAL x30 = p_f_2 - p_b_2;
-    const REAL x31 = p_f_3 - p_c_3;
-    const REAL x32 = p_f_2 - p_c_2;
-    const REAL x33 = p_f_3 - p_d_3;
-    const REAL x34 = p_f_2 - p_d_2;
-    const REAL x35 = p_f_3 - p_e_3;
-    const REAL x36 = p_f_2 - p_e_2;
-    const REAL x38 = p_f_1 - p_b_1;
-    const REAL x39 = p_f_1 - p_c_1;
-    const REAL x40 = p_f_1 - p_d_1;
-    const REAL x41 = p_f_1 - p_e_1;
-    output[0][i] = K(0.0);
-    output[1][i] = z_b_1;
-    output[2][i] = z_c_1;
-    output[3][i] = z_d_1;
-    output[4][i] = z_e_1;
-    output[5][i] = z_f_1;
-    output[6][i] = K(0.0);
-    output[7][i] = z_b_2;
-    output[8][i] = z_c_2;
-    output[9][i] = z_d_2;
-    output[10][i] = z_e_2;
-    output[11][i] = z_f_2;
-    output[12][i] = K(1.0);
-    output[13][i] = z_b_3;
-    output[14][i] = z_c_3;
-    output[15][i] = z_d_3;
-    output[16][i] = z_e_3;
-    output[17][i] = z_f_3;
-    output[18][i] = -p_f_2;
-    output[19][i] = x29*z_b_2 - x30*z_b_3;
-    output[20][i] = x31*z_c_2 - x32*z_c_3;
-    output[21][i] = x33*z_d_2 - x34*z_d_3;
-    output[22][i] = x35*z_e_2 - x36*z_e_3;
-    output[23][i] = K(0.0);
-    output[24][i] = p_f_1;
-    output[25][i] = x38*z_b_3 - x29*z_b_1;
-    output[26][i] = x39*z_c_3 - x31*z_c_1;
-    output[27][i] = x40*z_d_3 - x33*z_d_1;
-    output[28][i] = x41*z_e_3 - x35*z_e_1;
-    output[29][i] = K(0.0);
-    output[30][i] = K(0.0);
-    output[31][i] = x30*z_b_1 - x38*z_b_2;
-    output[32][i] = x32*z_c_1 - x39*z_c_2;
-    output[33][i] = x34*z_d_1 - x40*z_d_2;
-    output[34][i] = x36*z_e_1 - x41*z_e_2;
-    output[35][i] = K(0.0);
-    output[36][i] = FABS(angle_1);
-    output[37][i] = FABS(angle_2);
-    output[38][i] = FABS(angle_3);
-    output[39][i] = FABS(angle_4);
-    output[40][i] = FABS(angle_5);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_links_link_jacobian_6r)(input[0] + i, input[5] + i, input[10] + i, input[15] + i, input[21] + i, output[0] + i, output[36] + i);
   return is_beyond(output + 36, 5);
 }
 #endif
@@ -494,63 +102,11 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL pose_1_1 = input[0][i];
-    const REAL pose_1_2 = input[1][i];
-    const REAL pose_1_3 = input[2][i];
-    const REAL pose_1_4 = input[3][i];
-    const REAL pose_2_1 = input[4][i];
-    const REAL pose_2_2 = input[5][i];
-    const REAL pose_2_3 = input[6][i];
-    const REAL pose_2_4 = input[7][i];
-    const REAL pose_3_1 = input[8][i];
-    const REAL pose_3_2 = input[9][i];
-    const REAL pose_3_3 = input[10][i];
-    const REAL pose_3_4 = input[11][i];
-    const REAL a67 = input[16][i];
-    const REAL alpha67 = input[17][i];
-    const REAL tolerance = input[18][i];
-    const REAL x0 = TYPED(vector_sin)(alpha67);
-    const REAL x1 = TYPED(vector_cos)(alpha67);
-    const REAL S7v_1 = pose_1_3*x1 - pose_1_2*x0;
-    const REAL S7v_2 = pose_2_3*x1 - pose_2_2*x0;
-    const REAL S7v_3 = pose_3_3*x1 - pose_3_2*x0;
-    const REAL end_1 = a67*pose_1_1 + pose_1_4;
-    const REAL end_2 = a67*pose_2_1 + pose_2_4;
-    const REAL end_3 = a67*pose_3_1 + pose_3_4;
-    const REAL sine = SQRT((S7v_1*S7v_1) + (S7v_2*S7v_2));
-    const REAL x2 = (end_1*end_1) + (end_2*end_2);
-    const REAL level_length = SQRT(x2);
-    const REAL size = SQRT((end_3*end_3) + x2);
-    const REAL_MASK skewed = TYPED(mask)(sine > tolerance);
-    const REAL_MASK apart = TYPED(mask)(level_length > size*tolerance);
-    const REAL divisor = TYPED(blend)(skewed, sine, K(1.0));
-    const REAL x3 = K(1.0)/divisor;
-    const REAL x4 = S7v_2*x3;
-    const REAL a71v_1 = x4;
-    const REAL x5 = S7v_1*x3;
-    const REAL a71v_2 = -x5;
-    const REAL a71v_3 = K(0.0);
-    const REAL x6 = TYPED(blend)(apart, K(1.0)/level_length, K(1.0));
-    const REAL chosen_1 = TYPED(blend)(skewed, a71v_1, TYPED(blend)(apart, -end_1*x6, pose_1_1));
-    const REAL chosen_2 = TYPED(blend)(skewed, a71v_2, TYPED(blend)(apart, -end_2*x6, pose_2_1));
-    const REAL chosen_3 = TYPED(blend)(skewed, a71v_3, TYPED(blend)(apart, K(0.0), pose_3_1));
-    const REAL deviation = K(2.0)*FABS(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + K(2.0)*FABS(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + K(2.0)*FABS(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + FABS((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - K(1.0)) + FABS((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - K(1.0)) + FABS((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - K(1.0));
-    const REAL volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
-    const REAL_MASK good = (TYPED(mask)(deviation <= K(1.0)/K(1000.0))) & (TYPED(mask)(FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX)) & (TYPED(mask)(volume > K(0.0)));
-    output[0][i] = TYPED(blend)(good, TYPED(blend)(skewed, x3*(-end_1*x5 - end_2*x4), K(0.0)), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(blend)((~(apart)) & (~(skewed)), K(0.0), TYPED(vector_atan2)(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), TYPED(blend)(apart, level_length, K(0.0))), (REAL)NAN);
-    output[3][i] = TYPED(blend)(good, TYPED(blend)(skewed, TYPED(vector_atan2)(sine, S7v_3), TYPED(blend)(TYPED(mask)(S7v_3 > K(0.0)), K(0.0), K(3.141592653589793))), (REAL)NAN);
-    output[4][i] = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (REAL)NAN);
-    output[5][i] = TYPED(blend)(good, TYPED(vector_atan2)(-chosen_2, chosen_1), (REAL)NAN);
-    output[6][i] = TYPED(blend)(~(good), K(3.0), TYPED(blend)(skewed, K(0.0), TYPED(blend)(apart, K(1.0), K(2.0))));
-    output[7][i] = FABS(alpha67);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_links_hypothetical_link)(input[0] + i, input[16][i], input[17][i], input[18][i], output[0] + i, output[1] + i, output[2] + i, output[3] + i, output[4] + i, output[5] + i, output[6] + i, output[7] + i);
   return is_beyond(output + 7, 1);
 }
 #endif

@@ -14,128 +14,15 @@
 #endif
 #include "../c/spatial_loops.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/spatial_loops.c"
+#endif
 
-/* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL alpha_1 = input[0][i];
-    const REAL alpha_2 = input[1][i];
-    const REAL alpha_3 = input[2][i];
-    const REAL alpha_4 = input[3][i];
-    const REAL a_1 = input[4][i];
-    const REAL a_2 = input[5][i];
-    const REAL a_3 = input[6][i];
-    const REAL a_4 = input[7][i];
-    const REAL S_4 = input[8][i];
-    const REAL theta_4 = input[9][i];
-    const REAL cos_alpha_1 = TYPED(vector_cos)(alpha_1);
-    const REAL cos_alpha_2 = TYPED(vector_cos)(alpha_2);
-    const REAL cos_alpha_3 = TYPED(vector_cos)(alpha_3);
-    const REAL cos_alpha_4 = TYPED(vector_cos)(alpha_4);
-    const REAL sin_alpha_1 = TYPED(vector_sin)(alpha_1);
-    const REAL sin_alpha_2 = TYPED(vector_sin)(alpha_2);
-    const REAL sin_alpha_3 = TYPED(vector_sin)(alpha_3);
-    const REAL sin_alpha_4 = TYPED(vector_sin)(alpha_4);
-    const REAL cos_theta_4 = TYPED(vector_cos)(theta_4);
-    const REAL sin_theta_4 = TYPED(vector_sin)(theta_4);
-    const REAL x0 = sin_alpha_3*sin_theta_4;
-    const REAL X_4 = x0;
-    const REAL x1 = cos_theta_4*sin_alpha_3;
-    const REAL x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1;
-    const REAL Y_4 = -x2;
-    const REAL x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1;
-    const REAL Z_4 = x3;
-    const REAL D = Z_4*cos_alpha_1 - cos_alpha_2;
-    const REAL r = sin_alpha_1*SQRT((X_4*X_4) + (Y_4*Y_4));
-    const REAL size = FABS(r);
-    const REAL square = (size - D)*(D + size);
-    const REAL root = TYPED(blend)(TYPED(mask)(square > K(0.0)), SQRT(square), K(0.0));
-    const REAL middle = TYPED(vector_atan2)(X_4*sin_alpha_1, Y_4*sin_alpha_1);
-    const REAL half = TYPED(vector_atan2)(root, -D);
-    const REAL theta_1_a = half + middle;
-    const REAL cos_theta_1_a = TYPED(vector_cos)(theta_1_a);
-    const REAL sin_theta_1_a = TYPED(vector_sin)(theta_1_a);
-    const REAL row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2;
-    const REAL x4 = sin_alpha_1*x3;
-    const REAL row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4;
-    const REAL x5 = sin_alpha_1*sin_theta_1_a;
-    const REAL x6 = cos_alpha_1*sin_alpha_4;
-    const REAL x7 = cos_theta_1_a*sin_alpha_1;
-    const REAL x8 = -cos_alpha_4*x7 - x6;
-    const REAL column_a_1 = cos_theta_4*x5 - sin_theta_4*x8;
-    const REAL x9 = cos_alpha_1*cos_alpha_4;
-    const REAL column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7);
-    const REAL x11 = -a_3*cos_theta_4 - a_4;
-    const REAL x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4;
-    const REAL vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1;
-    const REAL x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4;
-    const REAL x14 = sin_alpha_1*x13;
-    const REAL x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11;
-    const REAL vector_a_2 = cos_alpha_1*x15 + x14;
-    const REAL x16 = cos_alpha_1*x13;
-    const REAL vector_a_3 = x16 - sin_alpha_1*x15;
-    const REAL theta_2_a = TYPED(vector_atan2)(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2);
-    const REAL theta_3_a = TYPED(vector_atan2)(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2);
-    const REAL cos_theta_2_a = TYPED(vector_cos)(theta_2_a);
-    const REAL sin_theta_2_a = TYPED(vector_sin)(theta_2_a);
-    const REAL x17 = K(1.0)/sin_alpha_1;
-    const REAL x18 = K(1.0)/sin_theta_2_a;
-    const REAL S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2);
-    const REAL x20 = K(1.0)/sin_alpha_2;
-    const REAL S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a);
-    const REAL theta_1_b = middle - half;
-    const REAL cos_theta_1_b = TYPED(vector_cos)(theta_1_b);
-    const REAL sin_theta_1_b = TYPED(vector_sin)(theta_1_b);
-    const REAL row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2;
-    const REAL row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4;
-    const REAL x21 = sin_alpha_1*sin_theta_1_b;
-    const REAL x22 = cos_theta_1_b*sin_alpha_1;
-    const REAL x23 = -cos_alpha_4*x22 - x6;
-    const REAL column_b_1 = cos_theta_4*x21 - sin_theta_4*x23;
-    const REAL column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22);
-    const REAL vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1;
-    const REAL x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11;
-    const REAL vector_b_2 = cos_alpha_1*x24 + x14;
-    const REAL vector_b_3 = x16 - sin_alpha_1*x24;
-    const REAL theta_2_b = TYPED(vector_atan2)(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2);
-    const REAL theta_3_b = TYPED(vector_atan2)(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2);
-    const REAL cos_theta_2_b = TYPED(vector_cos)(theta_2_b);
-    const REAL sin_theta_2_b = TYPED(vector_sin)(theta_2_b);
-    const REAL x25 = K(1.0)/sin_theta_2_b;
-    const REAL S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
-    const REAL S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b);
-    const REAL total = K(0.015625)*FABS(S_4) + K(0.015625)*FABS(a_1) + K(0.015625)*FABS(a_2) + K(0.015625)*FABS(a_3) + K(0.015625)*FABS(a_4) + K(0.015625)*FABS(cos_alpha_1) + K(0.015625)*FABS(cos_alpha_2) + K(0.015625)*FABS(cos_alpha_3) + K(0.015625)*FABS(cos_alpha_4) + K(0.015625)*FABS(cos_theta_4) + K(0.015625)*FABS(sin_alpha_1) + K(0.015625)*FABS(sin_alpha_2) + K(0.015625)*FABS(sin_alpha_3) + K(0.015625)*FABS(sin_alpha_4) + K(0.015625)*FABS(sin_theta_4);
-    const REAL_MASK good = TYPED(mask)(total <= REAL_MAX);
-    const REAL_MASK closes = TYPED(mask)(FABS(D) <= K(4.0)*REAL_EPSILON + size);
-    const REAL x26 = sin_alpha_1*sin_alpha_2;
-    const REAL x27 = K(8.0)*REAL_EPSILON;
-    const REAL_MASK determined = (TYPED(mask)(FABS(sin_theta_2_a*x26) > x27)) & (TYPED(mask)(FABS(sin_theta_2_b*x26) > x27));
-    const REAL_MASK there = (closes) & (good);
-    output[0][i] = TYPED(blend)(there, theta_1_a, (REAL)NAN);
-    output[1][i] = TYPED(blend)(there, theta_2_a, (REAL)NAN);
-    output[2][i] = TYPED(blend)(there, theta_3_a, (REAL)NAN);
-    output[3][i] = TYPED(blend)(there, theta_1_b, (REAL)NAN);
-    output[4][i] = TYPED(blend)(there, theta_2_b, (REAL)NAN);
-    output[5][i] = TYPED(blend)(there, theta_3_b, (REAL)NAN);
-    output[6][i] = TYPED(blend)((determined) & (there), S_1_a, (REAL)NAN);
-    output[7][i] = TYPED(blend)((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
-    output[8][i] = TYPED(blend)((determined) & (there), S_3_a, (REAL)NAN);
-    output[9][i] = TYPED(blend)((determined) & (there), S_1_b, (REAL)NAN);
-    output[10][i] = TYPED(blend)((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
-    output[11][i] = TYPED(blend)((determined) & (there), S_3_b, (REAL)NAN);
-    output[12][i] = TYPED(blend)(~(good), K(4.0), TYPED(blend)(~(closes), K(2.0), TYPED(blend)(~(determined), K(3.0), TYPED(blend)(TYPED(mask)(root <= K(4.0)*SQRT(REAL_EPSILON)*size), K(1.0), K(0.0)))));
-    output[13][i] = FABS(alpha_1);
-    output[14][i] = FABS(alpha_2);
-    output[15][i] = FABS(alpha_3);
-    output[16][i] = FABS(alpha_4);
-    output[17][i] = FABS(theta_1_a);
-    output[18][i] = FABS(theta_1_b);
-    output[19][i] = FABS(theta_2_a);
-    output[20][i] = FABS(theta_2_b);
-    output[21][i] = FABS(theta_4);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_rccc)(input[0] + i, input[4] + i, input[8][i], input[9][i], output[0] + i, output[6] + i, output[12] + i, output[13] + i);
   return is_beyond(output + 13, 9);
 }
 #endif
@@ -152,89 +39,11 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL alpha_1 = input[0][i];
-    const REAL alpha_2 = input[1][i];
-    const REAL alpha_3 = input[2][i];
-    const REAL alpha_4 = input[3][i];
-    const REAL alpha_5 = input[4][i];
-    const REAL a_1 = input[5][i];
-    const REAL a_2 = input[6][i];
-    const REAL a_3 = input[7][i];
-    const REAL a_4 = input[8][i];
-    const REAL a_5 = input[9][i];
-    const REAL S_1 = input[10][i];
-    const REAL S_2 = input[11][i];
-    const REAL S_3 = input[12][i];
-    const REAL theta_5 = input[13][i];
-    const REAL cos_alpha_1 = TYPED(vector_cos)(alpha_1);
-    const REAL cos_alpha_2 = TYPED(vector_cos)(alpha_2);
-    const REAL cos_alpha_3 = TYPED(vector_cos)(alpha_3);
-    const REAL cos_alpha_4 = TYPED(vector_cos)(alpha_4);
-    const REAL cos_alpha_5 = TYPED(vector_cos)(alpha_5);
-    const REAL sin_alpha_1 = TYPED(vector_sin)(alpha_1);
-    const REAL sin_alpha_2 = TYPED(vector_sin)(alpha_2);
-    const REAL sin_alpha_3 = TYPED(vector_sin)(alpha_3);
-    const REAL sin_alpha_4 = TYPED(vector_sin)(alpha_4);
-    const REAL sin_alpha_5 = TYPED(vector_sin)(alpha_5);
-    const REAL cos_theta_5 = TYPED(vector_cos)(theta_5);
-    const REAL sin_theta_5 = TYPED(vector_sin)(theta_5);
-    const REAL X_5 = sin_alpha_4*sin_theta_5;
-    const REAL x0 = cos_alpha_4*sin_alpha_5;
-    const REAL x1 = cos_alpha_5*sin_alpha_4;
-    const REAL Y_5 = -cos_theta_5*x1 - x0;
-    const REAL x2 = cos_alpha_4*cos_alpha_5;
-    const REAL Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5;
-    const REAL X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5;
-    const REAL x3 = S_3*X_5;
-    const REAL Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5;
-    const REAL Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1);
-    const REAL x4 = cos_alpha_1*cos_alpha_2;
-    const REAL x5 = sin_alpha_1*sin_alpha_2;
-    const REAL x6 = Z_5*x5;
-    const REAL x7 = cos_alpha_2*sin_alpha_1;
-    const REAL x8 = Y_5*x7;
-    const REAL x9 = Y_5*sin_alpha_2;
-    const REAL x10 = cos_alpha_1*x9;
-    const REAL x11 = X_5*sin_alpha_2;
-    const REAL x12 = X_5*x7;
-    const REAL x13 = cos_alpha_1*x11;
-    const REAL x14 = Z_5*a_1;
-    const REAL x15 = cos_alpha_1*sin_alpha_2;
-    const REAL x16 = Z_5*a_2;
-    const REAL x17 = Y_5*x4;
-    const REAL x18 = sin_alpha_1*x9;
-    const REAL x19 = Y0_5*sin_alpha_2;
-    const REAL x20 = sin_alpha_1*x11;
-    output[0][i] = Z_5*x4 - cos_alpha_3;
-    output[1][i] = -x6;
-    output[2][i] = K(0.0);
-    output[3][i] = x8;
-    output[4][i] = x10;
-    output[5][i] = x11;
-    output[6][i] = x12;
-    output[7][i] = x13;
-    output[8][i] = -x9;
-    output[9][i] = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
-    output[10][i] = -Z0_5*x5 - x14*x15 - x16*x7;
-    output[11][i] = S_2*x6;
-    output[12][i] = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
-    output[13][i] = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
-    output[14][i] = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
-    output[15][i] = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
-    output[16][i] = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
-    output[17][i] = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
-    output[18][i] = FABS(alpha_1);
-    output[19][i] = FABS(alpha_2);
-    output[20][i] = FABS(alpha_3);
-    output[21][i] = FABS(alpha_4);
-    output[22][i] = FABS(alpha_5);
-    output[23][i] = FABS(theta_5);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_rrrcc_pair)(input[0] + i, input[5] + i, input[10] + i, input[13][i], output[0] + i, output[18] + i);
   return is_beyond(output + 18, 6);
 }
 #endif
@@ -251,90 +60,11 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL alpha_1 = input[0][i];
-    const REAL alpha_2 = input[1][i];
-    const REAL alpha_3 = input[2][i];
-    const REAL alpha_4 = input[3][i];
-    const REAL alpha_5 = input[4][i];
-    const REAL a_1 = input[5][i];
-    const REAL a_2 = input[6][i];
-    const REAL a_4 = input[8][i];
-    const REAL a_5 = input[9][i];
-    const REAL S_1 = input[10][i];
-    const REAL S_2 = input[11][i];
-    const REAL S_3 = input[12][i];
-    const REAL theta_5 = input[13][i];
-    const REAL theta_1 = input[14][i];
-    const REAL theta_2 = input[15][i];
-    const REAL cos_alpha_1 = TYPED(vector_cos)(alpha_1);
-    const REAL cos_alpha_2 = TYPED(vector_cos)(alpha_2);
-    const REAL cos_alpha_3 = TYPED(vector_cos)(alpha_3);
-    const REAL cos_alpha_4 = TYPED(vector_cos)(alpha_4);
-    const REAL cos_alpha_5 = TYPED(vector_cos)(alpha_5);
-    const REAL sin_alpha_1 = TYPED(vector_sin)(alpha_1);
-    const REAL sin_alpha_2 = TYPED(vector_sin)(alpha_2);
-    const REAL sin_alpha_3 = TYPED(vector_sin)(alpha_3);
-    const REAL sin_alpha_4 = TYPED(vector_sin)(alpha_4);
-    const REAL sin_alpha_5 = TYPED(vector_sin)(alpha_5);
-    const REAL cos_theta_5 = TYPED(vector_cos)(theta_5);
-    const REAL sin_theta_5 = TYPED(vector_sin)(theta_5);
-    const REAL cos_theta_1 = TYPED(vector_cos)(theta_1);
-    const REAL sin_theta_1 = TYPED(vector_sin)(theta_1);
-    const REAL cos_theta_2 = TYPED(vector_cos)(theta_2);
-    const REAL sin_theta_2 = TYPED(vector_sin)(theta_2);
-    const REAL x0 = sin_alpha_4*sin_theta_5;
-    const REAL x1 = cos_theta_5*sin_alpha_4;
-    const REAL x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1;
-    const REAL x3 = cos_theta_1*x0 + sin_theta_1*x2;
-    const REAL x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1;
-    const REAL x5 = cos_theta_1*x2 - sin_theta_1*x0;
-    const REAL x6 = cos_alpha_1*x5 + sin_alpha_1*x4;
-    const REAL row_1 = cos_theta_2*x3 + sin_theta_2*x6;
-    const REAL row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5);
-    const REAL x7 = sin_alpha_2*sin_theta_2;
-    const REAL x8 = cos_theta_2*sin_alpha_2;
-    const REAL x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1;
-    const REAL x10 = cos_theta_1*x7 - sin_theta_1*x9;
-    const REAL x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8;
-    const REAL x12 = cos_theta_1*x9 + sin_theta_1*x7;
-    const REAL x13 = cos_alpha_5*x12 - sin_alpha_5*x11;
-    const REAL column_1 = cos_theta_5*x10 - sin_theta_5*x13;
-    const REAL column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12);
-    const REAL x14 = -a_4*cos_theta_5 - a_5;
-    const REAL x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5;
-    const REAL x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1;
-    const REAL x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5;
-    const REAL x18 = cos_theta_1*x15 - sin_theta_1*x14;
-    const REAL x19 = cos_alpha_1*x18 + sin_alpha_1*x17;
-    const REAL vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2;
-    const REAL x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18;
-    const REAL x21 = cos_theta_2*x19 - sin_theta_2*x16;
-    const REAL vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20;
-    const REAL vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21;
-    const REAL theta_3 = TYPED(vector_atan2)(row_1*sin_alpha_3, -row_2*sin_alpha_3);
-    const REAL theta_4 = TYPED(vector_atan2)(column_1*sin_alpha_3, column_2*sin_alpha_3);
-    const REAL cos_theta_3 = TYPED(vector_cos)(theta_3);
-    const REAL sin_theta_3 = TYPED(vector_sin)(theta_3);
-    const REAL S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
-    output[0][i] = theta_3;
-    output[1][i] = theta_4;
-    output[2][i] = vector_3 - S_4*cos_alpha_3;
-    output[3][i] = S_4;
-    output[4][i] = FABS(alpha_1);
-    output[5][i] = FABS(alpha_2);
-    output[6][i] = FABS(alpha_3);
-    output[7][i] = FABS(alpha_4);
-    output[8][i] = FABS(alpha_5);
-    output[9][i] = FABS(theta_1);
-    output[10][i] = FABS(theta_2);
-    output[11][i] = FABS(theta_3);
-    output[12][i] = FABS(theta_5);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_rrrcc_back)(input[0] + i, input[5] + i, input[10] + i, input[13][i], input[14][i], input[15][i], output[0] + i, output[2] + i, output[4] + i);
   return is_beyond(output + 4, 9);
 }
 #endif
@@ -351,113 +81,11 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_pair_12_12: 83 add, 144 mul, 1 div */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_pair_12_12)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rotation_1_1_1 = input[0][i];
-    const REAL rotation_1_1_2 = input[1][i];
-    const REAL rotation_1_1_3 = input[2][i];
-    const REAL rotation_1_2_1 = input[3][i];
-    const REAL rotation_1_2_2 = input[4][i];
-    const REAL rotation_1_2_3 = input[5][i];
-    const REAL rotation_1_3_1 = input[6][i];
-    const REAL rotation_1_3_2 = input[7][i];
-    const REAL rotation_1_3_3 = input[8][i];
-    const REAL rotation_2_1_1 = input[9][i];
-    const REAL rotation_2_1_2 = input[10][i];
-    const REAL rotation_2_1_3 = input[11][i];
-    const REAL rotation_2_2_1 = input[12][i];
-    const REAL rotation_2_2_2 = input[13][i];
-    const REAL rotation_2_2_3 = input[14][i];
-    const REAL rotation_2_3_1 = input[15][i];
-    const REAL rotation_2_3_2 = input[16][i];
-    const REAL rotation_2_3_3 = input[17][i];
-    const REAL rotation_3_1_3 = input[20][i];
-    const REAL rotation_3_2_3 = input[23][i];
-    const REAL rotation_3_3_3 = input[26][i];
-    const REAL rotation_4_1_3 = input[29][i];
-    const REAL rotation_4_2_3 = input[32][i];
-    const REAL rotation_4_3_3 = input[35][i];
-    const REAL vector_1_1 = input[36][i];
-    const REAL vector_1_2 = input[37][i];
-    const REAL vector_1_3 = input[38][i];
-    const REAL vector_2_1 = input[39][i];
-    const REAL vector_2_2 = input[40][i];
-    const REAL vector_2_3 = input[41][i];
-    const REAL vector_3_1 = input[42][i];
-    const REAL vector_3_2 = input[43][i];
-    const REAL vector_3_3 = input[44][i];
-    const REAL vector_4_1 = input[45][i];
-    const REAL vector_4_2 = input[46][i];
-    const REAL vector_4_3 = input[47][i];
-    const REAL p_1 = input[48][i];
-    const REAL p_2 = input[49][i];
-    const REAL p_3 = input[50][i];
-    const REAL q_1 = input[51][i];
-    const REAL q_2 = input[52][i];
-    const REAL q_3 = input[53][i];
-    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const REAL x0 = K(1.0)/square;
-    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const REAL part_2 = x0*x1;
-    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const REAL q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
-    const REAL q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
-    const REAL q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
-    const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-    const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const REAL x5 = rotation_2_1_3*rotation_3_3_3;
-    const REAL x6 = rotation_2_2_3*rotation_3_3_3;
-    const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
-    const REAL x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
-    const REAL x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
-    const REAL x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
-    const REAL x15 = rotation_2_1_3*v_34_3;
-    const REAL x16 = rotation_2_2_3*v_34_3;
-    const REAL x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
-    const REAL x18 = part_3*x17;
-    const REAL x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
-    const REAL x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-    const REAL x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const REAL x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-    const REAL x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const REAL x25 = -part_3*x17;
-    output[0][i] = rotation_1_3_3*x2 - rotation_4_3_3;
-    output[1][i] = rotation_1_3_3*x3;
-    output[2][i] = rotation_1_3_3*x4;
-    output[3][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    output[4][i] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-    output[5][i] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    output[7][i] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    output[8][i] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-    output[9][i] = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
-    output[10][i] = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
-    output[11][i] = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
-    output[12][i] = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
-    output[13][i] = x11*x21 + x12*x20 + x18*x7 + x19*x8;
-    output[14][i] = x10*x19 + x11*x23 + x12*x22 + x18*x9;
-    output[15][i] = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
-    output[16][i] = x12*x21 + x19*x7 + x25*x8 - x11*x20;
-    output[17][i] = x10*x25 + x12*x23 + x19*x9 - x11*x22;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_pair_12_12)(input[0] + i, input[36] + i, input[48] + i, input[51] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -474,111 +102,11 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_pair_23_23: 73 add, 134 mul, 1 div */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_pair_23_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rotation_1_1_1 = input[0][i];
-    const REAL rotation_1_1_2 = input[1][i];
-    const REAL rotation_1_1_3 = input[2][i];
-    const REAL rotation_1_2_1 = input[3][i];
-    const REAL rotation_1_2_2 = input[4][i];
-    const REAL rotation_1_2_3 = input[5][i];
-    const REAL rotation_1_3_1 = input[6][i];
-    const REAL rotation_1_3_2 = input[7][i];
-    const REAL rotation_1_3_3 = input[8][i];
-    const REAL rotation_2_1_1 = input[9][i];
-    const REAL rotation_2_1_2 = input[10][i];
-    const REAL rotation_2_1_3 = input[11][i];
-    const REAL rotation_2_2_1 = input[12][i];
-    const REAL rotation_2_2_2 = input[13][i];
-    const REAL rotation_2_2_3 = input[14][i];
-    const REAL rotation_2_3_1 = input[15][i];
-    const REAL rotation_2_3_2 = input[16][i];
-    const REAL rotation_2_3_3 = input[17][i];
-    const REAL rotation_3_1_3 = input[20][i];
-    const REAL rotation_3_2_3 = input[23][i];
-    const REAL rotation_3_3_3 = input[26][i];
-    const REAL rotation_4_1_3 = input[29][i];
-    const REAL rotation_4_2_3 = input[32][i];
-    const REAL rotation_4_3_3 = input[35][i];
-    const REAL vector_1_1 = input[36][i];
-    const REAL vector_1_2 = input[37][i];
-    const REAL vector_1_3 = input[38][i];
-    const REAL vector_2_1 = input[39][i];
-    const REAL vector_2_2 = input[40][i];
-    const REAL vector_2_3 = input[41][i];
-    const REAL vector_3_1 = input[42][i];
-    const REAL vector_3_2 = input[43][i];
-    const REAL vector_3_3 = input[44][i];
-    const REAL vector_4_1 = input[45][i];
-    const REAL vector_4_2 = input[46][i];
-    const REAL vector_4_3 = input[47][i];
-    const REAL p_1 = input[48][i];
-    const REAL p_2 = input[49][i];
-    const REAL p_3 = input[50][i];
-    const REAL q_1 = input[51][i];
-    const REAL q_2 = input[52][i];
-    const REAL q_3 = input[53][i];
-    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const REAL x0 = K(1.0)/square;
-    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const REAL part_2 = x0*x1;
-    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-    const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const REAL x5 = rotation_2_1_3*rotation_3_3_3;
-    const REAL x6 = rotation_1_3_1*x5;
-    const REAL x7 = rotation_2_2_3*rotation_3_3_3;
-    const REAL x8 = rotation_1_3_2*x7;
-    const REAL x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const REAL x10 = rotation_1_3_1*x9;
-    const REAL x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL x12 = rotation_1_3_2*x11;
-    const REAL x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const REAL x14 = rotation_1_3_1*x13;
-    const REAL x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL x16 = rotation_1_3_2*x15;
-    const REAL x17 = rotation_1_3_1*x7;
-    const REAL x18 = rotation_1_3_1*x11;
-    const REAL x19 = rotation_1_3_1*x15;
-    const REAL x20 = p_1*q_2 - p_2*q_1;
-    const REAL x21 = p_2*q_3 - p_3*q_2;
-    const REAL x22 = p_3*q_1 - p_1*q_3;
-    const REAL x23 = part_3*rotation_1_3_3;
-    const REAL x24 = x21*x23;
-    const REAL x25 = x22*x23;
-    const REAL x26 = part_3*x20;
-    const REAL x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
-    const REAL x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
-    output[0][i] = rotation_1_3_3*x2 - rotation_4_3_3;
-    output[1][i] = rotation_1_3_3*x3;
-    output[2][i] = rotation_1_3_3*x4;
-    output[3][i] = x6 + x8;
-    output[4][i] = x10 + x12;
-    output[5][i] = x14 + x16;
-    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
-    output[7][i] = rotation_1_3_2*x9 - x18;
-    output[8][i] = rotation_1_3_2*x13 - x19;
-    output[9][i] = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
-    output[10][i] = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
-    output[11][i] = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
-    output[12][i] = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
-    output[13][i] = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
-    output[14][i] = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
-    output[15][i] = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
-    output[16][i] = -x10*x26 - x12*x26 - x28*x3;
-    output[17][i] = -x14*x26 - x16*x26 - x28*x4;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_pair_23_23)(input[0] + i, input[36] + i, input[48] + i, input[51] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -595,113 +123,11 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_pair_34_34: 81 add, 149 mul, 1 div */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rotation_1_1_1 = input[0][i];
-    const REAL rotation_1_1_2 = input[1][i];
-    const REAL rotation_1_1_3 = input[2][i];
-    const REAL rotation_1_2_1 = input[3][i];
-    const REAL rotation_1_2_2 = input[4][i];
-    const REAL rotation_1_2_3 = input[5][i];
-    const REAL rotation_1_3_1 = input[6][i];
-    const REAL rotation_1_3_2 = input[7][i];
-    const REAL rotation_1_3_3 = input[8][i];
-    const REAL rotation_2_1_1 = input[9][i];
-    const REAL rotation_2_1_2 = input[10][i];
-    const REAL rotation_2_1_3 = input[11][i];
-    const REAL rotation_2_2_1 = input[12][i];
-    const REAL rotation_2_2_2 = input[13][i];
-    const REAL rotation_2_2_3 = input[14][i];
-    const REAL rotation_2_3_1 = input[15][i];
-    const REAL rotation_2_3_2 = input[16][i];
-    const REAL rotation_2_3_3 = input[17][i];
-    const REAL rotation_3_1_3 = input[20][i];
-    const REAL rotation_3_2_3 = input[23][i];
-    const REAL rotation_3_3_3 = input[26][i];
-    const REAL rotation_4_1_3 = input[29][i];
-    const REAL rotation_4_2_3 = input[32][i];
-    const REAL rotation_4_3_3 = input[35][i];
-    const REAL vector_1_1 = input[36][i];
-    const REAL vector_1_2 = input[37][i];
-    const REAL vector_1_3 = input[38][i];
-    const REAL vector_2_1 = input[39][i];
-    const REAL vector_2_2 = input[40][i];
-    const REAL vector_2_3 = input[41][i];
-    const REAL vector_3_1 = input[42][i];
-    const REAL vector_3_2 = input[43][i];
-    const REAL vector_3_3 = input[44][i];
-    const REAL vector_4_1 = input[45][i];
-    const REAL vector_4_2 = input[46][i];
-    const REAL vector_4_3 = input[47][i];
-    const REAL p_1 = input[48][i];
-    const REAL p_2 = input[49][i];
-    const REAL p_3 = input[50][i];
-    const REAL q_1 = input[51][i];
-    const REAL q_2 = input[52][i];
-    const REAL q_3 = input[53][i];
-    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const REAL x0 = K(1.0)/square;
-    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const REAL part_2 = x0*x1;
-    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL x2 = rotation_1_3_3*rotation_2_3_3;
-    const REAL x3 = rotation_2_2_3*rotation_3_3_3;
-    const REAL x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const REAL x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const REAL x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL x8 = p_2*q_3 - p_3*q_2;
-    const REAL x9 = p_1*q_3 - p_3*q_1;
-    const REAL x11 = p_1*q_2 - p_2*q_1;
-    const REAL x12 = rotation_2_1_3*x11;
-    const REAL x13 = rotation_2_2_3*x11;
-    const REAL x14 = rotation_2_3_3*x11;
-    const REAL x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
-    const REAL x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
-    const REAL x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
-    const REAL x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
-    const REAL x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
-    const REAL x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
-    const REAL x21 = part_3*rotation_1_3_3;
-    const REAL x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
-    const REAL x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
-    const REAL x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
-    const REAL x26 = part_3*rotation_1_3_1;
-    const REAL x27 = part_3*rotation_1_3_2;
-    const REAL x28 = rotation_2_2_3*x15;
-    const REAL x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
-    const REAL x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
-    const REAL x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
-    const REAL x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
-    output[0][i] = rotation_3_3_3*x2 - rotation_4_3_3;
-    output[1][i] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    output[2][i] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    output[3][i] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
-    output[4][i] = rotation_1_3_1*x4 + rotation_1_3_2*x5;
-    output[5][i] = rotation_1_3_1*x6 + rotation_1_3_2*x7;
-    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
-    output[7][i] = rotation_1_3_2*x4 - rotation_1_3_1*x5;
-    output[8][i] = rotation_1_3_2*x6 - rotation_1_3_1*x7;
-    output[9][i] = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
-    output[10][i] = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
-    output[11][i] = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
-    output[12][i] = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
-    output[13][i] = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
-    output[14][i] = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
-    output[15][i] = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
-    output[16][i] = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
-    output[17][i] = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_pair_34_34)(input[0] + i, input[36] + i, input[48] + i, input[51] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -718,128 +144,11 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_pair_12_23: 116 add, 210 mul, 1 div */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rotation_1_1_1 = input[0][i];
-    const REAL rotation_1_1_2 = input[1][i];
-    const REAL rotation_1_1_3 = input[2][i];
-    const REAL rotation_1_2_1 = input[3][i];
-    const REAL rotation_1_2_2 = input[4][i];
-    const REAL rotation_1_2_3 = input[5][i];
-    const REAL rotation_1_3_1 = input[6][i];
-    const REAL rotation_1_3_2 = input[7][i];
-    const REAL rotation_1_3_3 = input[8][i];
-    const REAL rotation_2_1_1 = input[9][i];
-    const REAL rotation_2_1_2 = input[10][i];
-    const REAL rotation_2_1_3 = input[11][i];
-    const REAL rotation_2_2_1 = input[12][i];
-    const REAL rotation_2_2_2 = input[13][i];
-    const REAL rotation_2_2_3 = input[14][i];
-    const REAL rotation_2_3_1 = input[15][i];
-    const REAL rotation_2_3_2 = input[16][i];
-    const REAL rotation_2_3_3 = input[17][i];
-    const REAL rotation_3_1_3 = input[20][i];
-    const REAL rotation_3_2_3 = input[23][i];
-    const REAL rotation_3_3_3 = input[26][i];
-    const REAL rotation_4_1_3 = input[29][i];
-    const REAL rotation_4_2_3 = input[32][i];
-    const REAL rotation_4_3_3 = input[35][i];
-    const REAL vector_1_1 = input[36][i];
-    const REAL vector_1_2 = input[37][i];
-    const REAL vector_1_3 = input[38][i];
-    const REAL vector_2_1 = input[39][i];
-    const REAL vector_2_2 = input[40][i];
-    const REAL vector_2_3 = input[41][i];
-    const REAL vector_3_1 = input[42][i];
-    const REAL vector_3_2 = input[43][i];
-    const REAL vector_3_3 = input[44][i];
-    const REAL vector_4_1 = input[45][i];
-    const REAL vector_4_2 = input[46][i];
-    const REAL vector_4_3 = input[47][i];
-    const REAL p_1 = input[48][i];
-    const REAL p_2 = input[49][i];
-    const REAL p_3 = input[50][i];
-    const REAL q_1 = input[51][i];
-    const REAL q_2 = input[52][i];
-    const REAL q_3 = input[53][i];
-    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const REAL x0 = K(1.0)/square;
-    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const REAL part_2 = x0*x1;
-    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-    const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const REAL x5 = rotation_2_1_3*rotation_3_3_3;
-    const REAL x6 = rotation_2_2_3*rotation_3_3_3;
-    const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL x11 = rotation_2_2_3*v_34_3;
-    const REAL x12 = q_2*v_34_3;
-    const REAL x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
-    const REAL x14 = q_1*x13;
-    const REAL x15 = q_2*x13;
-    const REAL x16 = q_3*x13;
-    const REAL x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const REAL x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-    const REAL x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const REAL x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-    const REAL x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const REAL x22 = q_2*vector_2_3 - q_3*vector_2_2;
-    const REAL x23 = q_3*vector_2_1 - q_1*vector_2_3;
-    const REAL x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
-    const REAL x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
-    const REAL x26 = rotation_2_3_3*x12 - q_3*x11;
-    const REAL x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
-    const REAL x28 = q_2*rotation_4_3_3;
-    const REAL x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-    const REAL x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
-    const REAL x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-    const REAL x32 = q_2*x2 - q_3*x6;
-    const REAL x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
-    const REAL x34 = q_2*x33 - q_3*x18;
-    const REAL x35 = q_3*x19 - q_1*x33;
-    const REAL x36 = q_3*x7 - q_1*x3;
-    const REAL x37 = q_2*x3 - q_3*x8;
-    const REAL x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
-    const REAL x39 = q_2*x38 - q_3*x20;
-    const REAL x40 = q_3*x21 - q_1*x38;
-    const REAL x41 = q_3*x9 - q_1*x4;
-    const REAL x42 = q_2*x4 - q_3*x10;
-    output[0][i] = rotation_1_3_3*x2 - rotation_4_3_3;
-    output[1][i] = rotation_1_3_3*x3;
-    output[2][i] = rotation_1_3_3*x4;
-    output[3][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    output[4][i] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-    output[5][i] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    output[7][i] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    output[8][i] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-    output[9][i] = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
-    output[10][i] = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
-    output[11][i] = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
-    output[12][i] = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
-    output[13][i] = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
-    output[14][i] = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
-    output[15][i] = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
-    output[16][i] = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
-    output[17][i] = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_pair_12_23)(input[0] + i, input[36] + i, input[48] + i, input[51] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -856,135 +165,11 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_pair_12_34: 146 add, 251 mul, 1 div */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rotation_1_1_1 = input[0][i];
-    const REAL rotation_1_1_2 = input[1][i];
-    const REAL rotation_1_1_3 = input[2][i];
-    const REAL rotation_1_2_1 = input[3][i];
-    const REAL rotation_1_2_2 = input[4][i];
-    const REAL rotation_1_2_3 = input[5][i];
-    const REAL rotation_1_3_1 = input[6][i];
-    const REAL rotation_1_3_2 = input[7][i];
-    const REAL rotation_1_3_3 = input[8][i];
-    const REAL rotation_2_1_1 = input[9][i];
-    const REAL rotation_2_1_2 = input[10][i];
-    const REAL rotation_2_1_3 = input[11][i];
-    const REAL rotation_2_2_1 = input[12][i];
-    const REAL rotation_2_2_2 = input[13][i];
-    const REAL rotation_2_2_3 = input[14][i];
-    const REAL rotation_2_3_1 = input[15][i];
-    const REAL rotation_2_3_2 = input[16][i];
-    const REAL rotation_2_3_3 = input[17][i];
-    const REAL rotation_3_1_3 = input[20][i];
-    const REAL rotation_3_2_3 = input[23][i];
-    const REAL rotation_3_3_3 = input[26][i];
-    const REAL rotation_4_1_3 = input[29][i];
-    const REAL rotation_4_2_3 = input[32][i];
-    const REAL rotation_4_3_3 = input[35][i];
-    const REAL vector_1_1 = input[36][i];
-    const REAL vector_1_2 = input[37][i];
-    const REAL vector_1_3 = input[38][i];
-    const REAL vector_2_1 = input[39][i];
-    const REAL vector_2_2 = input[40][i];
-    const REAL vector_2_3 = input[41][i];
-    const REAL vector_3_1 = input[42][i];
-    const REAL vector_3_2 = input[43][i];
-    const REAL vector_3_3 = input[44][i];
-    const REAL vector_4_1 = input[45][i];
-    const REAL vector_4_2 = input[46][i];
-    const REAL vector_4_3 = input[47][i];
-    const REAL p_1 = input[48][i];
-    const REAL p_2 = input[49][i];
-    const REAL p_3 = input[50][i];
-    const REAL q_1 = input[51][i];
-    const REAL q_2 = input[52][i];
-    const REAL q_3 = input[53][i];
-    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const REAL x0 = K(1.0)/square;
-    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const REAL part_2 = x0*x1;
-    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const REAL x2 = rotation_2_2_3*rotation_3_3_3;
-    const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
-    const REAL x8 = p_12_3*rotation_2_3_3;
-    const REAL x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
-    const REAL x10 = q_3*rotation_2_3_3;
-    const REAL x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const REAL x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const REAL x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-    const REAL x14 = q_2*v_34_3 - q_3*v_34_2;
-    const REAL x15 = q_1*v_34_3 - q_3*v_34_1;
-    const REAL x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-    const REAL x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-    const REAL x19 = p_12_3*rotation_4_3_3;
-    const REAL x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-    const REAL x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const REAL x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-    const REAL x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-    const REAL x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const REAL x26 = rotation_2_1_3*x7;
-    const REAL x27 = rotation_2_2_3*x7;
-    const REAL x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
-    const REAL x30 = q_3*rotation_2_1_3;
-    const REAL x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
-    const REAL x32 = q_3*rotation_2_2_3;
-    const REAL x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
-    const REAL x34 = vector_2_3*x30 - vector_2_1*x10;
-    const REAL x35 = p_12_1*rotation_4_3_3;
-    const REAL x36 = p_12_2*rotation_4_3_3;
-    const REAL x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-    const REAL x38 = rotation_2_1_3*x12;
-    const REAL x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-    const REAL x40 = rotation_2_2_3*x12;
-    const REAL x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
-    const REAL x42 = vector_2_2*x13 - vector_2_3*x17;
-    const REAL x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
-    const REAL x44 = vector_2_3*x18 - vector_2_1*x13;
-    const REAL x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
-    const REAL x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
-    const REAL x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
-    const REAL x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
-    const REAL x49 = vector_2_2*x22 - vector_2_3*x23;
-    const REAL x50 = vector_2_3*x24 - vector_2_1*x22;
-    const REAL x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
-    const REAL x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
-    output[0][i] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    output[1][i] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    output[2][i] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    output[3][i] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-    output[4][i] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-    output[5][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    output[7][i] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    output[8][i] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-    output[9][i] = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
-    output[10][i] = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
-    output[11][i] = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
-    output[12][i] = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
-    output[13][i] = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
-    output[14][i] = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
-    output[15][i] = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
-    output[16][i] = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
-    output[17][i] = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_pair_12_34)(input[0] + i, input[36] + i, input[48] + i, input[51] + i, output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -1001,136 +186,11 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* loop_pair_23_34: 132 add, 238 mul, 1 div */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL rotation_1_1_1 = input[0][i];
-    const REAL rotation_1_1_2 = input[1][i];
-    const REAL rotation_1_1_3 = input[2][i];
-    const REAL rotation_1_2_1 = input[3][i];
-    const REAL rotation_1_2_2 = input[4][i];
-    const REAL rotation_1_2_3 = input[5][i];
-    const REAL rotation_1_3_1 = input[6][i];
-    const REAL rotation_1_3_2 = input[7][i];
-    const REAL rotation_1_3_3 = input[8][i];
-    const REAL rotation_2_1_1 = input[9][i];
-    const REAL rotation_2_1_2 = input[10][i];
-    const REAL rotation_2_1_3 = input[11][i];
-    const REAL rotation_2_2_1 = input[12][i];
-    const REAL rotation_2_2_2 = input[13][i];
-    const REAL rotation_2_2_3 = input[14][i];
-    const REAL rotation_2_3_1 = input[15][i];
-    const REAL rotation_2_3_2 = input[16][i];
-    const REAL rotation_2_3_3 = input[17][i];
-    const REAL rotation_3_1_3 = input[20][i];
-    const REAL rotation_3_2_3 = input[23][i];
-    const REAL rotation_3_3_3 = input[26][i];
-    const REAL rotation_4_1_3 = input[29][i];
-    const REAL rotation_4_2_3 = input[32][i];
-    const REAL rotation_4_3_3 = input[35][i];
-    const REAL vector_1_1 = input[36][i];
-    const REAL vector_1_2 = input[37][i];
-    const REAL vector_1_3 = input[38][i];
-    const REAL vector_2_1 = input[39][i];
-    const REAL vector_2_2 = input[40][i];
-    const REAL vector_2_3 = input[41][i];
-    const REAL vector_3_1 = input[42][i];
-    const REAL vector_3_2 = input[43][i];
-    const REAL vector_3_3 = input[44][i];
-    const REAL vector_4_1 = input[45][i];
-    const REAL vector_4_2 = input[46][i];
-    const REAL vector_4_3 = input[47][i];
-    const REAL p_1 = input[48][i];
-    const REAL p_2 = input[49][i];
-    const REAL p_3 = input[50][i];
-    const REAL q_1 = input[51][i];
-    const REAL q_2 = input[52][i];
-    const REAL q_3 = input[53][i];
-    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const REAL x0 = K(1.0)/square;
-    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const REAL part_2 = x0*x1;
-    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const REAL x2 = rotation_2_2_3*rotation_3_3_3;
-    const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
-    const REAL x8 = p_3*rotation_2_3_3;
-    const REAL x9 = p_3*vector_2_2 - p_2*vector_2_3;
-    const REAL x10 = q_3*rotation_2_1_3;
-    const REAL x11 = p_1*vector_2_3 - p_3*vector_2_1;
-    const REAL x12 = q_3*rotation_2_2_3;
-    const REAL x13 = p_2*vector_2_1 - p_1*vector_2_2;
-    const REAL x14 = q_3*rotation_2_3_3;
-    const REAL x15 = p_1*rotation_4_3_3;
-    const REAL x16 = p_2*rotation_4_3_3;
-    const REAL x17 = p_2*rotation_1_3_3;
-    const REAL x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const REAL x19 = rotation_2_1_3*x18;
-    const REAL x20 = p_1*rotation_1_3_3;
-    const REAL x21 = rotation_2_2_3*x18;
-    const REAL x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
-    const REAL x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-    const REAL x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-    const REAL x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-    const REAL x26 = q_2*v_34_3 - q_3*v_34_2;
-    const REAL x27 = q_1*v_34_3 - q_3*v_34_1;
-    const REAL x29 = p_3*rotation_4_3_3;
-    const REAL x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-    const REAL x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const REAL x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
-    const REAL x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
-    const REAL x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-    const REAL x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-    const REAL x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const REAL x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
-    const REAL x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
-    const REAL x40 = p_2*x14 - p_3*x12;
-    const REAL x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
-    const REAL x42 = p_3*rotation_1_3_2;
-    const REAL x43 = p_1*rotation_1_3_1;
-    const REAL x44 = p_2*rotation_1_3_2;
-    const REAL x45 = p_1*rotation_1_3_2;
-    const REAL x46 = p_2*rotation_1_3_1;
-    const REAL x47 = x45 - x46;
-    const REAL x48 = p_2*x23 - p_3*x24;
-    const REAL x49 = p_3*x25 - p_1*x23;
-    const REAL x50 = p_3*rotation_1_3_1;
-    const REAL x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
-    const REAL x52 = p_2*x34 - p_3*x35;
-    const REAL x53 = p_3*x36 - p_1*x34;
-    const REAL x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
-    const REAL x55 = -x43 - x44;
-    output[0][i] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    output[1][i] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    output[2][i] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    output[3][i] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-    output[4][i] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-    output[5][i] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    output[6][i] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    output[7][i] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    output[8][i] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-    output[9][i] = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
-    output[10][i] = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
-    output[11][i] = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
-    output[12][i] = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
-    output[13][i] = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
-    output[14][i] = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
-    output[15][i] = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
-    output[16][i] = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
-    output[17][i] = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spatial_loops_loop_pair_23_34)(input[0] + i, input[36] + i, input[48] + i, input[51] + i, output[0] + i, NULL);
   return 0;
 }
 #endif

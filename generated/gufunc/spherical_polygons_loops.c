@@ -14,33 +14,15 @@
 #endif
 #include "../c/spherical_polygons.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/spherical_polygons.c"
+#endif
 
-/* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    output[0][i] = x_1;
-    output[1][i] = star_1;
-    output[2][i] = y_1;
-    output[3][i] = z_1;
-    output[4][i] = FABS(angles_1);
-    output[5][i] = FABS(angles_2);
-    output[6][i] = FABS(angles_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_notation_1)(input[0] + i, output[0] + i, output[4] + i);
   return is_beyond(output + 4, 3);
 }
 #endif
@@ -57,44 +39,11 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_notation_2: 6 add, 14 mul, 5 cos, 5 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    output[0][i] = x_2;
-    output[1][i] = star_2;
-    output[2][i] = y_2;
-    output[3][i] = z_2;
-    output[4][i] = FABS(angles_1);
-    output[5][i] = FABS(angles_2);
-    output[6][i] = FABS(angles_3);
-    output[7][i] = FABS(angles_4);
-    output[8][i] = FABS(angles_5);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_notation_2)(input[0] + i, output[0] + i, output[4] + i);
   return is_beyond(output + 4, 5);
 }
 #endif
@@ -111,56 +60,11 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_notation_3: 10 add, 22 mul, 7 cos, 7 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL angles_6 = input[5][i];
-    const REAL angles_7 = input[6][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
-    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
-    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    output[0][i] = x_3;
-    output[1][i] = star_3;
-    output[2][i] = y_3;
-    output[3][i] = z_3;
-    output[4][i] = FABS(angles_1);
-    output[5][i] = FABS(angles_2);
-    output[6][i] = FABS(angles_3);
-    output[7][i] = FABS(angles_4);
-    output[8][i] = FABS(angles_5);
-    output[9][i] = FABS(angles_6);
-    output[10][i] = FABS(angles_7);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_notation_3)(input[0] + i, output[0] + i, output[4] + i);
   return is_beyond(output + 4, 7);
 }
 #endif
@@ -177,68 +81,11 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_notation_4: 14 add, 30 mul, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL angles_6 = input[5][i];
-    const REAL angles_7 = input[6][i];
-    const REAL angles_8 = input[7][i];
-    const REAL angles_9 = input[8][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
-    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
-    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
-    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
-    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
-    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
-    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    output[0][i] = x_4;
-    output[1][i] = star_4;
-    output[2][i] = y_4;
-    output[3][i] = z_4;
-    output[4][i] = FABS(angles_1);
-    output[5][i] = FABS(angles_2);
-    output[6][i] = FABS(angles_3);
-    output[7][i] = FABS(angles_4);
-    output[8][i] = FABS(angles_5);
-    output[9][i] = FABS(angles_6);
-    output[10][i] = FABS(angles_7);
-    output[11][i] = FABS(angles_8);
-    output[12][i] = FABS(angles_9);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_notation_4)(input[0] + i, output[0] + i, output[4] + i);
   return is_beyond(output + 4, 9);
 }
 #endif
@@ -255,80 +102,11 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_notation_5: 18 add, 38 mul, 11 cos, 11 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL angles_6 = input[5][i];
-    const REAL angles_7 = input[6][i];
-    const REAL angles_8 = input[7][i];
-    const REAL angles_9 = input[8][i];
-    const REAL angles_10 = input[9][i];
-    const REAL angles_11 = input[10][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
-    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
-    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
-    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
-    const REAL c_angle_10 = TYPED(vector_cos)(angles_10);
-    const REAL c_angle_11 = TYPED(vector_cos)(angles_11);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
-    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
-    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
-    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
-    const REAL s_angle_10 = TYPED(vector_sin)(angles_10);
-    const REAL s_angle_11 = TYPED(vector_sin)(angles_11);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const REAL x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-    const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-    const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-    const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    output[0][i] = x_5;
-    output[1][i] = star_5;
-    output[2][i] = y_5;
-    output[3][i] = z_5;
-    output[4][i] = FABS(angles_1);
-    output[5][i] = FABS(angles_10);
-    output[6][i] = FABS(angles_11);
-    output[7][i] = FABS(angles_2);
-    output[8][i] = FABS(angles_3);
-    output[9][i] = FABS(angles_4);
-    output[10][i] = FABS(angles_5);
-    output[11][i] = FABS(angles_6);
-    output[12][i] = FABS(angles_7);
-    output[13][i] = FABS(angles_8);
-    output[14][i] = FABS(angles_9);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_notation_5)(input[0] + i, output[0] + i, output[4] + i);
   return is_beyond(output + 4, 11);
 }
 #endif
@@ -345,45 +123,11 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL lengths_1 = input[3][i];
-    const REAL lengths_2 = input[4][i];
-    const REAL lengths_3 = input[5][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL x0 = c_angle_1*lengths_1;
-    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x1 = lengths_1*s_angle_1;
-    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    output[0][i] = x_1;
-    output[1][i] = star_1;
-    output[2][i] = y_1;
-    output[3][i] = z_1;
-    output[4][i] = x0_1;
-    output[5][i] = star0_1;
-    output[6][i] = y0_1;
-    output[7][i] = z0_1;
-    output[8][i] = FABS(angles_1);
-    output[9][i] = FABS(angles_2);
-    output[10][i] = FABS(angles_3);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_secondary_1)(input[0] + i, input[3] + i, output[0] + i, output[4] + i, output[8] + i);
   return is_beyond(output + 8, 3);
 }
 #endif
@@ -400,63 +144,11 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_secondary_2: 20 add, 38 mul, 5 cos, 5 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL lengths_1 = input[5][i];
-    const REAL lengths_2 = input[6][i];
-    const REAL lengths_3 = input[7][i];
-    const REAL lengths_4 = input[8][i];
-    const REAL lengths_5 = input[9][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL x0 = c_angle_1*lengths_1;
-    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x1 = lengths_1*s_angle_1;
-    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    output[0][i] = x_2;
-    output[1][i] = star_2;
-    output[2][i] = y_2;
-    output[3][i] = z_2;
-    output[4][i] = x0_2;
-    output[5][i] = star0_2;
-    output[6][i] = y0_2;
-    output[7][i] = z0_2;
-    output[8][i] = FABS(angles_1);
-    output[9][i] = FABS(angles_2);
-    output[10][i] = FABS(angles_3);
-    output[11][i] = FABS(angles_4);
-    output[12][i] = FABS(angles_5);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_secondary_2)(input[0] + i, input[5] + i, output[0] + i, output[4] + i, output[8] + i);
   return is_beyond(output + 8, 5);
 }
 #endif
@@ -473,81 +165,11 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_secondary_3: 32 add, 58 mul, 7 cos, 7 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL angles_6 = input[5][i];
-    const REAL angles_7 = input[6][i];
-    const REAL lengths_1 = input[7][i];
-    const REAL lengths_2 = input[8][i];
-    const REAL lengths_3 = input[9][i];
-    const REAL lengths_4 = input[10][i];
-    const REAL lengths_5 = input[11][i];
-    const REAL lengths_6 = input[12][i];
-    const REAL lengths_7 = input[13][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
-    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
-    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL x0 = c_angle_1*lengths_1;
-    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x1 = lengths_1*s_angle_1;
-    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    output[0][i] = x_3;
-    output[1][i] = star_3;
-    output[2][i] = y_3;
-    output[3][i] = z_3;
-    output[4][i] = x0_3;
-    output[5][i] = star0_3;
-    output[6][i] = y0_3;
-    output[7][i] = z0_3;
-    output[8][i] = FABS(angles_1);
-    output[9][i] = FABS(angles_2);
-    output[10][i] = FABS(angles_3);
-    output[11][i] = FABS(angles_4);
-    output[12][i] = FABS(angles_5);
-    output[13][i] = FABS(angles_6);
-    output[14][i] = FABS(angles_7);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_secondary_3)(input[0] + i, input[7] + i, output[0] + i, output[4] + i, output[8] + i);
   return is_beyond(output + 8, 7);
 }
 #endif
@@ -564,99 +186,11 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_secondary_4: 44 add, 78 mul, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL angles_6 = input[5][i];
-    const REAL angles_7 = input[6][i];
-    const REAL angles_8 = input[7][i];
-    const REAL angles_9 = input[8][i];
-    const REAL lengths_1 = input[9][i];
-    const REAL lengths_2 = input[10][i];
-    const REAL lengths_3 = input[11][i];
-    const REAL lengths_4 = input[12][i];
-    const REAL lengths_5 = input[13][i];
-    const REAL lengths_6 = input[14][i];
-    const REAL lengths_7 = input[15][i];
-    const REAL lengths_8 = input[16][i];
-    const REAL lengths_9 = input[17][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
-    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
-    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
-    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
-    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
-    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
-    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL x0 = c_angle_1*lengths_1;
-    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x1 = lengths_1*s_angle_1;
-    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const REAL x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-    const REAL star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-    const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    output[0][i] = x_4;
-    output[1][i] = star_4;
-    output[2][i] = y_4;
-    output[3][i] = z_4;
-    output[4][i] = x0_4;
-    output[5][i] = star0_4;
-    output[6][i] = y0_4;
-    output[7][i] = z0_4;
-    output[8][i] = FABS(angles_1);
-    output[9][i] = FABS(angles_2);
-    output[10][i] = FABS(angles_3);
-    output[11][i] = FABS(angles_4);
-    output[12][i] = FABS(angles_5);
-    output[13][i] = FABS(angles_6);
-    output[14][i] = FABS(angles_7);
-    output[15][i] = FABS(angles_8);
-    output[16][i] = FABS(angles_9);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_secondary_4)(input[0] + i, input[9] + i, output[0] + i, output[4] + i, output[8] + i);
   return is_beyond(output + 8, 9);
 }
 #endif
@@ -673,117 +207,11 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_secondary_5: 56 add, 98 mul, 11 cos, 11 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL angles_1 = input[0][i];
-    const REAL angles_2 = input[1][i];
-    const REAL angles_3 = input[2][i];
-    const REAL angles_4 = input[3][i];
-    const REAL angles_5 = input[4][i];
-    const REAL angles_6 = input[5][i];
-    const REAL angles_7 = input[6][i];
-    const REAL angles_8 = input[7][i];
-    const REAL angles_9 = input[8][i];
-    const REAL angles_10 = input[9][i];
-    const REAL angles_11 = input[10][i];
-    const REAL lengths_1 = input[11][i];
-    const REAL lengths_2 = input[12][i];
-    const REAL lengths_3 = input[13][i];
-    const REAL lengths_4 = input[14][i];
-    const REAL lengths_5 = input[15][i];
-    const REAL lengths_6 = input[16][i];
-    const REAL lengths_7 = input[17][i];
-    const REAL lengths_8 = input[18][i];
-    const REAL lengths_9 = input[19][i];
-    const REAL lengths_10 = input[20][i];
-    const REAL lengths_11 = input[21][i];
-    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
-    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
-    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
-    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
-    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
-    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
-    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
-    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
-    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
-    const REAL c_angle_10 = TYPED(vector_cos)(angles_10);
-    const REAL c_angle_11 = TYPED(vector_cos)(angles_11);
-    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
-    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
-    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
-    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
-    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
-    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
-    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
-    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
-    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
-    const REAL s_angle_10 = TYPED(vector_sin)(angles_10);
-    const REAL s_angle_11 = TYPED(vector_sin)(angles_11);
-    const REAL x_1 = s_angle_1*s_angle_2;
-    const REAL star_1 = -c_angle_2*s_angle_1;
-    const REAL x0 = c_angle_1*lengths_1;
-    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const REAL x1 = lengths_1*s_angle_1;
-    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const REAL x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-    const REAL star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-    const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    const REAL x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-    const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-    const REAL x0_5 = c_angle_10*x0_4 - lengths_10*star_5 - s_angle_10*y0_4;
-    const REAL star0_5 = c_angle_10*y0_4 + lengths_10*x_5 + s_angle_10*x0_4;
-    const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-    const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    const REAL y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
-    const REAL z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
-    output[0][i] = x_5;
-    output[1][i] = star_5;
-    output[2][i] = y_5;
-    output[3][i] = z_5;
-    output[4][i] = x0_5;
-    output[5][i] = star0_5;
-    output[6][i] = y0_5;
-    output[7][i] = z0_5;
-    output[8][i] = FABS(angles_1);
-    output[9][i] = FABS(angles_10);
-    output[10][i] = FABS(angles_11);
-    output[11][i] = FABS(angles_2);
-    output[12][i] = FABS(angles_3);
-    output[13][i] = FABS(angles_4);
-    output[14][i] = FABS(angles_5);
-    output[15][i] = FABS(angles_6);
-    output[16][i] = FABS(angles_7);
-    output[17][i] = FABS(angles_8);
-    output[18][i] = FABS(angles_9);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_secondary_5)(input[0] + i, input[11] + i, output[0] + i, output[4] + i, output[8] + i);
   return is_beyond(output + 8, 11);
 }
 #endif
@@ -800,147 +228,11 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL alpha_1 = input[0][i];
-    const REAL alpha_2 = input[1][i];
-    const REAL alpha_3 = input[2][i];
-    const REAL alpha_4 = input[3][i];
-    const REAL theta_4 = input[4][i];
-    const REAL c_alpha_1 = TYPED(vector_cos)(alpha_1);
-    const REAL c_alpha_2 = TYPED(vector_cos)(alpha_2);
-    const REAL c_alpha_3 = TYPED(vector_cos)(alpha_3);
-    const REAL c_alpha_4 = TYPED(vector_cos)(alpha_4);
-    const REAL s_alpha_1 = TYPED(vector_sin)(alpha_1);
-    const REAL s_alpha_2 = TYPED(vector_sin)(alpha_2);
-    const REAL s_alpha_3 = TYPED(vector_sin)(alpha_3);
-    const REAL s_alpha_4 = TYPED(vector_sin)(alpha_4);
-    const REAL c_theta_1 = TYPED(vector_cos)(theta_4);
-    const REAL s_theta_1 = TYPED(vector_sin)(theta_4);
-    const REAL x_4 = s_alpha_3*s_theta_1;
-    const REAL x0 = c_theta_1*s_alpha_3;
-    const REAL y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
-    const REAL z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
-    const REAL sine_13 = SQRT((x_4*x_4) + (y_4*y_4));
-    const REAL x1 = K(0.5)*TYPED(vector_atan2)(sine_13, z_4);
-    const REAL x2 = K(0.5)*alpha_1;
-    const REAL x3 = K(0.5)*alpha_2;
-    const REAL x4 = x2 + x3;
-    const REAL half_sums_1 = x4 - x1;
-    const REAL half_sums_2 = x1 + x3 - x2;
-    const REAL half_sums_3 = x1 + x4;
-    const REAL half_sums_4 = x1 + x2 - x3;
-    const REAL factors_1 = TYPED(vector_sin)(half_sums_1);
-    const REAL factors_2 = TYPED(vector_sin)(half_sums_2);
-    const REAL factors_3 = TYPED(vector_sin)(half_sums_3);
-    const REAL factors_4 = TYPED(vector_sin)(half_sums_4);
-    const REAL x17 = s_alpha_1*sine_13;
-    const REAL side = TYPED(blend)(TYPED(mask)(x17 < K(0.0)), -K(1.0), K(1.0));
-    const REAL p_side = factors_1*factors_2*side;
-    const REAL x5 = K(16.0)*REAL_EPSILON;
-    const REAL p_near = x5*(FABS(factors_1) + FABS(factors_2));
-    const REAL_MASK p_short = TYPED(mask)(p_side < -p_near);
-    const REAL_MASK p_zero = TYPED(mask)(FABS(p_side) <= p_near);
-    const REAL p = TYPED(blend)(p_zero, K(0.0), p_side);
-    const REAL q_side = factors_3*factors_4*side;
-    const REAL q_near = x5*(FABS(factors_3) + FABS(factors_4));
-    const REAL_MASK q_short = TYPED(mask)(q_side < -q_near);
-    const REAL_MASK q_zero = TYPED(mask)(FABS(q_side) <= q_near);
-    const REAL q = TYPED(blend)(q_zero, K(0.0), q_side);
-    const REAL_MASK flat = TYPED(mask)(FABS(x17) <= x5);
-    const REAL_MASK no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
-    const REAL_MASK one_angle = (p_zero) | (q_zero);
-    const REAL_MASK any_angle = (flat) | ((p_zero) & (q_zero));
-    const REAL p_and_q = TYPED(blend)(any_angle, K(1.0), p + q);
-    const REAL x6 = K(1.0)/p_and_q;
-    const REAL angle_c = TYPED(blend)(any_angle, K(1.0), x6*(q - p));
-    const REAL angle_s = TYPED(blend)(any_angle, K(0.0), K(2.0)*x6*SQRT(FABS(p*q)));
-    const REAL other_sine = TYPED(blend)(one_angle, angle_s, -angle_s);
-    const REAL_MASK on_axis = TYPED(mask)(sine_13 <= x5);
-    const REAL far = TYPED(blend)(on_axis, K(1.0), sine_13);
-    const REAL x7 = K(1.0)/far;
-    const REAL c_gamma = TYPED(blend)(on_axis, K(1.0), x7*y_4);
-    const REAL s_gamma = TYPED(blend)(on_axis, K(0.0), x7*x_4);
-    const REAL x8 = angle_c*c_gamma;
-    const REAL c_1_1 = x8 - angle_s*s_gamma;
-    const REAL x9 = angle_c*s_gamma;
-    const REAL s_1_1 = angle_s*c_gamma + x9;
-    const REAL c_1_2 = x8 - other_sine*s_gamma;
-    const REAL s_1_2 = c_gamma*other_sine + x9;
-    const REAL_MASK family = (any_angle) | (TYPED(mask)(FABS(s_alpha_2) <= x5));
-    const REAL_MASK finite = TYPED(mask)(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(theta_4) <= REAL_MAX);
-    const REAL_MASK good = (finite) & (~(no_angle));
-    const REAL x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-    const REAL x10 = -s_alpha_1*z_4;
-    const REAL y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
-    const REAL x11 = TYPED(blend)(TYPED(mask)(s_alpha_2 < K(0.0)), -K(1.0), K(1.0));
-    const REAL sine_2_1 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_1);
-    const REAL cosine_2_1 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_1);
-    const REAL length_2_1 = SQRT((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
-    const REAL divisor_2_1 = TYPED(blend)(TYPED(mask)(length_2_1 > K(0.0)), length_2_1, K(1.0));
-    const REAL x12 = K(1.0)/divisor_2_1;
-    const REAL c_2_1 = cosine_2_1*x12;
-    const REAL s_2_1 = sine_2_1*x12;
-    const REAL row_11_1 = c_theta_1;
-    const REAL x13 = -c_alpha_4*s_theta_1;
-    const REAL row_11_2 = x13;
-    const REAL x14 = s_alpha_4*s_theta_1;
-    const REAL row_11_3 = x14;
-    const REAL row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
-    const REAL row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
-    const REAL row_12_3 = row_11_3;
-    const REAL row_13_1 = row_12_1;
-    const REAL row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
-    const REAL row_13_3 = c_alpha_1*row_12_3 - row_12_2*s_alpha_1;
-    const REAL row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
-    const REAL row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
-    const REAL row_14_3 = row_13_3;
-    const REAL sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2;
-    const REAL x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-    const REAL y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
-    const REAL sine_2_2 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_2);
-    const REAL cosine_2_2 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_2);
-    const REAL length_2_2 = SQRT((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
-    const REAL divisor_2_2 = TYPED(blend)(TYPED(mask)(length_2_2 > K(0.0)), length_2_2, K(1.0));
-    const REAL x15 = K(1.0)/divisor_2_2;
-    const REAL c_2_2 = cosine_2_2*x15;
-    const REAL s_2_2 = sine_2_2*x15;
-    const REAL row_21_1 = c_theta_1;
-    const REAL row_21_2 = x13;
-    const REAL row_21_3 = x14;
-    const REAL row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
-    const REAL row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
-    const REAL row_22_3 = row_21_3;
-    const REAL row_23_1 = row_22_1;
-    const REAL row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
-    const REAL row_23_3 = c_alpha_1*row_22_3 - row_22_2*s_alpha_1;
-    const REAL row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
-    const REAL row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
-    const REAL row_24_3 = row_23_3;
-    const REAL sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
-    const REAL x16 = TYPED(blend)(good, theta_4, (REAL)NAN);
-    output[0][i] = TYPED(blend)(good, TYPED(vector_atan2)(s_1_1, c_1_1), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_1, cosine_2_1), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_14_1), (REAL)NAN);
-    output[3][i] = x16;
-    output[4][i] = TYPED(blend)(good, TYPED(vector_atan2)(s_1_2, c_1_2), (REAL)NAN);
-    output[5][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_2, cosine_2_2), (REAL)NAN);
-    output[6][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_24_1), (REAL)NAN);
-    output[7][i] = x16;
-    output[8][i] = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
-    output[9][i] = FABS(alpha_1);
-    output[10][i] = FABS(alpha_2);
-    output[11][i] = FABS(alpha_3);
-    output[12][i] = FABS(alpha_4);
-    output[13][i] = FABS(half_sums_1);
-    output[14][i] = FABS(half_sums_2);
-    output[15][i] = FABS(half_sums_3);
-    output[16][i] = FABS(half_sums_4);
-    output[17][i] = FABS(theta_4);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_quadrilateral)(input[0] + i, input[4][i], output[0] + i, output[8] + i, output[9] + i);
   return is_beyond(output + 9, 9);
 }
 #endif
@@ -957,165 +249,11 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL alpha_1 = input[0][i];
-    const REAL alpha_2 = input[1][i];
-    const REAL alpha_3 = input[2][i];
-    const REAL alpha_4 = input[3][i];
-    const REAL alpha_5 = input[4][i];
-    const REAL theta_45_1 = input[5][i];
-    const REAL theta_45_2 = input[6][i];
-    const REAL c_alpha_1 = TYPED(vector_cos)(alpha_1);
-    const REAL c_alpha_2 = TYPED(vector_cos)(alpha_2);
-    const REAL c_alpha_3 = TYPED(vector_cos)(alpha_3);
-    const REAL c_alpha_4 = TYPED(vector_cos)(alpha_4);
-    const REAL c_alpha_5 = TYPED(vector_cos)(alpha_5);
-    const REAL s_alpha_1 = TYPED(vector_sin)(alpha_1);
-    const REAL s_alpha_2 = TYPED(vector_sin)(alpha_2);
-    const REAL s_alpha_3 = TYPED(vector_sin)(alpha_3);
-    const REAL s_alpha_4 = TYPED(vector_sin)(alpha_4);
-    const REAL s_alpha_5 = TYPED(vector_sin)(alpha_5);
-    const REAL c_theta_1 = TYPED(vector_cos)(theta_45_1);
-    const REAL c_theta_2 = TYPED(vector_cos)(theta_45_2);
-    const REAL s_theta_1 = TYPED(vector_sin)(theta_45_1);
-    const REAL s_theta_2 = TYPED(vector_sin)(theta_45_2);
-    const REAL x0 = s_alpha_3*s_theta_1;
-    const REAL x1 = c_theta_1*s_alpha_3;
-    const REAL x2 = -c_alpha_3*s_alpha_4 - c_alpha_4*x1;
-    const REAL x_45 = c_theta_2*x0 - s_theta_2*x2;
-    const REAL x3 = c_alpha_3*c_alpha_4 - s_alpha_4*x1;
-    const REAL x4 = c_theta_2*x2 + s_theta_2*x0;
-    const REAL y_45 = c_alpha_5*x4 - s_alpha_5*x3;
-    const REAL z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const REAL x5 = K(0.5)*alpha_2;
-    const REAL x6 = K(0.5)*alpha_1;
-    const REAL x7 = K(0.5)*TYPED(vector_atan2)(SQRT((x_45*x_45) + (y_45*y_45)), z_45);
-    const REAL x8 = x6 + x7;
-    const REAL half_sums_1 = x8 - x5;
-    const REAL half_sums_2 = x5 + x7 - x6;
-    const REAL half_sums_3 = x5 + x8;
-    const REAL half_sums_4 = x5 + x6 - x7;
-    const REAL factors_1 = TYPED(vector_sin)(half_sums_1);
-    const REAL factors_2 = TYPED(vector_sin)(half_sums_2);
-    const REAL factors_3 = TYPED(vector_sin)(half_sums_3);
-    const REAL factors_4 = TYPED(vector_sin)(half_sums_4);
-    const REAL x18 = s_alpha_1*s_alpha_2;
-    const REAL side = TYPED(blend)(TYPED(mask)(x18 < K(0.0)), -K(1.0), K(1.0));
-    const REAL p_side = factors_1*factors_2*side;
-    const REAL x9 = K(16.0)*REAL_EPSILON;
-    const REAL p_near = x9*(FABS(factors_1) + FABS(factors_2));
-    const REAL_MASK p_short = TYPED(mask)(p_side < -p_near);
-    const REAL_MASK p_zero = TYPED(mask)(FABS(p_side) <= p_near);
-    const REAL p = TYPED(blend)(p_zero, K(0.0), p_side);
-    const REAL q_side = factors_3*factors_4*side;
-    const REAL q_near = x9*(FABS(factors_3) + FABS(factors_4));
-    const REAL_MASK q_short = TYPED(mask)(q_side < -q_near);
-    const REAL_MASK q_zero = TYPED(mask)(FABS(q_side) <= q_near);
-    const REAL q = TYPED(blend)(q_zero, K(0.0), q_side);
-    const REAL_MASK flat = TYPED(mask)(FABS(x18) <= x9);
-    const REAL_MASK no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
-    const REAL_MASK one_angle = (p_zero) | (q_zero);
-    const REAL_MASK any_angle = (flat) | ((p_zero) & (q_zero));
-    const REAL p_and_q = TYPED(blend)(any_angle, K(1.0), p + q);
-    const REAL x10 = K(1.0)/p_and_q;
-    const REAL angle_c = TYPED(blend)(any_angle, K(1.0), x10*(p - q));
-    const REAL angle_s = TYPED(blend)(any_angle, K(0.0), K(2.0)*x10*SQRT(FABS(p*q)));
-    const REAL other_sine = TYPED(blend)(one_angle, angle_s, -angle_s);
-    const REAL_MASK finite = TYPED(mask)(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(alpha_5) + FABS(theta_45_1) + FABS(theta_45_2) <= REAL_MAX);
-    const REAL_MASK good = (finite) & (~(no_angle));
-    const REAL xb_2_1 = angle_s*s_alpha_2;
-    const REAL x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1;
-    const REAL yb_2_1 = x11;
-    const REAL length_1_1 = SQRT((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-    const REAL_MASK flat_1_1 = TYPED(mask)(length_1_1 <= x9);
-    const REAL cosine_1_1 = TYPED(blend)(flat_1_1, K(1.0), x_45*xb_2_1 - y_45*yb_2_1);
-    const REAL sine_1_1 = TYPED(blend)(flat_1_1, K(0.0), -x_45*yb_2_1 - xb_2_1*y_45);
-    const REAL size_1_1 = SQRT((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
-    const REAL divisor_1_1 = TYPED(blend)(TYPED(mask)(size_1_1 > K(0.0)), size_1_1, K(1.0));
-    const REAL x12 = K(1.0)/divisor_1_1;
-    const REAL c_1_1 = cosine_1_1*x12;
-    const REAL s_1_1 = sine_1_1*x12;
-    const REAL row_11_1 = c_theta_1;
-    const REAL x13 = -c_alpha_4*s_theta_1;
-    const REAL row_11_2 = x13;
-    const REAL x14 = s_alpha_4*s_theta_1;
-    const REAL row_11_3 = x14;
-    const REAL row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
-    const REAL row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
-    const REAL row_12_3 = row_11_3;
-    const REAL row_13_1 = row_12_1;
-    const REAL row_13_2 = c_alpha_5*row_12_2 + row_12_3*s_alpha_5;
-    const REAL row_13_3 = c_alpha_5*row_12_3 - row_12_2*s_alpha_5;
-    const REAL row_14_1 = c_1_1*row_13_1 + row_13_2*s_1_1;
-    const REAL row_14_2 = c_1_1*row_13_2 - row_13_1*s_1_1;
-    const REAL row_14_3 = row_13_3;
-    const REAL row_15_1 = row_14_1;
-    const REAL row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
-    const REAL row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
-    const REAL row_16_1 = angle_c*row_15_1 + angle_s*row_15_2;
-    const REAL row_16_2 = angle_c*row_15_2 - angle_s*row_15_1;
-    const REAL row_16_3 = row_15_3;
-    const REAL sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2;
-    const REAL xb_2_2 = other_sine*s_alpha_2;
-    const REAL yb_2_2 = x11;
-    const REAL length_1_2 = SQRT((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-    const REAL_MASK flat_1_2 = TYPED(mask)(length_1_2 <= x9);
-    const REAL cosine_1_2 = TYPED(blend)(flat_1_2, K(1.0), x_45*xb_2_2 - y_45*yb_2_2);
-    const REAL sine_1_2 = TYPED(blend)(flat_1_2, K(0.0), -x_45*yb_2_2 - xb_2_2*y_45);
-    const REAL size_1_2 = SQRT((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
-    const REAL divisor_1_2 = TYPED(blend)(TYPED(mask)(size_1_2 > K(0.0)), size_1_2, K(1.0));
-    const REAL x15 = K(1.0)/divisor_1_2;
-    const REAL c_1_2 = cosine_1_2*x15;
-    const REAL s_1_2 = sine_1_2*x15;
-    const REAL row_21_1 = c_theta_1;
-    const REAL row_21_2 = x13;
-    const REAL row_21_3 = x14;
-    const REAL row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
-    const REAL row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
-    const REAL row_22_3 = row_21_3;
-    const REAL row_23_1 = row_22_1;
-    const REAL row_23_2 = c_alpha_5*row_22_2 + row_22_3*s_alpha_5;
-    const REAL row_23_3 = c_alpha_5*row_22_3 - row_22_2*s_alpha_5;
-    const REAL row_24_1 = c_1_2*row_23_1 + row_23_2*s_1_2;
-    const REAL row_24_2 = c_1_2*row_23_2 - row_23_1*s_1_2;
-    const REAL row_24_3 = row_23_3;
-    const REAL row_25_1 = row_24_1;
-    const REAL row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
-    const REAL row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const REAL row_26_1 = angle_c*row_25_1 + other_sine*row_25_2;
-    const REAL row_26_2 = angle_c*row_25_2 - other_sine*row_25_1;
-    const REAL row_26_3 = row_25_3;
-    const REAL sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
-    const REAL_MASK family = (any_angle) | (flat_1_1) | (flat_1_2);
-    const REAL x16 = TYPED(blend)(good, theta_45_1, (REAL)NAN);
-    const REAL x17 = TYPED(blend)(good, theta_45_2, (REAL)NAN);
-    output[0][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_1, cosine_1_1), (REAL)NAN);
-    output[1][i] = TYPED(blend)(good, TYPED(vector_atan2)(angle_s, angle_c), (REAL)NAN);
-    output[2][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_16_1), (REAL)NAN);
-    output[3][i] = x16;
-    output[4][i] = x17;
-    output[5][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_2, cosine_1_2), (REAL)NAN);
-    output[6][i] = TYPED(blend)(good, TYPED(vector_atan2)(other_sine, angle_c), (REAL)NAN);
-    output[7][i] = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_26_1), (REAL)NAN);
-    output[8][i] = x16;
-    output[9][i] = x17;
-    output[10][i] = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
-    output[11][i] = FABS(alpha_1);
-    output[12][i] = FABS(alpha_2);
-    output[13][i] = FABS(alpha_3);
-    output[14][i] = FABS(alpha_4);
-    output[15][i] = FABS(alpha_5);
-    output[16][i] = FABS(half_sums_1);
-    output[17][i] = FABS(half_sums_2);
-    output[18][i] = FABS(half_sums_3);
-    output[19][i] = FABS(half_sums_4);
-    output[20][i] = FABS(theta_45_1);
-    output[21][i] = FABS(theta_45_2);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_spherical_polygons_polygon_pentagon)(input[0] + i, input[5] + i, output[0] + i, output[10] + i, output[11] + i);
   return is_beyond(output + 11, 11);
 }
 #endif

@@ -14,46 +14,15 @@
 #endif
 #include "../c/three_sps_s.h"
 #include "loop.h"
+#ifndef ROW_BY_ROW
+#include "../c/three_sps_s.c"
+#endif
 
-/* sps_legs: 20 add, 24 mul, 4 sqrt */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL base_radius = input[9][i];
-    const REAL platform_radius = input[10][i];
-    const REAL height = input[11][i];
-    const REAL x0 = matrix_1_2*platform_radius;
-    const REAL x1 = K(0.5)*x0;
-    const REAL x2 = SQRT(K(3.0));
-    const REAL x3 = K(0.5)*base_radius;
-    const REAL x4 = x2*x3;
-    const REAL x5 = K(0.5)*platform_radius*x2;
-    const REAL x6 = matrix_1_1*x5;
-    const REAL span_1_1 = x6 - x1 - x4;
-    const REAL x7 = K(0.5)*matrix_2_2*platform_radius;
-    const REAL x8 = matrix_2_1*x5;
-    const REAL span_1_2 = x3 + x8 - x7;
-    const REAL x9 = matrix_3_2*platform_radius;
-    const REAL x10 = K(0.5)*x9;
-    const REAL x11 = matrix_3_1*x5;
-    const REAL span_1_3 = height + x11 - x10;
-    const REAL span_2_1 = x0;
-    const REAL span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const REAL span_2_3 = height + x9;
-    const REAL span_3_1 = x4 - x1 - x6;
-    const REAL span_3_2 = K(0.5)*base_radius - x7 - x8;
-    const REAL span_3_3 = height - x10 - x11;
-    output[0][i] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    output[1][i] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    output[2][i] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_legs)(input[0] + i, input[9][i], input[10][i], input[11][i], output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -70,60 +39,11 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_legs_from_quaternion: 32 add, 48 mul, 1 div, 5 sqrt */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_legs_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL base_radius = input[4][i];
-    const REAL platform_radius = input[5][i];
-    const REAL height = input[6][i];
-    const REAL unit_length = SQRT((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
-    const REAL x0 = K(1.0)/unit_length;
-    const REAL unit_1 = quaternion_1*x0;
-    const REAL unit_2 = quaternion_2*x0;
-    const REAL unit_3 = quaternion_3*x0;
-    const REAL unit_4 = quaternion_4*x0;
-    const REAL x1 = (unit_2*unit_2);
-    const REAL x2 = (unit_3*unit_3);
-    const REAL x3 = (unit_1*unit_1) - (unit_4*unit_4);
-    const REAL matrix_1_1 = x1 + x3 - x2;
-    const REAL x4 = K(2.0)*unit_1;
-    const REAL x5 = unit_4*x4;
-    const REAL matrix_1_2 = K(2.0)*unit_2*unit_3 - x5;
-    const REAL matrix_2_1 = K(2.0)*unit_2*unit_3 + x5;
-    const REAL matrix_2_2 = x2 + x3 - x1;
-    const REAL matrix_3_1 = K(2.0)*unit_2*unit_4 - unit_3*x4;
-    const REAL matrix_3_2 = unit_2*x4 + K(2.0)*unit_3*unit_4;
-    const REAL x6 = matrix_1_2*platform_radius;
-    const REAL x7 = K(0.5)*x6;
-    const REAL x8 = SQRT(K(3.0));
-    const REAL x9 = K(0.5)*base_radius;
-    const REAL x10 = x8*x9;
-    const REAL x11 = K(0.5)*platform_radius*x8;
-    const REAL x12 = matrix_1_1*x11;
-    const REAL span_1_1 = x12 - x10 - x7;
-    const REAL x13 = K(0.5)*matrix_2_2*platform_radius;
-    const REAL x14 = matrix_2_1*x11;
-    const REAL span_1_2 = x14 + x9 - x13;
-    const REAL x15 = matrix_3_2*platform_radius;
-    const REAL x16 = K(0.5)*x15;
-    const REAL x17 = matrix_3_1*x11;
-    const REAL span_1_3 = height + x17 - x16;
-    const REAL span_2_1 = x6;
-    const REAL span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const REAL span_2_3 = height + x15;
-    const REAL span_3_1 = x10 - x12 - x7;
-    const REAL span_3_2 = K(0.5)*base_radius - x13 - x14;
-    const REAL span_3_3 = height - x16 - x17;
-    output[0][i] = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    output[1][i] = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    output[2][i] = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_legs_from_quaternion)(input[0] + i, input[4][i], input[5][i], input[6][i], output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -140,73 +60,11 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_jacobian: 28 add, 49 mul, 3 div, 4 sqrt */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL base_radius = input[9][i];
-    const REAL platform_radius = input[10][i];
-    const REAL height = input[11][i];
-    const REAL x0 = matrix_1_2*platform_radius;
-    const REAL x1 = K(0.5)*x0;
-    const REAL x2 = SQRT(K(3.0));
-    const REAL x3 = K(0.5)*base_radius;
-    const REAL x4 = x2*x3;
-    const REAL x5 = K(0.5)*platform_radius*x2;
-    const REAL x6 = matrix_1_1*x5;
-    const REAL span_1_1 = x6 - x1 - x4;
-    const REAL x7 = matrix_2_2*platform_radius;
-    const REAL x8 = K(0.5)*x7;
-    const REAL x9 = matrix_2_1*x5;
-    const REAL x10 = x9 - x8;
-    const REAL span_1_2 = x10 + x3;
-    const REAL x11 = matrix_3_2*platform_radius;
-    const REAL x12 = K(0.5)*x11;
-    const REAL x13 = matrix_3_1*x5;
-    const REAL x14 = x13 - x12;
-    const REAL span_1_3 = height + x14;
-    const REAL leg_1 = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const REAL span_2_1 = x0;
-    const REAL span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const REAL span_2_3 = height + x11;
-    const REAL leg_2 = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const REAL x15 = x1 + x6;
-    const REAL span_3_1 = x4 - x15;
-    const REAL x16 = x8 + x9;
-    const REAL span_3_2 = K(0.5)*base_radius - x16;
-    const REAL x17 = x12 + x13;
-    const REAL span_3_3 = height - x17;
-    const REAL leg_3 = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    const REAL row_1_1 = height*x10 - x14*x3;
-    const REAL x18 = x6 - x1;
-    const REAL row_1_2 = -height*x18 - x14*x4;
-    const REAL row_1_3 = x10*x4 + x18*x3;
-    const REAL row_2_1 = base_radius*x11 + height*x7;
-    const REAL row_2_2 = -height*x0;
-    const REAL row_2_3 = -base_radius*x0;
-    const REAL row_3_1 = x17*x3 - height*x16;
-    const REAL row_3_2 = height*x15 - x17*x4;
-    const REAL row_3_3 = x16*x4 - x15*x3;
-    const REAL x22 = K(1.0)/leg_1;
-    const REAL x23 = K(1.0)/leg_2;
-    const REAL x24 = K(1.0)/leg_3;
-    output[0][i] = row_1_1*x22;
-    output[1][i] = row_1_2*x22;
-    output[2][i] = row_1_3*x22;
-    output[3][i] = row_2_1*x23;
-    output[4][i] = row_2_2*x23;
-    output[5][i] = row_2_3*x23;
-    output[6][i] = row_3_1*x24;
-    output[7][i] = row_3_2*x24;
-    output[8][i] = row_3_3*x24;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_jacobian)(input[0] + i, input[9][i], input[10][i], input[11][i], output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -223,49 +81,11 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_singularity: 19 add, 40 mul, 1 div, 2 sqrt */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL matrix_1_1 = input[0][i];
-    const REAL matrix_1_2 = input[1][i];
-    const REAL matrix_2_1 = input[3][i];
-    const REAL matrix_2_2 = input[4][i];
-    const REAL matrix_3_1 = input[6][i];
-    const REAL matrix_3_2 = input[7][i];
-    const REAL base_radius = input[9][i];
-    const REAL height = input[10][i];
-    const REAL size = SQRT((base_radius*base_radius) + (height*height));
-    const REAL x0 = K(0.5)*matrix_3_2;
-    const REAL x1 = K(0.5)*SQRT(K(3.0));
-    const REAL x2 = matrix_3_1*x1;
-    const REAL x3 = x2 - x0;
-    const REAL x4 = K(1.0)/size;
-    const REAL x5 = base_radius*x4;
-    const REAL x6 = K(0.5)*x5;
-    const REAL x7 = K(0.5)*matrix_2_2;
-    const REAL x8 = matrix_2_1*x1;
-    const REAL x9 = x8 - x7;
-    const REAL row_1_1 = height*x4*x9 - x3*x6;
-    const REAL x10 = K(0.5)*matrix_1_2;
-    const REAL x11 = matrix_1_1*x1;
-    const REAL x12 = x11 - x10;
-    const REAL x13 = height*x4;
-    const REAL x14 = x1*x5;
-    const REAL row_1_2 = -x12*x13 - x14*x3;
-    const REAL row_1_3 = x12*x6 + x14*x9;
-    const REAL row_2_1 = matrix_2_2*x13 + matrix_3_2*x5;
-    const REAL row_2_2 = -matrix_1_2*x13;
-    const REAL row_2_3 = -matrix_1_2*x5;
-    const REAL x15 = -x0 - x2;
-    const REAL x16 = -x7 - x8;
-    const REAL row_3_1 = height*x16*x4 - x15*x6;
-    const REAL x17 = -x10 - x11;
-    const REAL row_3_2 = x14*x15 - x13*x17;
-    const REAL row_3_3 = x17*x6 - x14*x16;
-    output[0][i] = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_singularity)(input[0] + i, input[9][i], input[10][i], output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -282,34 +102,11 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_invariants)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL legs_1 = input[0][i];
-    const REAL legs_2 = input[1][i];
-    const REAL legs_3 = input[2][i];
-    const REAL base_radius = input[3][i];
-    const REAL platform_radius = input[4][i];
-    const REAL height = input[5][i];
-    const REAL x0 = K(1.0)/(base_radius*base_radius);
-    const REAL square_1 = (legs_1*legs_1)*x0;
-    const REAL square_2 = (legs_2*legs_2)*x0;
-    const REAL square_3 = (legs_3*legs_3)*x0;
-    const REAL x1 = K(1.0)/base_radius;
-    const REAL ratio = platform_radius*x1;
-    const REAL eta = height*x1;
-    const REAL K = (eta*eta) + (ratio*ratio) + K(1.0);
-    const REAL x2 = square_1 + square_3;
-    const REAL x3 = K(1.0)/(K(3.0)*ratio);
-    const REAL a = x3*(K(3.0)*K - square_2 - x2);
-    const REAL Z_re = x3*(K(2.0)*square_2 - x2);
-    const REAL Z_im = SQRT(K(3.0))*x3*(square_1 - square_3);
-    output[0][i] = a;
-    output[1][i] = Z_re;
-    output[2][i] = Z_im;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_invariants)(input[0] + i, input[3][i], input[4][i], input[5][i], output[0] + i, output[1] + i, NULL);
   return 0;
 }
 #endif
@@ -326,70 +123,11 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_octic_scaled: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_octic_scaled)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL legs_1 = input[0][i];
-    const REAL legs_2 = input[1][i];
-    const REAL legs_3 = input[2][i];
-    const REAL base_radius = input[3][i];
-    const REAL platform_radius = input[4][i];
-    const REAL height = input[5][i];
-    const REAL x0 = K(1.0)/(base_radius*base_radius);
-    const REAL square_1 = (legs_1*legs_1)*x0;
-    const REAL square_2 = (legs_2*legs_2)*x0;
-    const REAL square_3 = (legs_3*legs_3)*x0;
-    const REAL x1 = K(1.0)/base_radius;
-    const REAL ratio = platform_radius*x1;
-    const REAL eta = height*x1;
-    const REAL x2 = (eta*eta);
-    const REAL K = (ratio*ratio) + x2 + K(1.0);
-    const REAL x3 = square_1 + square_3;
-    const REAL x4 = K(1.0)/(K(3.0)*ratio);
-    const REAL a = x4*(K(3.0)*K - square_2 - x3);
-    const REAL Z_re = x4*(K(2.0)*square_2 - x3);
-    const REAL Z_im = SQRT(K(3.0))*x4*(square_1 - square_3);
-    const REAL z = SQRT((Z_im*Z_im) + (Z_re*Z_re));
-    const REAL x5 = TYPED(blend)(TYPED(mask)(z > K(0.0)), K(1.0)/z, K(1.0));
-    const REAL cosine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_re*x5, K(1.0));
-    const REAL sine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_im*x5, K(0.0));
-    const REAL c3 = cosine*(K(4.0)*(cosine*cosine) - K(3.0));
-    const REAL s3 = sine*(K(3.0) - K(4.0)*(sine*sine));
-    const REAL x6 = K(4.0)*x2;
-    const REAL base = x6 + K(1.0);
-    const REAL x7 = K(1.0)/base;
-    const REAL beta = x6*x7;
-    const REAL mu = x7*z;
-    const REAL least = beta/K(10000000.0);
-    const REAL b_0 = z - K(8.0)*a*c3*x2;
-    const REAL b_1 = -K(12.0)*beta;
-    const REAL b_2 = K(4.0)*z - K(12.0)*mu;
-    const REAL b_3 = K(16.0)*beta;
-    const REAL b_4 = K(16.0)*TYPED(blend)(TYPED(mask)(least < mu), mu, least);
-    const REAL x8 = K(1.0) - beta;
-    const REAL x9 = (eta*eta*eta*eta)*(s3*s3);
-    const REAL x10 = K(2.0)*b_0;
-    const REAL x11 = K(2.0)*b_1;
-    const REAL x12 = K(2.0)*b_2;
-    output[0][i] = (b_0*b_0) - K(64.0)*x9*(K(4.0)*(x8*x8) - (a*a));
-    output[1][i] = b_1*x10 + K(512.0)*mu*x8*x9;
-    output[2][i] = (b_1*b_1) + b_2*x10 - K(256.0)*(mu*mu)*x9;
-    output[3][i] = b_2*x11 + b_3*x10;
-    output[4][i] = (b_2*b_2) + b_3*x11 + b_4*x10;
-    output[5][i] = b_3*x12 + b_4*x11;
-    output[6][i] = (b_3*b_3) + b_4*x12;
-    output[7][i] = K(2.0)*b_3*b_4;
-    output[8][i] = (b_4*b_4);
-    output[9][i] = b_0;
-    output[10][i] = b_1;
-    output[11][i] = b_2;
-    output[12][i] = b_3;
-    output[13][i] = b_4;
-    output[14][i] = s3;
-    output[15][i] = z;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_octic_scaled)(input[0] + i, input[3][i], input[4][i], input[5][i], output[0] + i, output[9] + i, output[14] + i, output[15] + i, NULL);
   return 0;
 }
 #endif
@@ -406,67 +144,11 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_mode: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_mode)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL legs_1 = input[0][i];
-    const REAL legs_2 = input[1][i];
-    const REAL legs_3 = input[2][i];
-    const REAL base_radius = input[3][i];
-    const REAL platform_radius = input[4][i];
-    const REAL height = input[5][i];
-    const REAL root = input[6][i];
-    const REAL sign = input[7][i];
-    const REAL x0 = K(1.0)/(base_radius*base_radius);
-    const REAL square_1 = (legs_1*legs_1)*x0;
-    const REAL square_2 = (legs_2*legs_2)*x0;
-    const REAL square_3 = (legs_3*legs_3)*x0;
-    const REAL x1 = K(1.0)/base_radius;
-    const REAL ratio = platform_radius*x1;
-    const REAL eta = height*x1;
-    const REAL x2 = K(1.0)/(K(3.0)*ratio);
-    const REAL Z_re = x2*(K(2.0)*square_2 - square_1 - square_3);
-    const REAL Z_im = SQRT(K(3.0))*x2*(square_1 - square_3);
-    const REAL z = SQRT((Z_im*Z_im) + (Z_re*Z_re));
-    const REAL x3 = TYPED(blend)(TYPED(mask)(z > K(0.0)), K(1.0)/z, K(1.0));
-    const REAL cosine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_re*x3, K(1.0));
-    const REAL sine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_im*x3, K(0.0));
-    const REAL x4 = K(4.0)*(eta*eta);
-    const REAL base = x4 + K(1.0);
-    const REAL x5 = K(1.0)/base;
-    const REAL beta = x4*x5;
-    const REAL mu = x5*z;
-    const REAL x6 = beta + mu*root;
-    const REAL rho = TYPED(blend)(TYPED(mask)(x6 < K(0.0)), K(0.0), TYPED(blend)(TYPED(mask)(x6 > K(1.0)), K(1.0), x6));
-    const REAL x7 = K(1.0)/rho;
-    const REAL x8 = K(0.25)*z;
-    const REAL x11 = root + x7*x8;
-    const REAL along = TYPED(blend)(((TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(root < -K(1.0)))) & ((TYPED(mask)(rho <= (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(x11 < -K(1.0)))), -K(1.0), TYPED(blend)(((TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(root > K(1.0)))) & ((TYPED(mask)(rho <= (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(x11 > K(1.0)))), K(1.0), root + TYPED(blend)(TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON)), x8*TYPED(blend)(TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON)), x7, K(1.0)), K(0.0))));
-    const REAL across = sign*SQRT((K(1.0) - along)*(along + K(1.0)));
-    const REAL W_re = along*cosine - across*sine;
-    const REAL W_im = across*cosine + along*sine;
-    const REAL w_outer = SQRT(K(0.5)*FABS(W_re) + K(0.5));
-    const REAL w_inner = K(0.5)*FABS(W_im)/w_outer;
-    const REAL w_re = TYPED(blend)(TYPED(mask)(W_re < K(0.0)), w_inner, w_outer);
-    const REAL w_size = TYPED(blend)(TYPED(mask)(W_re < K(0.0)), w_outer, w_inner);
-    const REAL w_im = TYPED(blend)(TYPED(mask)(W_im < K(0.0)), -w_size, w_size);
-    const REAL x9 = K(2.0)*rho;
-    const REAL lift_re = cosine*z - W_re*x9;
-    const REAL lift_im = sine*z - W_im*x9;
-    const REAL v_re = lift_re*w_re - lift_im*w_im;
-    const REAL v_im = lift_im*w_re + lift_re*w_im;
-    const REAL v_length = SQRT((v_im*v_im) + (v_re*v_re));
-    const REAL_MASK known = TYPED(mask)(v_length > K(0.0));
-    const REAL x10 = SQRT(K(1.0) - rho);
-    const REAL v_factor = x10*TYPED(blend)(TYPED(mask)(eta < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(known, K(1.0)/v_length, K(1.0));
-    const REAL w_factor = SQRT(rho);
-    output[0][i] = TYPED(blend)(known, v_factor*v_re, x10);
-    output[1][i] = w_factor*w_re;
-    output[2][i] = w_factor*w_im;
-    output[3][i] = v_factor*v_im;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_mode)(input[0] + i, input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], output[0] + i, NULL);
   return 0;
 }
 #endif
@@ -483,498 +165,11 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
   run(&kernel, args, dimensions[0], steps);
 }
 
-/* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
 #ifndef ROW_BY_ROW
 SHARED int TYPED(sps_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL quaternion_1 = input[0][i];
-    const REAL quaternion_2 = input[1][i];
-    const REAL quaternion_3 = input[2][i];
-    const REAL quaternion_4 = input[3][i];
-    const REAL trust = input[4][i];
-    const REAL legs_1 = input[5][i];
-    const REAL legs_2 = input[6][i];
-    const REAL legs_3 = input[7][i];
-    const REAL base_radius = input[8][i];
-    const REAL platform_radius = input[9][i];
-    const REAL height = input[10][i];
-    const REAL x0 = K(1.0)/base_radius;
-    const REAL ratio = platform_radius*x0;
-    const REAL eta = height*x0;
-    const REAL x1 = K(1.0)/(base_radius*base_radius);
-    const REAL target_1 = (legs_1*legs_1)*x1;
-    const REAL target_2 = (legs_2*legs_2)*x1;
-    const REAL target_3 = (legs_3*legs_3)*x1;
-    const REAL scale = (eta*eta) + (ratio*ratio) + target_1/K(3.0) + target_2/K(3.0) + target_3/K(3.0) + K(1.0);
-    const REAL settled = K(16.0)*(REAL_EPSILON*REAL_EPSILON)*(scale*scale);
-    const REAL start_length = SQRT((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
-    const REAL x2 = K(1.0)/start_length;
-    const REAL start_1 = quaternion_1*x2;
-    const REAL start_2 = quaternion_2*x2;
-    const REAL start_3 = quaternion_3*x2;
-    const REAL start_4 = quaternion_4*x2;
-    const REAL x3 = (start_2*start_2);
-    const REAL x4 = (start_3*start_3);
-    const REAL x5 = (start_1*start_1) - (start_4*start_4);
-    const REAL matrix_0_1_1 = x3 + x5 - x4;
-    const REAL x6 = K(2.0)*start_1;
-    const REAL x7 = start_4*x6;
-    const REAL matrix_0_1_2 = K(2.0)*start_2*start_3 - x7;
-    const REAL matrix_0_2_1 = K(2.0)*start_2*start_3 + x7;
-    const REAL matrix_0_2_2 = x4 + x5 - x3;
-    const REAL matrix_0_3_1 = K(2.0)*start_2*start_4 - start_3*x6;
-    const REAL matrix_0_3_2 = start_2*x6 + K(2.0)*start_3*start_4;
-    const REAL x8 = matrix_0_1_2*ratio;
-    const REAL x9 = K(0.5)*x8;
-    const REAL x10 = SQRT(K(3.0));
-    const REAL x11 = K(0.5)*x10;
-    const REAL x12 = ratio*x11;
-    const REAL x13 = matrix_0_1_1*x12;
-    const REAL arm_0_1_1 = x13 - x9;
-    const REAL x14 = matrix_0_2_2*ratio;
-    const REAL x15 = K(0.5)*x14;
-    const REAL x16 = matrix_0_2_1*x12;
-    const REAL arm_0_1_2 = x16 - x15;
-    const REAL x17 = matrix_0_3_2*ratio;
-    const REAL x18 = K(0.5)*x17;
-    const REAL x19 = matrix_0_3_1*x12;
-    const REAL arm_0_1_3 = x19 - x18;
-    const REAL arm_0_2_1 = x8;
-    const REAL arm_0_2_2 = x14;
-    const REAL arm_0_2_3 = x17;
-    const REAL arm_0_3_1 = -x13 - x9;
-    const REAL arm_0_3_2 = -x15 - x16;
-    const REAL arm_0_3_3 = -x18 - x19;
-    const REAL span_0_1_1 = arm_0_1_1 - x11;
-    const REAL span_0_1_2 = arm_0_1_2 + K(0.5);
-    const REAL span_0_1_3 = arm_0_1_3 + eta;
-    const REAL span_0_2_1 = arm_0_2_1;
-    const REAL span_0_2_2 = arm_0_2_2 - K(1.0);
-    const REAL span_0_2_3 = arm_0_2_3 + eta;
-    const REAL span_0_3_1 = arm_0_3_1 + x11;
-    const REAL span_0_3_2 = arm_0_3_2 + K(0.5);
-    const REAL span_0_3_3 = arm_0_3_3 + eta;
-    const REAL x21 = -K(0.5)*target_1;
-    const REAL missing_0_1 = -K(0.5)*(span_0_1_1*span_0_1_1) - K(0.5)*(span_0_1_2*span_0_1_2) - K(0.5)*(span_0_1_3*span_0_1_3) - x21;
-    const REAL x22 = -K(0.5)*target_2;
-    const REAL missing_0_2 = -K(0.5)*(span_0_2_1*span_0_2_1) - K(0.5)*(span_0_2_2*span_0_2_2) - K(0.5)*(span_0_2_3*span_0_2_3) - x22;
-    const REAL x23 = -K(0.5)*target_3;
-    const REAL missing_0_3 = -K(0.5)*(span_0_3_1*span_0_3_1) - K(0.5)*(span_0_3_2*span_0_3_2) - K(0.5)*(span_0_3_3*span_0_3_3) - x23;
-    const REAL merit_0 = (missing_0_1*missing_0_1) + (missing_0_2*missing_0_2) + (missing_0_3*missing_0_3);
-    const REAL row_1_1_1 = arm_0_1_2*eta - K(0.5)*arm_0_1_3;
-    const REAL row_1_1_2 = -arm_0_1_1*eta - arm_0_1_3*x11;
-    const REAL row_1_1_3 = K(0.5)*arm_0_1_1 + arm_0_1_2*x11;
-    const REAL row_1_2_1 = arm_0_2_2*eta + arm_0_2_3;
-    const REAL row_1_2_2 = -arm_0_2_1*eta;
-    const REAL row_1_2_3 = -arm_0_2_1;
-    const REAL row_1_3_1 = arm_0_3_2*eta - K(0.5)*arm_0_3_3;
-    const REAL row_1_3_2 = K(0.5)*arm_0_3_3*x10 - arm_0_3_1*eta;
-    const REAL row_1_3_3 = K(0.5)*arm_0_3_1 - arm_0_3_2*x11;
-    const REAL cross_1_1_1 = row_1_2_2*row_1_3_3 - row_1_2_3*row_1_3_2;
-    const REAL cross_1_1_2 = row_1_2_3*row_1_3_1 - row_1_2_1*row_1_3_3;
-    const REAL cross_1_1_3 = row_1_2_1*row_1_3_2 - row_1_2_2*row_1_3_1;
-    const REAL cross_1_2_1 = row_1_1_3*row_1_3_2 - row_1_1_2*row_1_3_3;
-    const REAL cross_1_2_2 = row_1_1_1*row_1_3_3 - row_1_1_3*row_1_3_1;
-    const REAL cross_1_2_3 = row_1_1_2*row_1_3_1 - row_1_1_1*row_1_3_2;
-    const REAL cross_1_3_1 = row_1_1_2*row_1_2_3 - row_1_1_3*row_1_2_2;
-    const REAL cross_1_3_2 = row_1_1_3*row_1_2_1 - row_1_1_1*row_1_2_3;
-    const REAL cross_1_3_3 = row_1_1_1*row_1_2_2 - row_1_1_2*row_1_2_1;
-    const REAL determinant_1 = cross_1_1_1*row_1_1_1 + cross_1_1_2*row_1_1_2 + cross_1_1_3*row_1_1_3;
-    const REAL solved_1_1 = cross_1_1_1*missing_0_1 + cross_1_2_1*missing_0_2 + cross_1_3_1*missing_0_3;
-    const REAL solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3;
-    const REAL solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3;
-    const REAL solved_size_1 = SQRT((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3));
-    const REAL_MASK far_1 = TYPED(mask)(solved_size_1 > trust*FABS(determinant_1));
-    const REAL factor_1 = TYPED(blend)(far_1, trust*TYPED(blend)(TYPED(mask)(determinant_1 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_1 > K(0.0)), K(1.0)/solved_size_1, K(1.0)), TYPED(blend)(far_1, K(1.0), K(1.0)/determinant_1));
-    const REAL x24 = TYPED(blend)(TYPED(mask)(solved_size_1 > K(0.0)), factor_1, K(0.0));
-    const REAL turn_1_1 = solved_1_1*x24;
-    const REAL turn_1_2 = solved_1_2*x24;
-    const REAL turn_1_3 = solved_1_3*x24;
-    const REAL x25 = K(0.5)*turn_1_1;
-    const REAL x26 = K(0.5)*turn_1_2;
-    const REAL x27 = K(0.5)*turn_1_3;
-    const REAL moved_1_1 = start_1 - start_2*x25 - start_3*x26 - start_4*x27;
-    const REAL moved_1_2 = start_1*x25 + start_2 + start_4*x26 - start_3*x27;
-    const REAL moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25;
-    const REAL moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26;
-    const REAL unit_1_length = SQRT((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4));
-    const REAL x28 = K(1.0)/unit_1_length;
-    const REAL unit_1_1 = moved_1_1*x28;
-    const REAL unit_1_2 = moved_1_2*x28;
-    const REAL unit_1_3 = moved_1_3*x28;
-    const REAL unit_1_4 = moved_1_4*x28;
-    const REAL x29 = (unit_1_2*unit_1_2);
-    const REAL x30 = (unit_1_3*unit_1_3);
-    const REAL x31 = (unit_1_1*unit_1_1) - (unit_1_4*unit_1_4);
-    const REAL matrix_1_1_1 = x29 + x31 - x30;
-    const REAL x32 = K(2.0)*unit_1_1;
-    const REAL x33 = unit_1_4*x32;
-    const REAL matrix_1_1_2 = K(2.0)*unit_1_2*unit_1_3 - x33;
-    const REAL matrix_1_2_1 = K(2.0)*unit_1_2*unit_1_3 + x33;
-    const REAL matrix_1_2_2 = x30 + x31 - x29;
-    const REAL matrix_1_3_1 = K(2.0)*unit_1_2*unit_1_4 - unit_1_3*x32;
-    const REAL matrix_1_3_2 = unit_1_2*x32 + K(2.0)*unit_1_3*unit_1_4;
-    const REAL x34 = matrix_1_1_2*ratio;
-    const REAL x35 = K(0.5)*x34;
-    const REAL x36 = matrix_1_1_1*x12;
-    const REAL arm_1_1_1 = x36 - x35;
-    const REAL x37 = matrix_1_2_2*ratio;
-    const REAL x38 = K(0.5)*x37;
-    const REAL x39 = matrix_1_2_1*x12;
-    const REAL arm_1_1_2 = x39 - x38;
-    const REAL x40 = matrix_1_3_2*ratio;
-    const REAL x41 = K(0.5)*x40;
-    const REAL x42 = matrix_1_3_1*x12;
-    const REAL arm_1_1_3 = x42 - x41;
-    const REAL arm_1_2_1 = x34;
-    const REAL arm_1_2_2 = x37;
-    const REAL arm_1_2_3 = x40;
-    const REAL arm_1_3_1 = -x35 - x36;
-    const REAL arm_1_3_2 = -x38 - x39;
-    const REAL arm_1_3_3 = -x41 - x42;
-    const REAL span_1_1_1 = arm_1_1_1 - x11;
-    const REAL span_1_1_2 = arm_1_1_2 + K(0.5);
-    const REAL span_1_1_3 = arm_1_1_3 + eta;
-    const REAL span_1_2_1 = arm_1_2_1;
-    const REAL span_1_2_2 = arm_1_2_2 - K(1.0);
-    const REAL span_1_2_3 = arm_1_2_3 + eta;
-    const REAL span_1_3_1 = arm_1_3_1 + x11;
-    const REAL span_1_3_2 = arm_1_3_2 + K(0.5);
-    const REAL span_1_3_3 = arm_1_3_3 + eta;
-    const REAL missing_1_1 = -K(0.5)*(span_1_1_1*span_1_1_1) - K(0.5)*(span_1_1_2*span_1_1_2) - K(0.5)*(span_1_1_3*span_1_1_3) - x21;
-    const REAL missing_1_2 = -K(0.5)*(span_1_2_1*span_1_2_1) - K(0.5)*(span_1_2_2*span_1_2_2) - K(0.5)*(span_1_2_3*span_1_2_3) - x22;
-    const REAL missing_1_3 = -K(0.5)*(span_1_3_1*span_1_3_1) - K(0.5)*(span_1_3_2*span_1_3_2) - K(0.5)*(span_1_3_3*span_1_3_3) - x23;
-    const REAL merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3);
-    const REAL_MASK done_1 = TYPED(mask)(merit_0 <= settled);
-    const REAL_MASK better_1 = (~(done_1)) & (TYPED(mask)(merit_1 < merit_0));
-    const REAL now_1_1 = TYPED(blend)(better_1, unit_1_1, start_1);
-    const REAL now_1_2 = TYPED(blend)(better_1, unit_1_2, start_2);
-    const REAL now_1_3 = TYPED(blend)(better_1, unit_1_3, start_3);
-    const REAL now_1_4 = TYPED(blend)(better_1, unit_1_4, start_4);
-    const REAL taken_1_1_1 = TYPED(blend)(better_1, arm_1_1_1, arm_0_1_1);
-    const REAL taken_1_1_2 = TYPED(blend)(better_1, arm_1_1_2, arm_0_1_2);
-    const REAL taken_1_1_3 = TYPED(blend)(better_1, arm_1_1_3, arm_0_1_3);
-    const REAL taken_1_2_1 = TYPED(blend)(better_1, arm_1_2_1, arm_0_2_1);
-    const REAL taken_1_2_2 = TYPED(blend)(better_1, arm_1_2_2, arm_0_2_2);
-    const REAL taken_1_2_3 = TYPED(blend)(better_1, arm_1_2_3, arm_0_2_3);
-    const REAL taken_1_3_1 = TYPED(blend)(better_1, arm_1_3_1, arm_0_3_1);
-    const REAL taken_1_3_2 = TYPED(blend)(better_1, arm_1_3_2, arm_0_3_2);
-    const REAL taken_1_3_3 = TYPED(blend)(better_1, arm_1_3_3, arm_0_3_3);
-    const REAL left_1_1 = TYPED(blend)(better_1, missing_1_1, missing_0_1);
-    const REAL left_1_2 = TYPED(blend)(better_1, missing_1_2, missing_0_2);
-    const REAL left_1_3 = TYPED(blend)(better_1, missing_1_3, missing_0_3);
-    const REAL merit_taken_1 = TYPED(blend)(better_1, merit_1, merit_0);
-    const REAL turned_by_1 = SQRT((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3));
-    const REAL trust_1 = TYPED(blend)(better_1, K(2.0)*trust, TYPED(blend)(done_1, trust, K(0.25)*TYPED(blend)(TYPED(mask)(trust > turned_by_1), turned_by_1, trust)));
-    const REAL row_2_1_1 = eta*taken_1_1_2 - K(0.5)*taken_1_1_3;
-    const REAL row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11;
-    const REAL row_2_1_3 = K(0.5)*taken_1_1_1 + taken_1_1_2*x11;
-    const REAL row_2_2_1 = eta*taken_1_2_2 + taken_1_2_3;
-    const REAL row_2_2_2 = -eta*taken_1_2_1;
-    const REAL row_2_2_3 = -taken_1_2_1;
-    const REAL row_2_3_1 = eta*taken_1_3_2 - K(0.5)*taken_1_3_3;
-    const REAL row_2_3_2 = K(0.5)*taken_1_3_3*x10 - eta*taken_1_3_1;
-    const REAL row_2_3_3 = K(0.5)*taken_1_3_1 - taken_1_3_2*x11;
-    const REAL cross_2_1_1 = row_2_2_2*row_2_3_3 - row_2_2_3*row_2_3_2;
-    const REAL cross_2_1_2 = row_2_2_3*row_2_3_1 - row_2_2_1*row_2_3_3;
-    const REAL cross_2_1_3 = row_2_2_1*row_2_3_2 - row_2_2_2*row_2_3_1;
-    const REAL cross_2_2_1 = row_2_1_3*row_2_3_2 - row_2_1_2*row_2_3_3;
-    const REAL cross_2_2_2 = row_2_1_1*row_2_3_3 - row_2_1_3*row_2_3_1;
-    const REAL cross_2_2_3 = row_2_1_2*row_2_3_1 - row_2_1_1*row_2_3_2;
-    const REAL cross_2_3_1 = row_2_1_2*row_2_2_3 - row_2_1_3*row_2_2_2;
-    const REAL cross_2_3_2 = row_2_1_3*row_2_2_1 - row_2_1_1*row_2_2_3;
-    const REAL cross_2_3_3 = row_2_1_1*row_2_2_2 - row_2_1_2*row_2_2_1;
-    const REAL determinant_2 = cross_2_1_1*row_2_1_1 + cross_2_1_2*row_2_1_2 + cross_2_1_3*row_2_1_3;
-    const REAL solved_2_1 = cross_2_1_1*left_1_1 + cross_2_2_1*left_1_2 + cross_2_3_1*left_1_3;
-    const REAL solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3;
-    const REAL solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3;
-    const REAL solved_size_2 = SQRT((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3));
-    const REAL_MASK far_2 = TYPED(mask)(solved_size_2 > trust_1*FABS(determinant_2));
-    const REAL factor_2 = TYPED(blend)(far_2, trust_1*TYPED(blend)(TYPED(mask)(determinant_2 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_2 > K(0.0)), K(1.0)/solved_size_2, K(1.0)), TYPED(blend)(far_2, K(1.0), K(1.0)/determinant_2));
-    const REAL x43 = TYPED(blend)(TYPED(mask)(solved_size_2 > K(0.0)), factor_2, K(0.0));
-    const REAL turn_2_1 = solved_2_1*x43;
-    const REAL turn_2_2 = solved_2_2*x43;
-    const REAL turn_2_3 = solved_2_3*x43;
-    const REAL x44 = K(0.5)*turn_2_1;
-    const REAL x45 = K(0.5)*turn_2_2;
-    const REAL x46 = K(0.5)*turn_2_3;
-    const REAL moved_2_1 = now_1_1 - now_1_2*x44 - now_1_3*x45 - now_1_4*x46;
-    const REAL moved_2_2 = now_1_1*x44 + now_1_2 + now_1_4*x45 - now_1_3*x46;
-    const REAL moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44;
-    const REAL moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45;
-    const REAL unit_2_length = SQRT((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4));
-    const REAL x47 = K(1.0)/unit_2_length;
-    const REAL unit_2_1 = moved_2_1*x47;
-    const REAL unit_2_2 = moved_2_2*x47;
-    const REAL unit_2_3 = moved_2_3*x47;
-    const REAL unit_2_4 = moved_2_4*x47;
-    const REAL x48 = (unit_2_2*unit_2_2);
-    const REAL x49 = (unit_2_3*unit_2_3);
-    const REAL x50 = (unit_2_1*unit_2_1) - (unit_2_4*unit_2_4);
-    const REAL matrix_2_1_1 = x48 + x50 - x49;
-    const REAL x51 = K(2.0)*unit_2_1;
-    const REAL x52 = unit_2_4*x51;
-    const REAL matrix_2_1_2 = K(2.0)*unit_2_2*unit_2_3 - x52;
-    const REAL matrix_2_2_1 = K(2.0)*unit_2_2*unit_2_3 + x52;
-    const REAL matrix_2_2_2 = x49 + x50 - x48;
-    const REAL matrix_2_3_1 = K(2.0)*unit_2_2*unit_2_4 - unit_2_3*x51;
-    const REAL matrix_2_3_2 = unit_2_2*x51 + K(2.0)*unit_2_3*unit_2_4;
-    const REAL x53 = matrix_2_1_2*ratio;
-    const REAL x54 = K(0.5)*x53;
-    const REAL x55 = matrix_2_1_1*x12;
-    const REAL arm_2_1_1 = x55 - x54;
-    const REAL x56 = matrix_2_2_2*ratio;
-    const REAL x57 = K(0.5)*x56;
-    const REAL x58 = matrix_2_2_1*x12;
-    const REAL arm_2_1_2 = x58 - x57;
-    const REAL x59 = matrix_2_3_2*ratio;
-    const REAL x60 = K(0.5)*x59;
-    const REAL x61 = matrix_2_3_1*x12;
-    const REAL arm_2_1_3 = x61 - x60;
-    const REAL arm_2_2_1 = x53;
-    const REAL arm_2_2_2 = x56;
-    const REAL arm_2_2_3 = x59;
-    const REAL arm_2_3_1 = -x54 - x55;
-    const REAL arm_2_3_2 = -x57 - x58;
-    const REAL arm_2_3_3 = -x60 - x61;
-    const REAL span_2_1_1 = arm_2_1_1 - x11;
-    const REAL span_2_1_2 = arm_2_1_2 + K(0.5);
-    const REAL span_2_1_3 = arm_2_1_3 + eta;
-    const REAL span_2_2_1 = arm_2_2_1;
-    const REAL span_2_2_2 = arm_2_2_2 - K(1.0);
-    const REAL span_2_2_3 = arm_2_2_3 + eta;
-    const REAL span_2_3_1 = arm_2_3_1 + x11;
-    const REAL span_2_3_2 = arm_2_3_2 + K(0.5);
-    const REAL span_2_3_3 = arm_2_3_3 + eta;
-    const REAL missing_2_1 = -K(0.5)*(span_2_1_1*span_2_1_1) - K(0.5)*(span_2_1_2*span_2_1_2) - K(0.5)*(span_2_1_3*span_2_1_3) - x21;
-    const REAL missing_2_2 = -K(0.5)*(span_2_2_1*span_2_2_1) - K(0.5)*(span_2_2_2*span_2_2_2) - K(0.5)*(span_2_2_3*span_2_2_3) - x22;
-    const REAL missing_2_3 = -K(0.5)*(span_2_3_1*span_2_3_1) - K(0.5)*(span_2_3_2*span_2_3_2) - K(0.5)*(span_2_3_3*span_2_3_3) - x23;
-    const REAL merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3);
-    const REAL_MASK done_2 = TYPED(mask)(merit_taken_1 <= settled);
-    const REAL_MASK better_2 = (~(done_2)) & (TYPED(mask)(merit_2 < merit_taken_1));
-    const REAL now_2_1 = TYPED(blend)(better_2, unit_2_1, now_1_1);
-    const REAL now_2_2 = TYPED(blend)(better_2, unit_2_2, now_1_2);
-    const REAL now_2_3 = TYPED(blend)(better_2, unit_2_3, now_1_3);
-    const REAL now_2_4 = TYPED(blend)(better_2, unit_2_4, now_1_4);
-    const REAL taken_2_1_1 = TYPED(blend)(better_2, arm_2_1_1, taken_1_1_1);
-    const REAL taken_2_1_2 = TYPED(blend)(better_2, arm_2_1_2, taken_1_1_2);
-    const REAL taken_2_1_3 = TYPED(blend)(better_2, arm_2_1_3, taken_1_1_3);
-    const REAL taken_2_2_1 = TYPED(blend)(better_2, arm_2_2_1, taken_1_2_1);
-    const REAL taken_2_2_2 = TYPED(blend)(better_2, arm_2_2_2, taken_1_2_2);
-    const REAL taken_2_2_3 = TYPED(blend)(better_2, arm_2_2_3, taken_1_2_3);
-    const REAL taken_2_3_1 = TYPED(blend)(better_2, arm_2_3_1, taken_1_3_1);
-    const REAL taken_2_3_2 = TYPED(blend)(better_2, arm_2_3_2, taken_1_3_2);
-    const REAL taken_2_3_3 = TYPED(blend)(better_2, arm_2_3_3, taken_1_3_3);
-    const REAL left_2_1 = TYPED(blend)(better_2, missing_2_1, left_1_1);
-    const REAL left_2_2 = TYPED(blend)(better_2, missing_2_2, left_1_2);
-    const REAL left_2_3 = TYPED(blend)(better_2, missing_2_3, left_1_3);
-    const REAL merit_taken_2 = TYPED(blend)(better_2, merit_2, merit_taken_1);
-    const REAL turned_by_2 = SQRT((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3));
-    const REAL trust_2 = TYPED(blend)(better_2, K(2.0)*trust_1, TYPED(blend)(done_2, trust_1, K(0.25)*TYPED(blend)(TYPED(mask)(trust_1 > turned_by_2), turned_by_2, trust_1)));
-    const REAL row_3_1_1 = eta*taken_2_1_2 - K(0.5)*taken_2_1_3;
-    const REAL row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11;
-    const REAL row_3_1_3 = K(0.5)*taken_2_1_1 + taken_2_1_2*x11;
-    const REAL row_3_2_1 = eta*taken_2_2_2 + taken_2_2_3;
-    const REAL row_3_2_2 = -eta*taken_2_2_1;
-    const REAL row_3_2_3 = -taken_2_2_1;
-    const REAL row_3_3_1 = eta*taken_2_3_2 - K(0.5)*taken_2_3_3;
-    const REAL row_3_3_2 = K(0.5)*taken_2_3_3*x10 - eta*taken_2_3_1;
-    const REAL row_3_3_3 = K(0.5)*taken_2_3_1 - taken_2_3_2*x11;
-    const REAL cross_3_1_1 = row_3_2_2*row_3_3_3 - row_3_2_3*row_3_3_2;
-    const REAL cross_3_1_2 = row_3_2_3*row_3_3_1 - row_3_2_1*row_3_3_3;
-    const REAL cross_3_1_3 = row_3_2_1*row_3_3_2 - row_3_2_2*row_3_3_1;
-    const REAL cross_3_2_1 = row_3_1_3*row_3_3_2 - row_3_1_2*row_3_3_3;
-    const REAL cross_3_2_2 = row_3_1_1*row_3_3_3 - row_3_1_3*row_3_3_1;
-    const REAL cross_3_2_3 = row_3_1_2*row_3_3_1 - row_3_1_1*row_3_3_2;
-    const REAL cross_3_3_1 = row_3_1_2*row_3_2_3 - row_3_1_3*row_3_2_2;
-    const REAL cross_3_3_2 = row_3_1_3*row_3_2_1 - row_3_1_1*row_3_2_3;
-    const REAL cross_3_3_3 = row_3_1_1*row_3_2_2 - row_3_1_2*row_3_2_1;
-    const REAL determinant_3 = cross_3_1_1*row_3_1_1 + cross_3_1_2*row_3_1_2 + cross_3_1_3*row_3_1_3;
-    const REAL solved_3_1 = cross_3_1_1*left_2_1 + cross_3_2_1*left_2_2 + cross_3_3_1*left_2_3;
-    const REAL solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3;
-    const REAL solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3;
-    const REAL solved_size_3 = SQRT((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3));
-    const REAL_MASK far_3 = TYPED(mask)(solved_size_3 > trust_2*FABS(determinant_3));
-    const REAL factor_3 = TYPED(blend)(far_3, trust_2*TYPED(blend)(TYPED(mask)(determinant_3 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_3 > K(0.0)), K(1.0)/solved_size_3, K(1.0)), TYPED(blend)(far_3, K(1.0), K(1.0)/determinant_3));
-    const REAL x62 = TYPED(blend)(TYPED(mask)(solved_size_3 > K(0.0)), factor_3, K(0.0));
-    const REAL turn_3_1 = solved_3_1*x62;
-    const REAL turn_3_2 = solved_3_2*x62;
-    const REAL turn_3_3 = solved_3_3*x62;
-    const REAL x63 = K(0.5)*turn_3_1;
-    const REAL x64 = K(0.5)*turn_3_2;
-    const REAL x65 = K(0.5)*turn_3_3;
-    const REAL moved_3_1 = now_2_1 - now_2_2*x63 - now_2_3*x64 - now_2_4*x65;
-    const REAL moved_3_2 = now_2_1*x63 + now_2_2 + now_2_4*x64 - now_2_3*x65;
-    const REAL moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63;
-    const REAL moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64;
-    const REAL unit_3_length = SQRT((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4));
-    const REAL x66 = K(1.0)/unit_3_length;
-    const REAL unit_3_1 = moved_3_1*x66;
-    const REAL unit_3_2 = moved_3_2*x66;
-    const REAL unit_3_3 = moved_3_3*x66;
-    const REAL unit_3_4 = moved_3_4*x66;
-    const REAL x67 = (unit_3_2*unit_3_2);
-    const REAL x68 = (unit_3_3*unit_3_3);
-    const REAL x69 = (unit_3_1*unit_3_1) - (unit_3_4*unit_3_4);
-    const REAL matrix_3_1_1 = x67 + x69 - x68;
-    const REAL x70 = K(2.0)*unit_3_1;
-    const REAL x71 = unit_3_4*x70;
-    const REAL matrix_3_1_2 = K(2.0)*unit_3_2*unit_3_3 - x71;
-    const REAL matrix_3_2_1 = K(2.0)*unit_3_2*unit_3_3 + x71;
-    const REAL matrix_3_2_2 = x68 + x69 - x67;
-    const REAL matrix_3_3_1 = K(2.0)*unit_3_2*unit_3_4 - unit_3_3*x70;
-    const REAL matrix_3_3_2 = unit_3_2*x70 + K(2.0)*unit_3_3*unit_3_4;
-    const REAL x72 = matrix_3_1_2*ratio;
-    const REAL x73 = K(0.5)*x72;
-    const REAL x74 = matrix_3_1_1*x12;
-    const REAL arm_3_1_1 = x74 - x73;
-    const REAL x75 = matrix_3_2_2*ratio;
-    const REAL x76 = K(0.5)*x75;
-    const REAL x77 = matrix_3_2_1*x12;
-    const REAL arm_3_1_2 = x77 - x76;
-    const REAL x78 = matrix_3_3_2*ratio;
-    const REAL x79 = K(0.5)*x78;
-    const REAL x80 = matrix_3_3_1*x12;
-    const REAL arm_3_1_3 = x80 - x79;
-    const REAL arm_3_2_1 = x72;
-    const REAL arm_3_2_2 = x75;
-    const REAL arm_3_2_3 = x78;
-    const REAL arm_3_3_1 = -x73 - x74;
-    const REAL arm_3_3_2 = -x76 - x77;
-    const REAL arm_3_3_3 = -x79 - x80;
-    const REAL span_3_1_1 = arm_3_1_1 - x11;
-    const REAL span_3_1_2 = arm_3_1_2 + K(0.5);
-    const REAL span_3_1_3 = arm_3_1_3 + eta;
-    const REAL span_3_2_1 = arm_3_2_1;
-    const REAL span_3_2_2 = arm_3_2_2 - K(1.0);
-    const REAL span_3_2_3 = arm_3_2_3 + eta;
-    const REAL span_3_3_1 = arm_3_3_1 + x11;
-    const REAL span_3_3_2 = arm_3_3_2 + K(0.5);
-    const REAL span_3_3_3 = arm_3_3_3 + eta;
-    const REAL missing_3_1 = -K(0.5)*(span_3_1_1*span_3_1_1) - K(0.5)*(span_3_1_2*span_3_1_2) - K(0.5)*(span_3_1_3*span_3_1_3) - x21;
-    const REAL missing_3_2 = -K(0.5)*(span_3_2_1*span_3_2_1) - K(0.5)*(span_3_2_2*span_3_2_2) - K(0.5)*(span_3_2_3*span_3_2_3) - x22;
-    const REAL missing_3_3 = -K(0.5)*(span_3_3_1*span_3_3_1) - K(0.5)*(span_3_3_2*span_3_3_2) - K(0.5)*(span_3_3_3*span_3_3_3) - x23;
-    const REAL merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3);
-    const REAL_MASK done_3 = TYPED(mask)(merit_taken_2 <= settled);
-    const REAL_MASK better_3 = (~(done_3)) & (TYPED(mask)(merit_3 < merit_taken_2));
-    const REAL now_3_1 = TYPED(blend)(better_3, unit_3_1, now_2_1);
-    const REAL now_3_2 = TYPED(blend)(better_3, unit_3_2, now_2_2);
-    const REAL now_3_3 = TYPED(blend)(better_3, unit_3_3, now_2_3);
-    const REAL now_3_4 = TYPED(blend)(better_3, unit_3_4, now_2_4);
-    const REAL taken_3_1_1 = TYPED(blend)(better_3, arm_3_1_1, taken_2_1_1);
-    const REAL taken_3_1_2 = TYPED(blend)(better_3, arm_3_1_2, taken_2_1_2);
-    const REAL taken_3_1_3 = TYPED(blend)(better_3, arm_3_1_3, taken_2_1_3);
-    const REAL taken_3_2_1 = TYPED(blend)(better_3, arm_3_2_1, taken_2_2_1);
-    const REAL taken_3_2_2 = TYPED(blend)(better_3, arm_3_2_2, taken_2_2_2);
-    const REAL taken_3_2_3 = TYPED(blend)(better_3, arm_3_2_3, taken_2_2_3);
-    const REAL taken_3_3_1 = TYPED(blend)(better_3, arm_3_3_1, taken_2_3_1);
-    const REAL taken_3_3_2 = TYPED(blend)(better_3, arm_3_3_2, taken_2_3_2);
-    const REAL taken_3_3_3 = TYPED(blend)(better_3, arm_3_3_3, taken_2_3_3);
-    const REAL left_3_1 = TYPED(blend)(better_3, missing_3_1, left_2_1);
-    const REAL left_3_2 = TYPED(blend)(better_3, missing_3_2, left_2_2);
-    const REAL left_3_3 = TYPED(blend)(better_3, missing_3_3, left_2_3);
-    const REAL merit_taken_3 = TYPED(blend)(better_3, merit_3, merit_taken_2);
-    const REAL turned_by_3 = SQRT((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3));
-    const REAL trust_3 = TYPED(blend)(better_3, K(2.0)*trust_2, TYPED(blend)(done_3, trust_2, K(0.25)*TYPED(blend)(TYPED(mask)(trust_2 > turned_by_3), turned_by_3, trust_2)));
-    const REAL row_4_1_1 = eta*taken_3_1_2 - K(0.5)*taken_3_1_3;
-    const REAL row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11;
-    const REAL row_4_1_3 = K(0.5)*taken_3_1_1 + taken_3_1_2*x11;
-    const REAL row_4_2_1 = eta*taken_3_2_2 + taken_3_2_3;
-    const REAL row_4_2_2 = -eta*taken_3_2_1;
-    const REAL row_4_2_3 = -taken_3_2_1;
-    const REAL row_4_3_1 = eta*taken_3_3_2 - K(0.5)*taken_3_3_3;
-    const REAL row_4_3_2 = K(0.5)*taken_3_3_3*x10 - eta*taken_3_3_1;
-    const REAL row_4_3_3 = K(0.5)*taken_3_3_1 - taken_3_3_2*x11;
-    const REAL cross_4_1_1 = row_4_2_2*row_4_3_3 - row_4_2_3*row_4_3_2;
-    const REAL cross_4_1_2 = row_4_2_3*row_4_3_1 - row_4_2_1*row_4_3_3;
-    const REAL cross_4_1_3 = row_4_2_1*row_4_3_2 - row_4_2_2*row_4_3_1;
-    const REAL cross_4_2_1 = row_4_1_3*row_4_3_2 - row_4_1_2*row_4_3_3;
-    const REAL cross_4_2_2 = row_4_1_1*row_4_3_3 - row_4_1_3*row_4_3_1;
-    const REAL cross_4_2_3 = row_4_1_2*row_4_3_1 - row_4_1_1*row_4_3_2;
-    const REAL cross_4_3_1 = row_4_1_2*row_4_2_3 - row_4_1_3*row_4_2_2;
-    const REAL cross_4_3_2 = row_4_1_3*row_4_2_1 - row_4_1_1*row_4_2_3;
-    const REAL cross_4_3_3 = row_4_1_1*row_4_2_2 - row_4_1_2*row_4_2_1;
-    const REAL determinant_4 = cross_4_1_1*row_4_1_1 + cross_4_1_2*row_4_1_2 + cross_4_1_3*row_4_1_3;
-    const REAL solved_4_1 = cross_4_1_1*left_3_1 + cross_4_2_1*left_3_2 + cross_4_3_1*left_3_3;
-    const REAL solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3;
-    const REAL solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3;
-    const REAL solved_size_4 = SQRT((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3));
-    const REAL_MASK far_4 = TYPED(mask)(solved_size_4 > trust_3*FABS(determinant_4));
-    const REAL factor_4 = TYPED(blend)(far_4, trust_3*TYPED(blend)(TYPED(mask)(determinant_4 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_4 > K(0.0)), K(1.0)/solved_size_4, K(1.0)), TYPED(blend)(far_4, K(1.0), K(1.0)/determinant_4));
-    const REAL x81 = TYPED(blend)(TYPED(mask)(solved_size_4 > K(0.0)), factor_4, K(0.0));
-    const REAL turn_4_1 = solved_4_1*x81;
-    const REAL turn_4_2 = solved_4_2*x81;
-    const REAL turn_4_3 = solved_4_3*x81;
-    const REAL x82 = K(0.5)*turn_4_1;
-    const REAL x83 = K(0.5)*turn_4_2;
-    const REAL x84 = K(0.5)*turn_4_3;
-    const REAL moved_4_1 = now_3_1 - now_3_2*x82 - now_3_3*x83 - now_3_4*x84;
-    const REAL moved_4_2 = now_3_1*x82 + now_3_2 + now_3_4*x83 - now_3_3*x84;
-    const REAL moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82;
-    const REAL moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83;
-    const REAL unit_4_length = SQRT((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4));
-    const REAL x85 = K(1.0)/unit_4_length;
-    const REAL unit_4_1 = moved_4_1*x85;
-    const REAL unit_4_2 = moved_4_2*x85;
-    const REAL unit_4_3 = moved_4_3*x85;
-    const REAL unit_4_4 = moved_4_4*x85;
-    const REAL x86 = (unit_4_2*unit_4_2);
-    const REAL x87 = (unit_4_3*unit_4_3);
-    const REAL x88 = (unit_4_1*unit_4_1) - (unit_4_4*unit_4_4);
-    const REAL matrix_4_1_1 = x86 + x88 - x87;
-    const REAL x89 = K(2.0)*unit_4_1;
-    const REAL x90 = unit_4_4*x89;
-    const REAL matrix_4_1_2 = K(2.0)*unit_4_2*unit_4_3 - x90;
-    const REAL matrix_4_2_1 = K(2.0)*unit_4_2*unit_4_3 + x90;
-    const REAL matrix_4_2_2 = x87 + x88 - x86;
-    const REAL matrix_4_3_1 = K(2.0)*unit_4_2*unit_4_4 - unit_4_3*x89;
-    const REAL matrix_4_3_2 = unit_4_2*x89 + K(2.0)*unit_4_3*unit_4_4;
-    const REAL x91 = matrix_4_1_2*ratio;
-    const REAL x92 = K(0.5)*x91;
-    const REAL x93 = matrix_4_1_1*x12;
-    const REAL arm_4_1_1 = x93 - x92;
-    const REAL x94 = matrix_4_2_2*ratio;
-    const REAL x95 = K(0.5)*x94;
-    const REAL x96 = matrix_4_2_1*x12;
-    const REAL arm_4_1_2 = x96 - x95;
-    const REAL x97 = matrix_4_3_2*ratio;
-    const REAL x98 = K(0.5)*x97;
-    const REAL x99 = matrix_4_3_1*x12;
-    const REAL arm_4_1_3 = x99 - x98;
-    const REAL arm_4_2_1 = x91;
-    const REAL arm_4_2_2 = x94;
-    const REAL arm_4_2_3 = x97;
-    const REAL arm_4_3_1 = -x92 - x93;
-    const REAL arm_4_3_2 = -x95 - x96;
-    const REAL arm_4_3_3 = -x98 - x99;
-    const REAL span_4_1_1 = arm_4_1_1 - x11;
-    const REAL span_4_1_2 = arm_4_1_2 + K(0.5);
-    const REAL span_4_1_3 = arm_4_1_3 + eta;
-    const REAL span_4_2_1 = arm_4_2_1;
-    const REAL span_4_2_2 = arm_4_2_2 - K(1.0);
-    const REAL span_4_2_3 = arm_4_2_3 + eta;
-    const REAL span_4_3_1 = arm_4_3_1 + x11;
-    const REAL span_4_3_2 = arm_4_3_2 + K(0.5);
-    const REAL span_4_3_3 = arm_4_3_3 + eta;
-    const REAL missing_4_1 = -K(0.5)*(span_4_1_1*span_4_1_1) - K(0.5)*(span_4_1_2*span_4_1_2) - K(0.5)*(span_4_1_3*span_4_1_3) - x21;
-    const REAL missing_4_2 = -K(0.5)*(span_4_2_1*span_4_2_1) - K(0.5)*(span_4_2_2*span_4_2_2) - K(0.5)*(span_4_2_3*span_4_2_3) - x22;
-    const REAL missing_4_3 = -K(0.5)*(span_4_3_1*span_4_3_1) - K(0.5)*(span_4_3_2*span_4_3_2) - K(0.5)*(span_4_3_3*span_4_3_3) - x23;
-    const REAL merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3);
-    const REAL_MASK done_4 = TYPED(mask)(merit_taken_3 <= settled);
-    const REAL_MASK better_4 = (~(done_4)) & (TYPED(mask)(merit_4 < merit_taken_3));
-    const REAL now_4_1 = TYPED(blend)(better_4, unit_4_1, now_3_1);
-    const REAL now_4_2 = TYPED(blend)(better_4, unit_4_2, now_3_2);
-    const REAL now_4_3 = TYPED(blend)(better_4, unit_4_3, now_3_3);
-    const REAL now_4_4 = TYPED(blend)(better_4, unit_4_4, now_3_4);
-    const REAL turned_by_4 = SQRT((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
-    const REAL trust_4 = TYPED(blend)(better_4, K(2.0)*trust_3, TYPED(blend)(done_4, trust_3, K(0.25)*TYPED(blend)(TYPED(mask)(trust_3 > turned_by_4), turned_by_4, trust_3)));
-    output[0][i] = now_4_1;
-    output[1][i] = now_4_2;
-    output[2][i] = now_4_3;
-    output[3][i] = now_4_4;
-    output[4][i] = trust_4;
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_three_sps_s_sps_polish)(input[0] + i, input[4][i], input[5] + i, input[8][i], input[9][i], input[10][i], output[0] + i, output[4] + i, NULL);
   return 0;
 }
 #endif

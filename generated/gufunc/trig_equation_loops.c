@@ -14,90 +14,64 @@
 #endif
 #include "../c/trig_equation.h"
 #include "loop.h"
-
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
-/* The usual case: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2. Returns whether all elements are usual. */
+#include "../c/trig_equation.c"
+#endif
+
+#ifndef ROW_BY_ROW
+/* trig_solve_usual: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2 */
+KERNEL(trig_equation_trig_solve_usual, REAL A, REAL B, REAL D, REAL theta[2], CODE *status, CONDITION *is_usual) {
+  /* inputs */
+  /* intermediate terms */
+  const REAL x11 = FABS(A);
+  const REAL x12 = FABS(B);
+  const REAL size = K(0.25)*x11 + K(0.25)*x12 + K(0.25)*FABS(D);
+  const REAL x0 = x12;
+  const REAL x1 = x11;
+  const REAL larger = SELECT(TEST(x1 < x0), x0, x1);
+  const REAL smaller = SELECT(TEST(x1 < x0), x1, x0);
+  const REAL x2 = (smaller*smaller);
+  const REAL square = x2 + (larger - D)*(D + larger);
+  const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+  const REAL w = SQRT(square);
+  const REAL x3 = A*D;
+  const REAL x4 = B*w;
+  const REAL x5 = x3 + x4;
+  const REAL cosine_plus = SELECT(TEST(x5 == K(0.0)), K(0.0), -x5);
+  const REAL x6 = A*w;
+  const REAL x7 = B*D;
+  const REAL x8 = x6 - x7;
+  const REAL sine_plus = SELECT(TEST(x8 == K(0.0)), K(0.0), x8);
+  const REAL x9 = x3 - x4;
+  const REAL cosine_minus = SELECT(TEST(x9 == K(0.0)), K(0.0), -x9);
+  const REAL x10 = x6 + x7;
+  const REAL sine_minus = SELECT(TEST(x10 == K(0.0)), K(0.0), -x10);
+  const REAL status_value = K(0.0);
+  /* outputs */
+  theta[AT(0)] = ATAN2(sine_plus, cosine_plus);
+  theta[AT(1)] = ATAN2(sine_minus, cosine_minus);
+  *status = (CODE)status_value;
+  *is_usual = (TEST(size > REAL_EPSILON)) & (TEST(square > bound)) & (TEST(size < K(1.0)/REAL_EPSILON));
+}
+
+/* Returns whether all elements are usual. */
 SHARED REAL_MASK TYPED(trig_solve_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
   for (int i = 0; i < BLOCK; ++i) {
-    const REAL A = input[0][i];
-    const REAL B = input[1][i];
-    const REAL D = input[2][i];
-    const REAL x11 = FABS(A);
-    const REAL x12 = FABS(B);
-    const REAL size = K(0.25)*x11 + K(0.25)*x12 + K(0.25)*FABS(D);
-    const REAL x0 = x12;
-    const REAL x1 = x11;
-    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
-    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
-    const REAL x2 = (smaller*smaller);
-    const REAL square = x2 + (larger - D)*(D + larger);
-    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
-    const REAL w = SQRT(square);
-    const REAL x3 = A*D;
-    const REAL x4 = B*w;
-    const REAL x5 = x3 + x4;
-    const REAL cosine_plus = TYPED(blend)(TYPED(mask)(x5 == K(0.0)), K(0.0), -x5);
-    const REAL x6 = A*w;
-    const REAL x7 = B*D;
-    const REAL x8 = x6 - x7;
-    const REAL sine_plus = TYPED(blend)(TYPED(mask)(x8 == K(0.0)), K(0.0), x8);
-    const REAL x9 = x3 - x4;
-    const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
-    const REAL x10 = x6 + x7;
-    const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
-    const REAL_MASK is_usual = (TYPED(mask)(size > REAL_EPSILON)) & (TYPED(mask)(square > bound)) & (TYPED(mask)(size < K(1.0)/REAL_EPSILON));
-    output[0][i] = TYPED(vector_atan2)(sine_plus, cosine_plus);
-    output[1][i] = TYPED(vector_atan2)(sine_minus, cosine_minus);
-    output[2][i] = K(0.0);
+    REAL_MASK is_usual;
+    TYPED(columns_trig_equation_trig_solve_usual)(input[0][i], input[1][i], input[2][i], output[0] + i, output[2] + i, &is_usual, NULL);
     all_usual &= is_usual;
   }
   return all_usual;
 }
+
 SHARED int TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   if (TYPED(trig_solve_usual)(input, output))
     return 0;
   VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const REAL A = input[0][i];
-    const REAL B = input[1][i];
-    const REAL D = input[2][i];
-    const REAL size = K(0.25)*FABS(A) + K(0.25)*FABS(B) + K(0.25)*FABS(D);
-    const REAL scale = TYPED(power_of_two_scale)(size);
-    const REAL a = A*scale;
-    const REAL b = B*scale;
-    const REAL d = D*scale;
-    const REAL x0 = FABS(b);
-    const REAL x1 = FABS(a);
-    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
-    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
-    const REAL x2 = (smaller*smaller);
-    const REAL square = x2 + (larger - d)*(d + larger);
-    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
-    const REAL_MASK is_double = TYPED(mask)(FABS(square) <= bound);
-    const REAL_MASK valid = TYPED(mask)(size <= REAL_MAX);
-    const REAL_MASK two = TYPED(mask)(square > bound);
-    const REAL w = TYPED(blend)(two, SQRT(square), K(0.0));
-    const REAL_MASK empty = (TYPED(mask)(A == K(0.0))) & (TYPED(mask)(B == K(0.0)));
-    const REAL_MASK there = (valid) & (~(empty)) & ((is_double) | (two));
-    const REAL x3 = a*d;
-    const REAL x4 = b*w;
-    const REAL x5 = x3 + x4;
-    const REAL cosine_plus = TYPED(blend)(TYPED(mask)(x5 == K(0.0)), K(0.0), -x5);
-    const REAL x6 = a*w;
-    const REAL x7 = b*d;
-    const REAL x8 = x6 - x7;
-    const REAL sine_plus = TYPED(blend)(TYPED(mask)(x8 == K(0.0)), K(0.0), x8);
-    const REAL x9 = x3 - x4;
-    const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
-    const REAL x10 = x6 + x7;
-    const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
-    output[0][i] = TYPED(blend)(there, TYPED(vector_atan2)(sine_plus, cosine_plus), (REAL)NAN);
-    output[1][i] = TYPED(blend)(there, TYPED(vector_atan2)(sine_minus, cosine_minus), (REAL)NAN);
-    output[2][i] = TYPED(blend)(~(valid), K(5.0), TYPED(blend)((empty) & (TYPED(mask)(FABS(d) > K(0.0))), K(4.0), TYPED(blend)(empty, K(3.0), TYPED(blend)(is_double, K(1.0), TYPED(blend)(two, K(0.0), K(2.0))))));
-  }
+  for (int i = 0; i < BLOCK; ++i)
+    TYPED(columns_trig_equation_trig_solve)(input[0][i], input[1][i], input[2][i], output[0] + i, output[2] + i, NULL);
   return 0;
 }
 #endif

@@ -21,14 +21,35 @@
 #define VECTORISE_ALL(flag) PRAGMA(omp simd reduction(& : flag))
 /* A function call in a loop prevents vectorisation, and compilers do not inline every call in a long loop. */
 #define INLINED static inline __attribute__((always_inline))
+#define MAYBE_UNUSED __attribute__((unused))
 /* What is rarely run, or takes long anyway, is compiled once: copies in every loop would cost most of the build. */
 #define SHARED static __attribute__((noinline, unused))
 #else
 #define VECTORISE
 #define VECTORISE_ALL(flag)
 #define INLINED static inline
+#define MAYBE_UNUSED
 #define SHARED static inline
 #endif
+
+/* The functions of generated/c for an element of columns: what the macros in them stand for. A number is `AT` rows of a
+ * block after the first component; `_angles` are those that may be too large for the inline sine and cosine.
+ */
+#define ON_COLUMNS
+#define KERNEL(name, ...) INLINED void TYPED(columns_##name)(__VA_ARGS__, MAYBE_UNUSED REAL *_angles)
+#define CODE REAL
+#define CONDITION REAL_MASK
+#define TEST(x) TYPED(mask)(x)
+#define NOT(x) ~(x)
+#define SELECT(condition, x, y) TYPED(blend)(condition, x, y)
+#define AT(component) ((component) * BLOCK)
+#define ANGLE(number, x) _angles[AT(number)] = FABS(x)
+#define SIN(x) TYPED(vector_sin)(x)
+#define COS(x) TYPED(vector_cos)(x)
+#define TAN(x) TYPED(vector_tan)(x)
+#define ATAN2(x, y) TYPED(vector_atan2)(x, y)
+#define SIGN(x) TYPED(sign)(x)
+#define POWER_OF_TWO_SCALE(x) TYPED(power_of_two_scale)(x)
 
 /* For larger angles, reduction by three parts of pi/2 loses digits; they are evaluated again with libm. */
 #define VECTOR_TRIGONOMETRIC_LIMIT 1e5

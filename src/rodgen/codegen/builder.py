@@ -23,7 +23,7 @@ from rodgen.codegen.kernel_parts import (
     port_symbols,
     shortened,
 )
-from rodgen.codegen.printers import ArrayPrinter, CPrinter
+from rodgen.codegen.printers import C_MACROS, ArrayPrinter
 from rodgen.symbolic import EPS, LARGEST
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
@@ -35,7 +35,8 @@ _RESERVED = {
     *keyword.kwlist,
     *dir(builtins),
     *re.findall(r"\w+", _WORDS_OF_C),
-    *CPrinter.functions.values(),  # which a variable of the same name would hide
+    # which a variable of the same name would hide
+    *(function.format(f="", bits="f64") for function, _ in C_MACROS.values()),
     *(
         "sqrt",
         "pow",
@@ -56,6 +57,9 @@ _RESERVED = {
         "output",
         "eps",
         "largest",
+        "BLOCK",
+        "CODE",
+        "CONDITION",
         "REAL",
     ),
 }

@@ -40,7 +40,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     """Of a condition, the value where it holds, and the other."""
     truth = "True", "False"
     largest_power_as_product = 4
-    conjunction, disjunction, negation = " & ", " | ", "~"
+    comparison, conjunction, disjunction, negation = "{}", " & ", " | ", "~"
     times, over, unequal = "*", "/", "!="
     reserved: ClassVar[frozenset[str]] = frozenset()
     """Words that a kernel may have in Python and C, and not in this language."""
@@ -165,7 +165,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
 
     def _print_Relational(self, expr: Relational) -> str:
         operator = self.unequal if isinstance(expr, sp.Ne) else expr.rel_op
-        return f"{self._print(expr.lhs)} {operator} {self._print(expr.rhs)}"
+        return self.comparison.format(f"{self._print(expr.lhs)} {operator} {self._print(expr.rhs)}")
 
     def _print_And(self, expr: sp.And) -> str:
         return self._joined(expr, self.conjunction)
@@ -242,57 +242,45 @@ class MatlabPrinter(KernelPrinter):
     longest_name = 63
 
 
-class CPrinter(KernelPrinter):
-    """C99 expressions on scalars of type ``double``."""
-
-    language = "C"
-    real, condition = "double", "int"
-    not_a_number, truth = "(double)NAN", ("1", "0")  # NAN is a float
-    square_root, general_power, choice = "sqrt({})", "pow({}, {})", "(({}) ? {} : {})"
-    conjunction, disjunction, negation = " && ", " || ", "!"
-    functions: ClassVar[dict[str, str]] = {
-        **{name: name for name in ELEMENTARY},
-        "Abs": "fabs",
-        "sign": "sign_f64",
-        "power_of_two_scale": "power_of_two_scale_f64",
-    }
-    constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "DBL_EPSILON", LARGEST: "DBL_MAX"}
-
-    def component(self, port: Port, number: int) -> str:
-        """Write what a component of an output is stored in."""
-        return f"{port.name}[{number}]" if port.shape != () else f"*{port.name}"
-
-    def code(self, port: Port, value: str) -> str:
-        """Write a number as a code of a status."""
-        return f"(int8_t){value}"
-
-
 C_MACROS = {
     **{name.upper(): (f"{name}{{f}}", "x") for name in (*ELEMENTARY, "sqrt", "fabs")},
     **{name.upper(): (f"{name}{{f}}", "x, y") for name in ("atan2", "pow")},
     **{name.upper(): (f"{name}_{{bits}}", "x") for name in ("sign", "power_of_two_scale")},
 }
-"""The macros that :class:`RealCPrinter` calls: the function that each calls, and its arguments.
+"""The macros that :class:`CPrinter` calls: the function that each calls, and its arguments.
 
 ``{f}`` is the ending of C's functions on floats, ``{bits}`` that of the helpers in the templates.
 """
 
 
-class RealCPrinter(CPrinter):
+class CPrinter(KernelPrinter):
     """C99 expressions in a type REAL, which is ``double`` or ``float`` where they are compiled.
 
-    Constants and functions are macros, so that each type has constants of its own precision: ``K(0.1)`` is ``0.1`` or
-    ``0.1f``.
+    Constants, functions and choices are macros. Each type has constants of its own precision: ``K(0.1)`` is ``0.1`` or
+    ``0.1f``. In the loops that the compiler vectorises sine, cosine and arc tangent are inline polynomials: a call to
+    libm would stop vectorisation, and compilers fuse sin and cos of one argument into a call that has no vector form. A
+    condition is a mask of bits there and a select blends with it: from ``?:`` compilers make control flow, and then no
+    vectors (gcc 12 with nested conditions).
     """
 
-    real = "REAL"
-    literal, not_a_number = "K({!r})", "(REAL)NAN"
-    square_root, general_power = "SQRT({})", "POW({}, {})"
+    language = "C"
+    real, condition = "REAL", "CONDITION"
+    literal, not_a_number, truth = "K({!r})", "(REAL)NAN", ("TEST(1)", "TEST(0)")
+    square_root, general_power, choice = "SQRT({})", "POW({}, {})", "SELECT({}, {}, {})"
+    comparison, negation = "TEST({})", "NOT"
     functions: ClassVar[dict[str, str]] = {
         **{name: name.upper() for name in (*ELEMENTARY, "sign", "power_of_two_scale")},
         "Abs": "FABS",
     }
     constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "REAL_EPSILON", LARGEST: "REAL_MAX"}
+
+    def component(self, port: Port, number: int) -> str:
+        """Write what a component of an output is stored in."""
+        return f"{port.name}[AT({number})]" if port.shape != () else f"*{port.name}"
+
+    def code(self, port: Port, value: str) -> str:
+        """Write a number as a code of a status."""
+        return f"(CODE){value}"
 
 
 class CppPrinter(CPrinter):
@@ -307,7 +295,9 @@ class CppPrinter(CPrinter):
     language = "C++"
     real, condition = "Real", "bool"
     literal, not_a_number = "Real({!r})", "std::numeric_limits<Real>::quiet_NaN()"
-    square_root, general_power, truth = "std::sqrt({})", "std::pow({}, {})", ("true", "false")
+    square_root, general_power, choice = "std::sqrt({})", "std::pow({}, {})", "(({}) ? {} : {})"
+    comparison, conjunction, disjunction, negation = "{}", " && ", " || ", "!"
+    truth = "true", "false"
     functions: ClassVar[dict[str, str]] = {
         **{name: f"std::{name}" for name in ELEMENTARY},
         "Abs": "std::fabs",
@@ -331,31 +321,6 @@ class CppPrinter(CPrinter):
     def code(self, port: Port, value: str) -> str:
         """Write a number as a code of a status."""
         return f"static_cast<{port.enum.__name__ if port.enum else 'int'}>({value})"
-
-
-class VectorCPrinter(RealCPrinter):
-    """C99 expressions inside a loop that the compiler vectorises.
-
-    Sine, cosine and arc tangent are inline polynomials: a call to libm would stop vectorisation, and compilers fuse sin
-    and cos of one argument into a call that has no vector form. A condition is a mask of bits and a select blends
-    with it: from ``?:`` compilers make control flow, and then no vectors (gcc 12 with nested conditions).
-    """
-
-    mask = "REAL_MASK"
-    choice, truth = "TYPED(blend)({}, {}, {})", (f"({mask})-1", f"({mask})0")
-    conjunction, disjunction, negation = (
-        KernelPrinter.conjunction,
-        KernelPrinter.disjunction,
-        KernelPrinter.negation,
-    )
-    functions: ClassVar[dict[str, str]] = {
-        **{name: f"TYPED(vector_{name})" for name in ("sin", "cos", "tan", "atan2")},
-        **{name: f"TYPED({name})" for name in ("sign", "power_of_two_scale")},
-        "Abs": "FABS",
-    }
-
-    def _print_Relational(self, expr: Relational) -> str:
-        return f"TYPED(mask)({super()._print_Relational(expr)})"
 
 
 # the lines of a kernel ------------------------------------------------------------------------------------

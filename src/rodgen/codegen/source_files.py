@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import sympy as sp
@@ -27,10 +27,9 @@ from rodgen.codegen.printers import (
     C_MACROS,
     ArrayPrinter,
     CppPrinter,
+    CPrinter,
     KernelPrinter,
     MatlabPrinter,
-    RealCPrinter,
-    VectorCPrinter,
     c_lines,
     numpy_lines,
     symbols_read,
@@ -146,47 +145,67 @@ def numpy_function(kernel: Kernel) -> Callable[..., Any]:
 
 def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
     """Return the text of the NumPy extension over several modules: loops and their registration."""
-    files: dict[str, str] = {}
-    gufuncs: list[dict[str, Any]] = []
-    for module in modules:
-        of_module = [_gufunc(kernel, module) for kernel in module.kernels]
-        files[f"gufunc/{module.name}_loops.c"] = _render("gufunc_loops.c.j2", module, of_module)
-        gufuncs += of_module
-    files["gufunc/gufuncs.c"] = ENVIRONMENT.get_template("gufuncs.c.j2").render(
-        gufuncs=gufuncs, do_not_edit=DO_NOT_EDIT, template="gufuncs.c.j2"
-    )
-    names = [(module.name, kernel.name) for module in modules for kernel in module.kernels]
-    files["numpy/__init__.py"] = ENVIRONMENT.get_template("numpy_init.py.j2").render(
-        names=names, do_not_edit=DO_NOT_EDIT, template="numpy_init.py.j2"
-    )
-    files[CALL] = ENVIRONMENT.get_template("numpy_call.py.j2").render(
-        array_call=ARRAY_CALL, do_not_edit=DO_NOT_EDIT, template="numpy_call.py.j2"
-    )
-    files["gufunc/real.h"] = ENVIRONMENT.get_template("real.h.j2").render(
-        do_not_edit=DO_NOT_EDIT, template="real.h.j2"
-    )
-    files["gufunc/vector.h"] = ENVIRONMENT.get_template("vector.h.j2").render(
-        do_not_edit=DO_NOT_EDIT, template="vector.h.j2", scale_functions=scale_functions()
-    )
+    files = {name: text for module in modules for name, text in _loops(module).items()}
+    return files | _registration([gufunc for module in modules for gufunc in _gufuncs(module)])
+
+
+def _loops(module: KernelModule) -> dict[str, str]:
+    kernels = [_loop(kernel, module) for kernel in module.kernels]
+    return {f"gufunc/{module.name}_loops.c": _render("gufunc_loops.c.j2", module, kernels)}
+
+
+def _registration(gufuncs: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return the files that all modules share."""
     ports = [(*gufunc["inputs"], *gufunc["outputs"]) for gufunc in gufuncs]
-    files["gufunc/loop.h"] = ENVIRONMENT.get_template("loop.h.j2").render(
-        do_not_edit=DO_NOT_EDIT,
-        template="loop.h.j2",
-        block=BLOCK,
-        most_ports=max(map(len, ports)),
-        input_sizes=sorted({port.size for gufunc in gufuncs for port in gufunc["inputs"]}),
-        output_sizes=sorted({p.size for gufunc in gufuncs for p in gufunc["outputs"] if not p.is_status}),
-        most_axes=max(1, *(len(port.shape) for of_one in ports for port in of_one)),
-        most_numbers=max(
-            max(gufunc["input_count"], gufunc["output_count"] + len(gufunc["trigonometric"]))
-            for gufunc in gufuncs
-        ),
-    )
-    return files
+    given: dict[str, dict[str, Any]] = {
+        "gufunc/gufuncs.c": {"gufuncs": gufuncs},
+        "numpy/__init__.py": {"names": [(gufunc["module"], gufunc["name"]) for gufunc in gufuncs]},
+        CALL: {"array_call": ARRAY_CALL},
+        "gufunc/real.h": {},
+        "gufunc/vector.h": {"scale_functions": scale_functions()},
+        "gufunc/loop.h": {
+            "block": BLOCK,
+            "most_ports": max(map(len, ports)),
+            "input_sizes": sorted({port["size"] for gufunc in gufuncs for port in gufunc["inputs"]}),
+            "output_sizes": sorted(
+                {p["size"] for gufunc in gufuncs for p in gufunc["outputs"] if not p["is_status"]}
+            ),
+            "most_axes": max(1, *(len(port["shape"]) for of_one in ports for port in of_one)),
+            "most_numbers": max(
+                max(gufunc["input_count"], gufunc["output_count"] + gufunc["angles"]) for gufunc in gufuncs
+            ),
+        },
+    }
+    templates = {"numpy/__init__.py": "numpy_init.py.j2", CALL: "numpy_call.py.j2"}
+    return {
+        name: ENVIRONMENT.get_template(template).render(do_not_edit=DO_NOT_EDIT, template=template, **more)
+        for name, more in given.items()
+        for template in [templates.get(name, f"{Path(name).name}.j2")]
+    }
+
+
+class Rendered(NamedTuple):
+    """What is written for a derivation; :func:`json.dumps` makes a text of it, from which it can be made again."""
+
+    files: dict[str, str]
+    gufuncs: list[dict[str, Any]]
+    """Of the extension."""
+
+
+def rendered(
+    derivation: Derivation, targets: Iterable[str] = USUAL_TARGETS, *, extension: bool, in_package: bool
+) -> Rendered:
+    """Return the files of a derivation, with its loops for the extension; none where it has no kernels."""
+    if not derivation.kernels:
+        return Rendered({}, [])
+    kernels = tuple(derivation.kernels.values())
+    module = KernelModule(derivation.name, derivation.title, derivation.source, kernels, in_package)
+    files = render(module, targets)
+    return Rendered(files | _loops(module), _gufuncs(module)) if extension else Rendered(files, [])
 
 
 def write_kernels(
-    derivations: Iterable[Derivation],
+    derivations: Iterable[Derivation | Rendered],
     folder: Path,
     *,
     targets: Iterable[str] = USUAL_TARGETS,
@@ -196,7 +215,7 @@ def write_kernels(
 
     Parameters
     ----------
-    derivations : iterable of Derivation
+    derivations : iterable of Derivation or Rendered
         Each becomes one module. Those without kernels are left out.
     folder : Path
         Gets a folder for each target and, for the extension, ``gufunc/``.
@@ -215,7 +234,7 @@ def write_kernels(
 
 
 def check_kernels(
-    derivations: Iterable[Derivation],
+    derivations: Iterable[Derivation | Rendered],
     folder: Path,
     *,
     targets: Iterable[str] = USUAL_TARGETS,
@@ -253,20 +272,17 @@ def check_kernels(
 
 
 def _files(
-    derivations: Iterable[Derivation], targets: Iterable[str], extension: bool, folder: Path
+    derivations: Iterable[Derivation | Rendered], targets: Iterable[str], extension: bool, folder: Path
 ) -> dict[str, str]:
     in_package = extension or (folder / CALL).exists()
-    modules = [
-        KernelModule(d.name, d.title, d.source, tuple(d.kernels.values()), in_package)
+    parts = [
+        d if isinstance(d, Rendered) else rendered(d, targets, extension=extension, in_package=in_package)
         for d in derivations
-        if d.kernels
     ]
-    files: dict[str, str] = {}
-    for module in modules:
-        files |= render(module, targets)
-    if extension:
-        files |= render_extension(modules)
-    return files
+    files = {name: text for part in parts for name, text in part.files.items()}
+    return (
+        files | _registration([gufunc for part in parts for gufunc in part.gufuncs]) if extension else files
+    )
 
 
 # text ----------------------------------------------------------------------------------------------------
@@ -396,7 +412,7 @@ def _tuple(items: Iterable[str], *, parentheses: bool = False) -> str:
 
 
 def _c_files(module: KernelModule) -> dict[str, str]:
-    kernels = [_c_kernel(kernel) for kernel in module.kernels]
+    kernels = [_c_kernel(kernel, module) for kernel in module.kernels]
     return {
         f"c/{module.name}.h": _render("c.h.j2", module, kernels),
         f"c/{module.name}.c": _render("c.c.j2", module, kernels, macros=_macros_called(kernels)),
@@ -415,52 +431,57 @@ def _comment(kernel: Kernel) -> list[str]:
     return lines + [_c_port_line(p) for p in (*kernel.inputs, *kernel.outputs)]
 
 
-def _c_kernel(kernel: Kernel) -> dict[str, Any]:
-    result: dict[str, Any] = {
+def _c_kernel(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
+    used = symbols_read(kernel)
+    body, stores = c_lines(kernel, CPrinter())
+    angles = _trigonometric_arguments(kernel) if _is_vectorised(kernel) else []
+    ports = [*((p, False) for p in kernel.inputs), *((p, True) for p in kernel.outputs)]
+    return {
         "name": kernel.name,
+        "function": f"{module.name}_{kernel.name}",
         "comment": "\n * ".join(_comment(kernel)),
         "operations": operations_text(kernel.operations),
-        "batch_call": ", ".join(
-            [_element(p, output=False) for p in kernel.inputs]
-            + [_element(p, output=True) for p in kernel.outputs]
-        ),
-        "prototype": {},
-        "batch_prototype": {},
+        "vectorised": _is_vectorised(kernel),
+        "parameters": _parameters(kernel, "REAL", "CODE"),
+        "loads": [
+            f"const REAL {s.name} = {p.name}[AT({i})];"
+            for p in kernel.inputs
+            if p.shape != ()
+            for i, s in enumerate(p.symbols)
+            if s in used
+        ]
+        + [f"(void){p.name};" for p in _unread(kernel)],  # no warning for those
+        "body": body,
+        "stores": [*stores, *(f"ANGLE({n}, {name});" for n, name in enumerate(angles))],
+        "batch_call": ", ".join(_element(p, output=output) for p, output in ports),
+        "prototype": {real: _parameters(kernel, real) for real in REALS.values()},
+        "batch_prototype": {
+            real: ", ".join(
+                ["size_t count"]
+                + [f"const {real} *{p.name}" for p in kernel.inputs]
+                + [f"{'int8_t' if p.is_status else real} *{p.name}" for p in kernel.outputs]
+            )
+            for real in ("REAL", *REALS.values())
+        },
     }
-    used = symbols_read(kernel)
-    unused = [f"(void){p.name};" for p in _unread(kernel)]  # no warning for those
-    result["loads"] = [
-        f"const REAL {s.name} = {p.name}[{i}];"
-        for p in kernel.inputs
-        if p.shape != ()
-        for i, s in enumerate(p.symbols)
-        if s in used
-    ] + unused
-    result["body"], result["stores"] = c_lines(kernel, RealCPrinter())
-    for real in ("REAL", *REALS.values()):
-        result["prototype"][real] = ", ".join(
-            [_parameter(p, real, output=False) for p in kernel.inputs]
-            + [_parameter(p, real, output=True) for p in kernel.outputs]
-        )
-        result["batch_prototype"][real] = ", ".join(
-            ["size_t count"]
-            + [f"const {real} *{p.name}" for p in kernel.inputs]
-            + [f"{'int8_t' if p.is_status else real} *{p.name}" for p in kernel.outputs]
-        )
-    return result
+
+
+def _parameters(kernel: Kernel, real: str, code: str = "int8_t") -> str:
+    """Return the parameters of the C function of a kernel."""
+    kinds = {True: code, False: real}
+    return ", ".join(
+        [f"const {real} {p.name}[{p.size}]" if p.shape else f"{real} {p.name}" for p in kernel.inputs]
+        + [
+            f"{kinds[p.is_status]} {p.name}[{p.size}]" if p.shape else f"{kinds[p.is_status]} *{p.name}"
+            for p in kernel.outputs
+        ]
+    )
 
 
 def _unread(kernel: Kernel) -> list[Port]:
     """Return the inputs of which no component is read."""
     used = symbols_read(kernel)
     return [p for p in kernel.inputs if not used & set(p.symbols)]
-
-
-def _parameter(port: Port, real: str, *, output: bool) -> str:
-    kind = "int8_t" if port.is_status else real
-    if port.shape == ():
-        return f"{kind} *{port.name}" if output else f"{kind} {port.name}"
-    return f"{'' if output else 'const '}{kind} {port.name}[{port.size}]"
 
 
 def _element(port: Port, *, output: bool) -> str:
@@ -560,29 +581,49 @@ def _sizes(port: Port) -> str:
 # gufunc --------------------------------------------------------------------------------------------------
 
 
+def _is_vectorised(kernel: Kernel) -> bool:
+    return kernel.functions <= VECTOR_FUNCTIONS
+
+
+def _gufuncs(module: KernelModule) -> list[dict[str, Any]]:
+    return [_gufunc(kernel, module) for kernel in module.kernels]
+
+
 def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
-    vectorised = kernel.functions <= VECTOR_FUNCTIONS
-    result: dict[str, Any] = {
+    """Return what all kernels of the extension are registered with, as plain data."""
+    inputs, outputs = (
+        [{"size": p.size, "shape": p.shape, "is_status": p.is_status} for p in ports]
+        for ports in (kernel.inputs, kernel.outputs)
+    )
+    return {
+        "module": module.name,
         "name": kernel.name,
         "function": f"{module.name}_{kernel.name}",
         "doc": kernel.summary.replace('"', '\\"'),
         "signature": _gufunc_signature(kernel),
-        "inputs": kernel.inputs,
-        "outputs": kernel.outputs,
-        "ports": ", ".join(map(_port_initializer, (*kernel.inputs, *kernel.outputs))),
-        "row": _row_arguments(kernel),
+        "inputs": inputs,
+        "outputs": outputs,
         "input_count": sum(p.size for p in kernel.inputs),
         "output_count": sum(p.size for p in kernel.outputs),
-        "vectorised": vectorised,
-        "operations": operations_text(kernel.operations),
-        "trigonometric": _trigonometric_arguments(kernel) if vectorised else [],
-        "usual": vectorised and kernel.usual is not None,
+        "angles": len(_trigonometric_arguments(kernel)) if _is_vectorised(kernel) else 0,
     }
-    if vectorised:
-        result["bodies"] = [
-            _vector_body(k, k.name.removeprefix(kernel.name)) for k in _with_usual_case(kernel)
-        ]
-    return result
+
+
+def _loop(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
+    vectorised = _is_vectorised(kernel)
+    return _gufunc(kernel, module) | {
+        "ports": ", ".join(map(_port_initializer, (*kernel.inputs, *kernel.outputs))),
+        "row": _arguments(kernel, "x[{}]", "x + {}", "y + {}", "codes + {}"),
+        "columns": _arguments(kernel, "input[{}][i]", "input[{}] + i", "output[{}] + i", "output[{}] + i"),
+        "vectorised": vectorised,
+        "usual": _usual_case(kernel, module) if vectorised and kernel.usual else None,
+    }
+
+
+def _usual_case(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
+    """Return the C function of the usual case, whose last output is a condition."""
+    made = _c_kernel(kernel.usual_case(), module)
+    return made | {"parameters": made["parameters"].replace("REAL *is_usual", "CONDITION *is_usual")}
 
 
 def _port_initializer(port: Port) -> str:
@@ -590,41 +631,17 @@ def _port_initializer(port: Port) -> str:
     return f"{{{port.size}, {int(port.is_status)}, {len(port.shape)}, {{{', '.join(map(str, port.shape)) or 0}}}}}"
 
 
-def _row_arguments(kernel: Kernel) -> str:
-    """Return the arguments of the C function where all inputs stand in x, and all outputs in y or, codes, in codes."""
+def _arguments(kernel: Kernel, number: str, array: str, output: str, code: str) -> str:
+    """Return the arguments of the C function: how each is written, with ``{}`` for the place of its first component."""
     arguments, at = [], 0
     for port in kernel.inputs:
-        arguments.append(f"x + {at}" if port.shape else f"x[{at}]")
+        arguments.append((array if port.shape else number).format(at))
         at += port.size
     at = 0
     for port in kernel.outputs:
-        arguments.append(f"{'codes' if port.is_status else 'y'} + {at}")
+        arguments.append((code if port.is_status else output).format(at))
         at += port.size
     return ", ".join(arguments)
-
-
-def _vector_body(kernel: Kernel, suffix: str) -> dict[str, Any]:
-    symbols = [s for p in kernel.inputs for s in p.symbols]
-    used, printer = symbols_read(kernel), VectorCPrinter()
-    columns = {
-        s: n for n, s in enumerate(s for p in kernel.outputs for s in p.symbols if p.name != "is_usual")
-    }
-    lines, stores = [], []
-    for a in kernel.assignments:
-        text = printer.line(a.value)
-        if a.symbol in used or a.symbol not in columns:
-            kind = printer.mask if a.is_condition else printer.real
-            lines.append(f"const {kind} {a.symbol.name} = {text};")
-            text = a.symbol.name
-        if a.symbol in columns:
-            stores.append(f"output[{columns[a.symbol]}][i] = {text};")
-    return {
-        "suffix": suffix,
-        "operations": operations_text(kernel.operations),
-        "inputs": [(n, s.name) for n, s in enumerate(symbols) if s in used],
-        "trigonometric": _trigonometric_arguments(kernel),
-        "lines": lines + stores,
-    }
 
 
 def _gufunc_signature(kernel: Kernel) -> str:
