@@ -80,7 +80,6 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = xp.where(comparable, scale_before, scale_after)
-    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -100,25 +99,16 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     excess_divisor = length_prime_squared + length_product
     nonzero = excess_divisor > 0.0
     excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    del excess_divisor, gain, nonzero
     x0 = excess*v_1
-    del v_1
     m_1 = total_1 - x0
-    del total_1
     x1 = excess*v_2
-    del v_2
     m_2 = total_2 - x1
-    del total_2
     x2 = excess*v_3
-    del v_3
     m_3 = total_3 - x2
-    del total_3
     r_1 = difference_1 - x0
-    del difference_1, x0
     r_2 = difference_2 - x1
-    del difference_2, x1
     r_3 = difference_3 - x2
-    del difference_3, x2
+    del scale_after, excess_divisor, gain, nonzero, v_1, total_1, v_2, total_2, v_3, total_3, difference_1, x0, difference_2, x1, difference_3, x2
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
@@ -127,7 +117,6 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
     S = sine_size*turn_scale
     C = turn_scale*xp.where(sine < 0.0, -cosine, cosine)
-    del sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
@@ -136,114 +125,74 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     n_2 = C*r_2
     n_3 = C*r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
-    del n_1, n_2, n_3
     root_squared = along_m - along_n
-    del along_n
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
     w_3 = m_1*r_2 - m_2*r_1
     x5 = xp.abs(half_angle)
-    del half_angle
     x6 = 8.0*eps
     rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
     x7 = 0.5*along_m
-    del along_m
     band = xp.where(rounding < x7, rounding, x7)
-    del rounding, x7
     both = length_product > 0.0
-    del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
     two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
-    del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
-    del x11
     across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
     across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
     across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
-    del u_1, u_2, u_3
     under_root = xp.where(two, root_squared, xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)))
-    del area_squared
+    del sine, n_1, n_2, n_3, along_n, half_angle, along_m, rounding, x7, length_product, both, x11, u_1, u_2, u_3, area_squared
     root = xp.sqrt(under_root)
-    del under_root
     divisor = xp.where(two, S*m_squared, xp.where(root > 0.0, root, 1.0))
-    del S
     inverse = 1.0/divisor
-    del divisor
     w_factor = inverse*xp.where(two, C, xp.where(C < 0.0, -1.0, 1.0))
-    del C
     m_factor = xp.where(two, inverse*root, 0.0)
     base_1 = xp.where((plane) | (two), w_1*w_factor, xp.where(root > 0.0, across_1*inverse, 0.0))
-    del across_1, w_1
     base_2 = xp.where((plane) | (two), w_2*w_factor, xp.where(root > 0.0, across_2*inverse, 0.0))
-    del across_2, w_2
     base_3 = xp.where((plane) | (two), w_3*w_factor, xp.where(root > 0.0, across_3*inverse, 1.0))
-    del across_3, inverse, plane, root, w_3, w_factor
     offset_1 = m_1*m_factor
-    del m_1
     offset_2 = m_2*m_factor
-    del m_2
+    del under_root, S, divisor, C, across_1, w_1, across_2, w_2, across_3, inverse, plane, root, w_3, w_factor, m_1, m_2
     offset_3 = m_3*m_factor
-    del m_3, m_factor
     valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
     plus_factor = xp.where(crooked, 1.0/xp.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
     minus_1 = base_1 - offset_1
-    del base_1, offset_1
     minus_2 = base_2 - offset_2
-    del base_2, offset_2
     minus_3 = base_3 - offset_3
-    del base_3, offset_3
     minus_factor = xp.where(crooked, 1.0/xp.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
-    del crooked
     axes_1_1 = xp.where(valid, plus_1*plus_factor, xp.nan)
-    del plus_1
     axes_1_2 = xp.where(valid, plus_2*plus_factor, xp.nan)
-    del plus_2
     axes_1_3 = xp.where(valid, plus_3*plus_factor, xp.nan)
-    del plus_3, plus_factor
     axes_2_1 = xp.where(valid, minus_1*minus_factor, xp.nan)
-    del minus_1
     axes_2_2 = xp.where(valid, minus_2*minus_factor, xp.nan)
-    del minus_2
     axes_2_3 = xp.where(valid, minus_3*minus_factor, xp.nan)
-    del minus_3, minus_factor
+    del m_3, m_factor, base_1, offset_1, base_2, offset_2, base_3, offset_3, crooked, plus_1, plus_2, plus_3, plus_factor, minus_1, minus_2, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
-    del size_after, size_before
     x8 = length_squared*x3
-    del x3
     coincident = 16.0*x8
     x10 = eps*x5
-    del x5
     no_turn = (sine_size <= x10) | (sine_size <= x9)
-    del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
-    del r_squared
     opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
-    del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
-    del band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
-    del r_1
     scaled_r_2 = r_2*turn_scale
-    del r_2
+    del size_after, size_before, x3, x5, sine_size, x9, r_squared, coincident, cosine, m_squared, x10, band, no_turn, root_squared, r_1, r_2
     scaled_r_3 = r_3*turn_scale
-    del r_3, turn_scale
     parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
-    del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    del x6
     ratio = xp.sqrt(length_prime_squared*xp.where(length_squared > 0.0, 1.0/length_squared, 1.0))
-    del length_prime_squared, length_squared
     lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
-    del comparable, excess, least_tolerance, ratio, scale, scale_before
+    del r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x4, x8, x6, length_prime_squared, length_squared, comparable, excess, least_tolerance, ratio, scale, scale_before
     status = xp.where(~(valid), 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~(lengths_agree), 6.0, xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~(two), 1.0, xp.where(parallel, 3.0, 0.0)))))))))
-    del both_zero, every, lengths_agree, one_zero, opposite, parallel, too_small, two, valid
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
 
 
@@ -258,18 +207,14 @@ def _solve_axis_usual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_pri
     length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = 2.0*gain + 4.0*length_squared
-    del length_squared
     excess = gain/excess_divisor
     x0 = excess*((excess*excess) + 1.0)
     m_1 = total_1 - difference_1*x0
     m_2 = total_2 - difference_2*x0
     m_3 = total_3 - difference_3*x0
     r_1 = difference_1 - total_1*x0
-    del difference_1, total_1
     r_2 = difference_2 - total_2*x0
-    del difference_2, total_2
     r_3 = difference_3 - total_3*x0
-    del difference_3, total_3, x0
     half_angle = 0.5*angle
     sine = xp.tan(half_angle)
     sine_size = xp.abs(sine)
@@ -278,67 +223,44 @@ def _solve_axis_usual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_pri
     r_squared = x1
     x4 = (sine_size*sine_size)
     along_m = m_squared*x4
-    del x4
     along_n = x1
-    del x1
     root_squared = along_m - along_n
-    del along_n
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
-    del r_3
     w_3 = m_1*r_2 - m_2*r_1
-    del r_1, r_2
     x6 = 8.0*eps
     root = xp.sqrt(root_squared)
     divisor = m_squared*sine
-    del sine
     inverse = 1.0/divisor
-    del divisor
+    del length_squared, difference_1, total_1, difference_2, total_2, difference_3, total_3, x0, x4, x1, along_n, r_3, r_1, r_2, sine, divisor
     m_factor = root*xp.abs(inverse)
-    del root
     base_1 = inverse*w_1
-    del w_1
     base_2 = inverse*w_2
-    del w_2
     base_3 = inverse*w_3
-    del inverse, w_3
     offset_1 = m_1*m_factor
-    del m_1
     offset_2 = m_2*m_factor
-    del m_2
     offset_3 = m_3*m_factor
-    del m_3, m_factor
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
     minus_1 = base_1 - offset_1
-    del base_1, offset_1
     minus_2 = base_2 - offset_2
-    del base_2, offset_2
     minus_3 = base_3 - offset_3
-    del base_3, offset_3
     axes_1_1 = plus_1
-    del plus_1
+    del root, w_1, w_2, inverse, w_3, m_1, m_2, m_3, m_factor, base_1, offset_1, base_2, offset_2, base_3, offset_3, plus_1
     axes_1_2 = plus_2
-    del plus_2
     axes_1_3 = plus_3
-    del plus_3
     axes_2_1 = minus_1
-    del minus_1
     axes_2_2 = minus_2
-    del minus_2
     axes_2_3 = minus_3
-    del minus_3
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    del x6
     x2 = xp.abs(excess)
-    del excess
     lengths_agree = x2 <= 0.375*least_tolerance
     status = xp.where(~(lengths_agree), 6.0, 0.0)
     x3 = (eps*eps)
     x5 = eps**0.5
     is_usual = (x2 <= 0.000244140625) & ((lengths_agree) | (x2 >= 0.625*least_tolerance)) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0)) & (excess_divisor > 4.0*x3) & (root_squared > 2.0*along_m*x5) & (m_squared*sine_size > 16.0*excess_divisor*x5*(sine_size + 1.0)) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (xp.abs(half_angle) < 8.0)
-    del along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x2, x3, x5
+    del plus_2, plus_3, minus_1, minus_2, minus_3, x6, excess, along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x2, x3, x5
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 
@@ -379,12 +301,9 @@ def _length_mismatch(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
-    del size_before
     scale_after = _power_of_two_scale(size_after)
-    del size_after
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = xp.where(comparable, scale_before, scale_after)
-    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -398,13 +317,11 @@ def _length_mismatch(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    del u_1, u_2, u_3
     other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    del v_1, v_2, v_3
     length_product = xp.sqrt(length_squared*other_squared)
     ratio = xp.sqrt(other_squared/length_squared)
     mismatch = xp.where((length_squared == 0.0) & (other_squared == 0.0), 0.0, xp.where(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0))
-    del comparable, difference_1, difference_2, difference_3, length_product, length_squared, other_squared, ratio, scale, scale_before, total_1, total_2, total_3
+    del size_before, size_after, scale_after, u_1, u_2, u_3, v_1, v_2, v_3, comparable, difference_1, difference_2, difference_3, length_product, length_squared, other_squared, ratio, scale, scale_before, total_1, total_2, total_3
     return (mismatch,)
 
 
@@ -452,15 +369,12 @@ def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = xp.where(comparable, scale_before, scale_after)
-    del comparable, scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
-    del scale_before
     v_1 = rho_prime_1*scale
     v_2 = rho_prime_2*scale
     v_3 = rho_prime_3*scale
-    del scale
     difference_1 = v_1 - u_1
     difference_2 = v_2 - u_2
     difference_3 = v_3 - u_3
@@ -468,70 +382,45 @@ def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    del u_1, u_2, u_3
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     length_product = xp.sqrt(length_prime_squared*length_squared)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared, length_product
     nonzero = excess_divisor > 0.0
     excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    del excess_divisor, gain, nonzero
     x0 = excess*v_1
-    del v_1
     m_1 = total_1 - x0
-    del total_1
     x1 = excess*v_2
-    del v_2
     m_2 = total_2 - x1
-    del total_2
+    del comparable, scale_after, scale_before, scale, u_1, u_2, u_3, length_prime_squared, length_product, excess_divisor, gain, nonzero, v_1, total_1, v_2, total_2
     x2 = excess*v_3
-    del excess, v_3
     m_3 = total_3 - x2
-    del total_3
     r_1 = difference_1 - x0
-    del difference_1, x0
     r_2 = difference_2 - x1
-    del difference_2, x1
     r_3 = difference_3 - x2
-    del difference_3, x2
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
     sine_size = xp.abs(sine)
     x3 = (eps*eps)
     turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
-    del x3
     S = sine_size*turn_scale
-    del sine_size
     C = turn_scale*xp.where(sine < 0.0, -cosine, cosine)
-    del cosine, sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    del m_1, m_2, m_3
+    del excess, v_3, total_3, difference_1, x0, difference_2, x1, difference_3, x2, x3, sine_size, cosine, sine, m_1, m_2, m_3
     along_m = (S*S)*m_squared
-    del m_squared
     n_1 = C*r_1
-    del r_1
     n_2 = C*r_2
-    del r_2
     n_3 = C*r_3
-    del r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
-    del n_1, n_2, n_3
     root_squared = along_m - along_n
-    del along_n
     rounding = 8.0*S*eps*length_squared*(xp.abs(half_angle) + 1.0)*xp.abs(C)
-    del C, S, half_angle
     x4 = 0.5*along_m
-    del along_m
     band = xp.where(rounding < x4, rounding, x4)
-    del rounding, x4
     positive = xp.where(length_squared == 0.0, 1.0, length_squared)
-    del length_squared
     under_root = xp.where(band < root_squared, root_squared, 0.0)
-    del band, root_squared
+    del m_squared, r_1, r_2, r_3, n_1, n_2, n_3, along_n, C, S, half_angle, along_m, rounding, x4, length_squared, band, root_squared
     condition = xp.where((largest >= size_after) & (largest >= size_before) & (largest >= xp.abs(angle)), xp.sqrt(positive)*turn_scale/xp.sqrt(under_root), xp.nan)
-    del positive, size_after, size_before, turn_scale, under_root
     return (condition,)
 
 
@@ -583,7 +472,6 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = xp.where(comparable, scale_before, scale_after)
-    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -604,31 +492,23 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_length_squared_d_rho_1 = u_1*x13
     d_length_squared_d_rho_2 = u_2*x13
     d_length_squared_d_rho_3 = u_3*x13
-    del x13
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     x14 = 2.0*scale
     d_length_prime_squared_d_rho_prime_1 = v_1*x14
     d_length_prime_squared_d_rho_prime_2 = v_2*x14
     d_length_prime_squared_d_rho_prime_3 = v_3*x14
-    del x14
     x15 = xp.sqrt(length_prime_squared*length_squared)
     length_product = x15
     x16 = 1.0/length_squared
     x17 = 0.5*x15
-    del x15
     x18 = x16*x17
     d_length_product_d_rho_1 = d_length_squared_d_rho_1*x18
-    del d_length_squared_d_rho_1
     d_length_product_d_rho_2 = d_length_squared_d_rho_2*x18
-    del d_length_squared_d_rho_2
     d_length_product_d_rho_3 = d_length_squared_d_rho_3*x18
-    del d_length_squared_d_rho_3, x18
     x19 = x17/length_prime_squared
-    del x17
     d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x19
     d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x19
     d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x19
-    del x19
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
     d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
@@ -638,40 +518,26 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     excess_divisor = length_prime_squared + length_product
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
-    del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
-    del d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
-    del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
+    del scale_after, x13, x14, x15, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x18, x17, x19, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
     x20 = 1.0/(excess_divisor*excess_divisor)
-    del excess_divisor
     d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x20, 0.0)
-    del d_length_product_d_rho_1
     d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x20, 0.0)
-    del d_length_product_d_rho_2
     d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x20, 0.0)
-    del d_length_product_d_rho_3
     d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x20, 0.0)
-    del d_excess_divisor_d_rho_prime_1
     d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x20, 0.0)
-    del d_excess_divisor_d_rho_prime_2
     d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x20, 0.0)
-    del d_excess_divisor_d_rho_prime_3, nonzero, x20
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
-    del d_gain_d_rho_1, d_select_0_d_rho_1
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
-    del d_gain_d_rho_2, d_select_0_d_rho_2
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
-    del d_gain_d_rho_3, d_select_0_d_rho_3
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
-    del d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
+    del excess_divisor, d_length_product_d_rho_1, d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x20, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
-    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
-    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0
     x0 = excess*v_1
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
@@ -680,14 +546,11 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x21
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
-    del v_1
     m_1 = total_1 - x0
-    del total_1
     d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
     d_m_1_d_rho_2 = -d_x0_d_rho_2
     d_m_1_d_rho_3 = -d_x0_d_rho_3
     x26 = scale - d_x0_d_rho_prime_1
-    del d_x0_d_rho_prime_1
     d_m_1_d_rho_prime_1 = x26
     d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
@@ -698,108 +561,71 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
     d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x21
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
-    del v_2
     m_2 = total_2 - x1
-    del total_2
     d_m_2_d_rho_1 = -d_x1_d_rho_1
     d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
     d_m_2_d_rho_3 = -d_x1_d_rho_3
     d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
     x33 = scale - d_x1_d_rho_prime_2
-    del d_x1_d_rho_prime_2
     d_m_2_d_rho_prime_2 = x33
     d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
-    del d_excess_d_rho_1
     d_x2_d_rho_2 = d_excess_d_rho_2*v_3
-    del d_excess_d_rho_2
     d_x2_d_rho_3 = d_excess_d_rho_3*v_3
-    del d_excess_d_rho_3
     d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3
-    del d_excess_d_rho_prime_1
+    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2, d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, v_1, total_1, d_x0_d_rho_prime_1, v_2, total_2, d_x1_d_rho_prime_2, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
-    del d_excess_d_rho_prime_2
     d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x21
-    del d_excess_d_rho_prime_3, v_3, x21
     m_3 = total_3 - x2
-    del total_3
     d_m_3_d_rho_1 = -d_x2_d_rho_1
     d_m_3_d_rho_2 = -d_x2_d_rho_2
     d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
     d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
     d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
     x40 = scale - d_x2_d_rho_prime_3
-    del d_x2_d_rho_prime_3
     d_m_3_d_rho_prime_3 = x40
     r_1 = difference_1 - x0
-    del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
-    del d_difference_1_d_rho_1, d_x0_d_rho_1
     d_r_1_d_rho_2 = -d_x0_d_rho_2
-    del d_x0_d_rho_2
     d_r_1_d_rho_3 = -d_x0_d_rho_3
-    del d_x0_d_rho_3
     d_r_1_d_rho_prime_1 = x26
-    del x26
     d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
-    del d_x0_d_rho_prime_2
     d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
-    del d_x0_d_rho_prime_3
     r_2 = difference_2 - x1
-    del difference_2, x1
+    del d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x21, total_3, d_x2_d_rho_prime_3, difference_1, x0, d_difference_1_d_rho_1, d_x0_d_rho_1, d_x0_d_rho_2, d_x0_d_rho_3, x26, d_x0_d_rho_prime_2, d_x0_d_rho_prime_3, difference_2, x1
     d_r_2_d_rho_1 = -d_x1_d_rho_1
-    del d_x1_d_rho_1
     d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2
-    del d_difference_2_d_rho_2, d_x1_d_rho_2
     d_r_2_d_rho_3 = -d_x1_d_rho_3
-    del d_x1_d_rho_3
     d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    del d_x1_d_rho_prime_1
     d_r_2_d_rho_prime_2 = x33
-    del x33
     d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
-    del d_x1_d_rho_prime_3
     r_3 = difference_3 - x2
-    del difference_3, x2
     d_r_3_d_rho_1 = -d_x2_d_rho_1
-    del d_x2_d_rho_1
     d_r_3_d_rho_2 = -d_x2_d_rho_2
-    del d_x2_d_rho_2
     d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3
-    del d_difference_3_d_rho_3, d_x2_d_rho_3
     d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
-    del d_x2_d_rho_prime_1
     d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    del d_x2_d_rho_prime_2
     d_r_3_d_rho_prime_3 = x40
-    del x40
+    del d_x1_d_rho_1, d_difference_2_d_rho_2, d_x1_d_rho_2, d_x1_d_rho_3, d_x1_d_rho_prime_1, x33, d_x1_d_rho_prime_3, difference_3, x2, d_x2_d_rho_1, d_x2_d_rho_2, d_difference_3_d_rho_3, d_x2_d_rho_3, d_x2_d_rho_prime_1, d_x2_d_rho_prime_2, x40
     half_angle = 0.5*angle
     x41 = xp.sin(half_angle)
     sine = x41
     x42 = xp.cos(half_angle)
     d_sine_d_angle = 0.5*x42
     cosine = x42
-    del x42
     d_cosine_d_angle = -0.5*x41
-    del x41
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
-    del d_sine_d_angle
     x3 = (eps*eps)
     select_1 = xp.where(sine_size > x3, sine_size, x3)
     turn_scale = _power_of_two_scale(select_1)
-    del select_1
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
-    del d_sine_size_d_angle
     select_2 = xp.where(sine < 0.0, -cosine, cosine)
     d_select_2_d_angle = xp.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
-    del d_cosine_d_angle, sine
     C = select_2*turn_scale
-    del select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
-    del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     x43 = 2.0*m_1
     x44 = 2.0*m_2
@@ -810,7 +636,6 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x43 + d_m_2_d_rho_prime_1*x44 + d_m_3_d_rho_prime_1*x45
     d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x43 + d_m_2_d_rho_prime_2*x44 + d_m_3_d_rho_prime_2*x45
     d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x43 + d_m_2_d_rho_prime_3*x44 + d_m_3_d_rho_prime_3*x45
-    del x43, x44, x45
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
@@ -822,7 +647,6 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
-    del d_x4_d_angle
     n_1 = C*r_1
     d_n_1_d_rho_1 = C*d_r_1_d_rho_1
     d_n_1_d_rho_2 = C*d_r_1_d_rho_2
@@ -849,41 +673,26 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_n_3_d_angle = d_C_d_angle*r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
     x46 = 2.0*n_1
-    del n_1
     x47 = 2.0*n_2
-    del n_2
     x48 = 2.0*n_3
-    del n_3
+    del x42, x41, d_sine_d_angle, select_1, d_sine_size_d_angle, d_cosine_d_angle, sine, select_2, d_select_2_d_angle, x43, x44, x45, d_x4_d_angle, n_1, n_2, n_3
     d_along_n_d_rho_1 = d_n_1_d_rho_1*x46 + d_n_2_d_rho_1*x47 + d_n_3_d_rho_1*x48
-    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1
     d_along_n_d_rho_2 = d_n_1_d_rho_2*x46 + d_n_2_d_rho_2*x47 + d_n_3_d_rho_2*x48
-    del d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
     d_along_n_d_rho_3 = d_n_1_d_rho_3*x46 + d_n_2_d_rho_3*x47 + d_n_3_d_rho_3*x48
-    del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
     d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x46 + d_n_2_d_rho_prime_1*x47 + d_n_3_d_rho_prime_1*x48
-    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1
     d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x46 + d_n_2_d_rho_prime_2*x47 + d_n_3_d_rho_prime_2*x48
-    del d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2
     d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x46 + d_n_2_d_rho_prime_3*x47 + d_n_3_d_rho_prime_3*x48
-    del d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
+    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3, d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
     d_along_n_d_angle = d_n_1_d_angle*x46 + d_n_2_d_angle*x47 + d_n_3_d_angle*x48
-    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48
     root_squared = along_m - along_n
-    del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
-    del d_along_m_d_rho_1, d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
-    del d_along_m_d_rho_2, d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
-    del d_along_m_d_rho_3, d_along_n_d_rho_3
     d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1
-    del d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1
     d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2
-    del d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
+    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48, along_n, d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
     d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3
-    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3
     d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle
-    del d_along_m_d_angle, d_along_n_d_angle
     w_1 = m_2*r_3 - m_3*r_2
     d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3
     d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
@@ -893,40 +702,25 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3
     w_2 = m_3*r_1 - m_1*r_3
     d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1
-    del d_r_3_d_rho_1
     d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1
-    del d_r_3_d_rho_2
     d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
-    del d_r_3_d_rho_3
     d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1
-    del d_r_3_d_rho_prime_1
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
-    del d_r_3_d_rho_prime_2
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
-    del d_r_3_d_rho_prime_3
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
-    del d_r_1_d_rho_1, d_r_2_d_rho_1
     d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2
-    del d_r_1_d_rho_2, d_r_2_d_rho_2
     d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2
-    del d_r_1_d_rho_3, d_r_2_d_rho_3
+    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_1, d_r_3_d_rho_2, d_r_3_d_rho_3, d_r_3_d_rho_prime_1, d_r_3_d_rho_prime_2, d_r_3_d_rho_prime_3, d_r_1_d_rho_1, d_r_2_d_rho_1, d_r_1_d_rho_2, d_r_2_d_rho_2, d_r_1_d_rho_3, d_r_2_d_rho_3
     d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2
-    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
-    del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
-    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3
     x5 = xp.abs(half_angle)
-    del half_angle
     x6 = 8.0*eps
     rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
     x7 = 0.5*along_m
-    del along_m
     band = xp.where(rounding < x7, rounding, x7)
-    del rounding, x7
     both = length_product > 0.0
-    del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
     x49 = 2.0*w_1
     x50 = 2.0*w_2
@@ -937,73 +731,47 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
     d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
     d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
-    del x49, x50, x51
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
     two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
-    del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
-    del x11
+    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1, d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2, d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, half_angle, along_m, rounding, x7, length_product, x49, x50, x51, both, x11
     across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
     d_across_1_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -scale_before)
     across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
     d_across_2_d_rho_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, scale_before)
     d_across_2_d_rho_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), -scale_before, 0.0)
     across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
-    del u_2
     d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
-    del u_1, u_3
     select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
-    del area_squared
     x52 = 2.0*across_2
     d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
-    del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
-    del d_area_squared_d_rho_2
     d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
-    del d_area_squared_d_rho_3, x52
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
-    del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
-    del d_area_squared_d_rho_prime_2
     d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
-    del d_area_squared_d_rho_prime_3
     under_root = xp.where(two, root_squared, select_3)
-    del select_3
     d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
-    del d_root_squared_d_rho_1, d_select_3_d_rho_1
     d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
-    del d_root_squared_d_rho_2, d_select_3_d_rho_2
+    del u_2, u_1, u_3, area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x52, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2
     d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
-    del d_root_squared_d_rho_3, d_select_3_d_rho_3
     d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
-    del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
-    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2
     d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
-    del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
-    del d_root_squared_d_angle
     x53 = xp.sqrt(under_root)
-    del under_root
     root = x53
     x54 = 0.5/x53
-    del x53
     d_root_d_rho_1 = d_under_root_d_rho_1*x54
-    del d_under_root_d_rho_1
     d_root_d_rho_2 = d_under_root_d_rho_2*x54
-    del d_under_root_d_rho_2
     d_root_d_rho_3 = d_under_root_d_rho_3*x54
-    del d_under_root_d_rho_3
     d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
-    del d_under_root_d_rho_prime_1
     d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
-    del d_under_root_d_rho_prime_2
+    del d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, x53, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2
     d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
-    del d_under_root_d_rho_prime_3
     d_root_d_angle = d_under_root_d_angle*x54
-    del d_under_root_d_angle, x54
     select_4 = xp.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -1013,43 +781,26 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_select_4_d_rho_prime_3 = xp.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
     d_select_4_d_angle = xp.where(root > 0.0, d_root_d_angle, 0.0)
     divisor = xp.where(two, S*m_squared, select_4)
-    del select_4
     d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
-    del d_m_squared_d_rho_1, d_select_4_d_rho_1
     d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
-    del d_m_squared_d_rho_2, d_select_4_d_rho_2
     d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
-    del d_m_squared_d_rho_3, d_select_4_d_rho_3
     d_divisor_d_rho_prime_1 = xp.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
-    del d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1
     d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
-    del d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2
     d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
-    del S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
+    del d_under_root_d_rho_prime_3, d_under_root_d_angle, x54, select_4, d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
-    del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
     x55 = 1.0/(divisor*divisor)
-    del divisor
     d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
-    del d_divisor_d_rho_1
     d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
-    del d_divisor_d_rho_2
     d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
-    del d_divisor_d_rho_3
     d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
-    del d_divisor_d_rho_prime_1
     d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
-    del d_divisor_d_rho_prime_2
     d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
-    del d_divisor_d_rho_prime_3
     d_inverse_d_angle = -d_divisor_d_angle*x55
-    del d_divisor_d_angle, x55
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
-    del C, select_5
     d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
-    del d_C_d_angle
     w_factor = inverse*select_6
     d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6
     d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6
@@ -1058,151 +809,93 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
-    del d_select_6_d_angle, select_6
+    del d_S_d_angle, d_select_4_d_angle, divisor, d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x55, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6
     m_factor = xp.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
-    del d_root_d_rho_1
     d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
-    del d_root_d_rho_2
     d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
-    del d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
-    del d_root_d_rho_prime_1
     d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
-    del d_root_d_rho_prime_2
     d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
-    del d_root_d_rho_prime_3
     d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
-    del d_root_d_angle
     select_7 = xp.where(root > 0.0, across_1*inverse, 0.0)
     d_select_7_d_rho_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
     d_select_7_d_rho_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
-    del d_across_1_d_rho_2
     d_select_7_d_rho_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
     d_select_7_d_rho_prime_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
     d_select_7_d_rho_prime_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
     d_select_7_d_rho_prime_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
     d_select_7_d_angle = xp.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
-    del across_1
     base_1 = xp.where((plane) | (two), w_1*w_factor, select_7)
-    del select_7
     d_base_1_d_rho_1 = xp.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
-    del d_select_7_d_rho_1, d_w_1_d_rho_1
     d_base_1_d_rho_2 = xp.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
-    del d_select_7_d_rho_2, d_w_1_d_rho_2
     d_base_1_d_rho_3 = xp.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
-    del d_select_7_d_rho_3, d_w_1_d_rho_3
+    del d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3, d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, d_across_1_d_rho_2, across_1, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3
     d_base_1_d_rho_prime_1 = xp.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
-    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
     d_base_1_d_rho_prime_2 = xp.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
-    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2
     d_base_1_d_rho_prime_3 = xp.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
-    del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
     d_base_1_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
-    del d_select_7_d_angle, w_1
     select_8 = xp.where(root > 0.0, across_2*inverse, 0.0)
     d_select_8_d_rho_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
-    del d_across_2_d_rho_1
     d_select_8_d_rho_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
     d_select_8_d_rho_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
-    del d_across_2_d_rho_3
     d_select_8_d_rho_prime_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
     d_select_8_d_rho_prime_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
     d_select_8_d_rho_prime_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
     d_select_8_d_angle = xp.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
-    del across_2
     base_2 = xp.where((plane) | (two), w_2*w_factor, select_8)
-    del select_8
     d_base_2_d_rho_1 = xp.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
-    del d_select_8_d_rho_1, d_w_2_d_rho_1
     d_base_2_d_rho_2 = xp.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
-    del d_select_8_d_rho_2, d_w_2_d_rho_2
+    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1, d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2
     d_base_2_d_rho_3 = xp.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
-    del d_select_8_d_rho_3, d_w_2_d_rho_3
     d_base_2_d_rho_prime_1 = xp.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
-    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1
     d_base_2_d_rho_prime_2 = xp.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
-    del d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2
     d_base_2_d_rho_prime_3 = xp.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
-    del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
     d_base_2_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
-    del d_select_8_d_angle, w_2
     select_9 = xp.where(root > 0.0, across_3*inverse, 1.0)
     d_select_9_d_rho_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
-    del d_inverse_d_rho_1
     d_select_9_d_rho_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
-    del d_across_3_d_rho_2, d_inverse_d_rho_2, inverse
     d_select_9_d_rho_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
-    del d_inverse_d_rho_3
     d_select_9_d_rho_prime_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
-    del d_inverse_d_rho_prime_1
+    del d_select_8_d_rho_3, d_w_2_d_rho_3, d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1
     d_select_9_d_rho_prime_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
-    del d_inverse_d_rho_prime_2
     d_select_9_d_rho_prime_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
-    del d_inverse_d_rho_prime_3
     d_select_9_d_angle = xp.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
-    del across_3, d_inverse_d_angle, root
     base_3 = xp.where((plane) | (two), w_3*w_factor, select_9)
-    del select_9
     d_base_3_d_rho_1 = xp.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
-    del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
     d_base_3_d_rho_2 = xp.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
-    del d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2
     d_base_3_d_rho_3 = xp.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
-    del d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3
     d_base_3_d_rho_prime_1 = xp.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
-    del d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
+    del d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3, across_3, d_inverse_d_angle, root, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
     d_base_3_d_rho_prime_2 = xp.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
-    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2
     d_base_3_d_rho_prime_3 = xp.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
-    del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
     d_base_3_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
-    del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
-    del d_m_1_d_rho_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
-    del d_m_1_d_rho_2
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
-    del d_m_1_d_rho_3
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
-    del d_m_1_d_rho_prime_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
-    del d_m_1_d_rho_prime_2
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, plane, w_3, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
-    del d_m_1_d_rho_prime_3
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
-    del m_1
     offset_2 = m_2*m_factor
     d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2
-    del d_m_2_d_rho_1
     d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2
-    del d_m_2_d_rho_2
     d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2
-    del d_m_2_d_rho_3
     d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2
-    del d_m_2_d_rho_prime_1
     d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2
-    del d_m_2_d_rho_prime_2
     d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2
-    del d_m_2_d_rho_prime_3
     d_offset_2_d_angle = d_m_factor_d_angle*m_2
-    del m_2
     offset_3 = m_3*m_factor
     d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3
-    del d_m_3_d_rho_1, d_m_factor_d_rho_1
     d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3
-    del d_m_3_d_rho_2, d_m_factor_d_rho_2
     d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3
-    del d_m_3_d_rho_3, d_m_factor_d_rho_3
     d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3
-    del d_m_3_d_rho_prime_1, d_m_factor_d_rho_prime_1
+    del d_m_1_d_rho_prime_3, m_1, d_m_2_d_rho_1, d_m_2_d_rho_2, d_m_2_d_rho_3, d_m_2_d_rho_prime_1, d_m_2_d_rho_prime_2, d_m_2_d_rho_prime_3, m_2, d_m_3_d_rho_1, d_m_factor_d_rho_1, d_m_3_d_rho_2, d_m_factor_d_rho_2, d_m_3_d_rho_3, d_m_factor_d_rho_3, d_m_3_d_rho_prime_1, d_m_factor_d_rho_prime_1
     d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3
-    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2
     d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3
-    del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
-    del d_m_factor_d_angle, m_3
     valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
@@ -1231,11 +924,9 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
     plus_factor = xp.where(crooked, 1.0/xp.sqrt(x56), 1.0)
     x57 = 1.0/xp.pow(x56, 1.5)
-    del x56
     x58 = plus_1*x57
     x59 = plus_2*x57
     x60 = plus_3*x57
-    del x57
     d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
     d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
     d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
@@ -1243,63 +934,39 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
     d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
     d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
-    del x58, x59, x60
     minus_1 = base_1 - offset_1
-    del base_1, offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
-    del d_base_1_d_rho_1, d_offset_1_d_rho_1
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x56, x57, x58, x59, x60, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
-    del d_base_1_d_rho_2, d_offset_1_d_rho_2
     d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
-    del d_base_1_d_rho_3, d_offset_1_d_rho_3
     d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
-    del d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1
     d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2
-    del d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2
     d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3
-    del d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3
     d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle
-    del d_base_1_d_angle, d_offset_1_d_angle
     minus_2 = base_2 - offset_2
-    del base_2, offset_2
     d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1
-    del d_base_2_d_rho_1, d_offset_2_d_rho_1
+    del d_base_1_d_rho_2, d_offset_1_d_rho_2, d_base_1_d_rho_3, d_offset_1_d_rho_3, d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1, d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2, d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3, d_base_1_d_angle, d_offset_1_d_angle, base_2, offset_2, d_base_2_d_rho_1, d_offset_2_d_rho_1
     d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2
-    del d_base_2_d_rho_2, d_offset_2_d_rho_2
     d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3
-    del d_base_2_d_rho_3, d_offset_2_d_rho_3
     d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1
-    del d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1
     d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2
-    del d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2
     d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3
-    del d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3
     d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle
-    del d_base_2_d_angle, d_offset_2_d_angle
     minus_3 = base_3 - offset_3
-    del base_3, offset_3
     d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1
-    del d_base_3_d_rho_1, d_offset_3_d_rho_1
+    del d_base_2_d_rho_2, d_offset_2_d_rho_2, d_base_2_d_rho_3, d_offset_2_d_rho_3, d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1, d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2, d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3, d_base_2_d_angle, d_offset_2_d_angle, base_3, offset_3, d_base_3_d_rho_1, d_offset_3_d_rho_1
     d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2
-    del d_base_3_d_rho_2, d_offset_3_d_rho_2
     d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3
-    del d_base_3_d_rho_3, d_offset_3_d_rho_3
     d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1
-    del d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1
     d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
-    del d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2
     d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
-    del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
-    del d_base_3_d_angle, d_offset_3_d_angle
     x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
     minus_factor = xp.where(crooked, 1.0/xp.sqrt(x61), 1.0)
     x62 = 1.0/xp.pow(x61, 1.5)
-    del x61
     x63 = minus_1*x62
     x64 = minus_2*x62
     x65 = minus_3*x62
-    del x62
     d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
     d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
     d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
@@ -1307,225 +974,126 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
     d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
     d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del crooked, x63, x64, x65
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x61, x62, crooked, x63, x64, x65
     d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
-    del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
-    del d_plus_1_d_rho_2
     d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
-    del d_plus_1_d_rho_3
     d_axes_1_1_d_rho_prime_1 = xp.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, xp.nan)
-    del d_plus_1_d_rho_prime_1
     d_axes_1_1_d_rho_prime_2 = xp.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, xp.nan)
-    del d_plus_1_d_rho_prime_2
     d_axes_1_1_d_rho_prime_3 = xp.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, xp.nan)
-    del d_plus_1_d_rho_prime_3
     d_axes_1_1_d_angle = xp.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, xp.nan)
-    del d_plus_1_d_angle, plus_1
     d_axes_1_2_d_rho_1 = xp.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, xp.nan)
-    del d_plus_2_d_rho_1
     d_axes_1_2_d_rho_2 = xp.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, xp.nan)
-    del d_plus_2_d_rho_2
     d_axes_1_2_d_rho_3 = xp.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, xp.nan)
-    del d_plus_2_d_rho_3
     d_axes_1_2_d_rho_prime_1 = xp.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, xp.nan)
-    del d_plus_2_d_rho_prime_1
     d_axes_1_2_d_rho_prime_2 = xp.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, xp.nan)
-    del d_plus_2_d_rho_prime_2
     d_axes_1_2_d_rho_prime_3 = xp.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, xp.nan)
-    del d_plus_2_d_rho_prime_3
     d_axes_1_2_d_angle = xp.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, xp.nan)
-    del d_plus_2_d_angle, plus_2
+    del d_plus_1_d_rho_1, d_plus_1_d_rho_2, d_plus_1_d_rho_3, d_plus_1_d_rho_prime_1, d_plus_1_d_rho_prime_2, d_plus_1_d_rho_prime_3, d_plus_1_d_angle, plus_1, d_plus_2_d_rho_1, d_plus_2_d_rho_2, d_plus_2_d_rho_3, d_plus_2_d_rho_prime_1, d_plus_2_d_rho_prime_2, d_plus_2_d_rho_prime_3, d_plus_2_d_angle, plus_2
     d_axes_1_3_d_rho_1 = xp.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, xp.nan)
-    del d_plus_3_d_rho_1, d_plus_factor_d_rho_1
     d_axes_1_3_d_rho_2 = xp.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, xp.nan)
-    del d_plus_3_d_rho_2, d_plus_factor_d_rho_2
     d_axes_1_3_d_rho_3 = xp.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, xp.nan)
-    del d_plus_3_d_rho_3, d_plus_factor_d_rho_3
     d_axes_1_3_d_rho_prime_1 = xp.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, xp.nan)
-    del d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1
     d_axes_1_3_d_rho_prime_2 = xp.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, xp.nan)
-    del d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2
     d_axes_1_3_d_rho_prime_3 = xp.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, xp.nan)
-    del d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3
     d_axes_1_3_d_angle = xp.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, xp.nan)
-    del d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
+    del d_plus_3_d_rho_1, d_plus_factor_d_rho_1, d_plus_3_d_rho_2, d_plus_factor_d_rho_2, d_plus_3_d_rho_3, d_plus_factor_d_rho_3, d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1, d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2, d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3, d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
     d_axes_2_1_d_rho_1 = xp.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, xp.nan)
-    del d_minus_1_d_rho_1
     d_axes_2_1_d_rho_2 = xp.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, xp.nan)
-    del d_minus_1_d_rho_2
     d_axes_2_1_d_rho_3 = xp.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, xp.nan)
-    del d_minus_1_d_rho_3
     d_axes_2_1_d_rho_prime_1 = xp.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, xp.nan)
-    del d_minus_1_d_rho_prime_1
     d_axes_2_1_d_rho_prime_2 = xp.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, xp.nan)
-    del d_minus_1_d_rho_prime_2
     d_axes_2_1_d_rho_prime_3 = xp.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, xp.nan)
-    del d_minus_1_d_rho_prime_3
     d_axes_2_1_d_angle = xp.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, xp.nan)
-    del d_minus_1_d_angle, minus_1
     d_axes_2_2_d_rho_1 = xp.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, xp.nan)
-    del d_minus_2_d_rho_1
     d_axes_2_2_d_rho_2 = xp.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, xp.nan)
-    del d_minus_2_d_rho_2
     d_axes_2_2_d_rho_3 = xp.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, xp.nan)
-    del d_minus_2_d_rho_3
     d_axes_2_2_d_rho_prime_1 = xp.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, xp.nan)
-    del d_minus_2_d_rho_prime_1
     d_axes_2_2_d_rho_prime_2 = xp.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, xp.nan)
-    del d_minus_2_d_rho_prime_2
     d_axes_2_2_d_rho_prime_3 = xp.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, xp.nan)
-    del d_minus_2_d_rho_prime_3
     d_axes_2_2_d_angle = xp.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, xp.nan)
-    del d_minus_2_d_angle, minus_2
+    del d_minus_1_d_rho_1, d_minus_1_d_rho_2, d_minus_1_d_rho_3, d_minus_1_d_rho_prime_1, d_minus_1_d_rho_prime_2, d_minus_1_d_rho_prime_3, d_minus_1_d_angle, minus_1, d_minus_2_d_rho_1, d_minus_2_d_rho_2, d_minus_2_d_rho_3, d_minus_2_d_rho_prime_1, d_minus_2_d_rho_prime_2, d_minus_2_d_rho_prime_3, d_minus_2_d_angle, minus_2
     d_axes_2_3_d_rho_1 = xp.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, xp.nan)
-    del d_minus_3_d_rho_1, d_minus_factor_d_rho_1
     d_axes_2_3_d_rho_2 = xp.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, xp.nan)
-    del d_minus_3_d_rho_2, d_minus_factor_d_rho_2
     d_axes_2_3_d_rho_3 = xp.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, xp.nan)
-    del d_minus_3_d_rho_3, d_minus_factor_d_rho_3
     d_axes_2_3_d_rho_prime_1 = xp.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, xp.nan)
-    del d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1
     d_axes_2_3_d_rho_prime_2 = xp.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, xp.nan)
-    del d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2
     d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
-    del d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3
     d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
-    del d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
+    del d_minus_3_d_rho_1, d_minus_factor_d_rho_1, d_minus_3_d_rho_2, d_minus_factor_d_rho_2, d_minus_3_d_rho_3, d_minus_factor_d_rho_3, d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1, d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2, d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3, d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
-    del size_after, size_before
     x8 = length_squared*x3
-    del x3
     coincident = 16.0*x8
     x10 = eps*x5
-    del x5
     no_turn = (sine_size <= x10) | (sine_size <= x9)
-    del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
-    del r_squared
     opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
-    del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
-    del band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
-    del r_1
     scaled_r_2 = r_2*turn_scale
-    del r_2
+    del size_after, size_before, x3, x5, sine_size, x9, r_squared, coincident, cosine, m_squared, x10, band, no_turn, root_squared, r_1, r_2
     scaled_r_3 = r_3*turn_scale
-    del r_3, turn_scale
     parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
-    del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    del x6
     select_10 = xp.where(length_squared > 0.0, x16, 1.0)
-    del length_squared, x16
     ratio = xp.sqrt(length_prime_squared*select_10)
-    del length_prime_squared, select_10
     lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
-    del comparable, excess, least_tolerance, ratio, scale, scale_before
+    del r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x4, x8, x6, length_squared, x16, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
     select_11 = xp.where(parallel, 3.0, 0.0)
-    del parallel
     select_12 = xp.where(~(two), 1.0, select_11)
-    del select_11, two
     select_13 = xp.where(too_small, 2.0, select_12)
-    del select_12, too_small
     select_14 = xp.where(opposite, 4.0, select_13)
-    del opposite, select_13
     select_15 = xp.where(every, 5.0, select_14)
-    del every, select_14
     select_16 = xp.where(~(lengths_agree), 6.0, select_15)
-    del lengths_agree, select_15
     select_17 = xp.where(one_zero, 2.0, select_16)
-    del one_zero, select_16
     select_18 = xp.where(both_zero, 5.0, select_17)
-    del both_zero, select_17
     status = xp.where(~(valid), 7.0, select_18)
-    del select_18, valid
+    del parallel, select_11, two, select_12, too_small, opposite, select_13, every, select_14, lengths_agree, select_15, one_zero, select_16, both_zero, select_17, select_18, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
-    del d_axes_1_1_d_rho_1
     axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
-    del d_axes_1_1_d_rho_2
     axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3
-    del d_axes_1_1_d_rho_3
     axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1
-    del d_axes_1_1_d_rho_prime_1
     axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2
-    del d_axes_1_1_d_rho_prime_2
     axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3
-    del d_axes_1_1_d_rho_prime_3
     axes_jacobian_1_1_7 = d_axes_1_1_d_angle
-    del d_axes_1_1_d_angle
     axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1
-    del d_axes_1_2_d_rho_1
     axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2
-    del d_axes_1_2_d_rho_2
     axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3
-    del d_axes_1_2_d_rho_3
     axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1
-    del d_axes_1_2_d_rho_prime_1
     axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2
-    del d_axes_1_2_d_rho_prime_2
     axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3
-    del d_axes_1_2_d_rho_prime_3
     axes_jacobian_1_2_7 = d_axes_1_2_d_angle
-    del d_axes_1_2_d_angle
     axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1
-    del d_axes_1_3_d_rho_1
     axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2
-    del d_axes_1_3_d_rho_2
+    del d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3, d_axes_1_1_d_angle, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, d_axes_1_2_d_angle, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2
     axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3
-    del d_axes_1_3_d_rho_3
     axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1
-    del d_axes_1_3_d_rho_prime_1
     axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2
-    del d_axes_1_3_d_rho_prime_2
     axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3
-    del d_axes_1_3_d_rho_prime_3
     axes_jacobian_1_3_7 = d_axes_1_3_d_angle
-    del d_axes_1_3_d_angle
     axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1
-    del d_axes_2_1_d_rho_1
     axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2
-    del d_axes_2_1_d_rho_2
     axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3
-    del d_axes_2_1_d_rho_3
     axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1
-    del d_axes_2_1_d_rho_prime_1
     axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2
-    del d_axes_2_1_d_rho_prime_2
     axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3
-    del d_axes_2_1_d_rho_prime_3
     axes_jacobian_2_1_7 = d_axes_2_1_d_angle
-    del d_axes_2_1_d_angle
     axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1
-    del d_axes_2_2_d_rho_1
     axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2
-    del d_axes_2_2_d_rho_2
     axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3
-    del d_axes_2_2_d_rho_3
     axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1
-    del d_axes_2_2_d_rho_prime_1
+    del d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, d_axes_1_3_d_angle, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3, d_axes_2_1_d_angle, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1
     axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2
-    del d_axes_2_2_d_rho_prime_2
     axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3
-    del d_axes_2_2_d_rho_prime_3
     axes_jacobian_2_2_7 = d_axes_2_2_d_angle
-    del d_axes_2_2_d_angle
     axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1
-    del d_axes_2_3_d_rho_1
     axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2
-    del d_axes_2_3_d_rho_2
     axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3
-    del d_axes_2_3_d_rho_3
     axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1
-    del d_axes_2_3_d_rho_prime_1
     axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2
-    del d_axes_2_3_d_rho_prime_2
     axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3
-    del d_axes_2_3_d_rho_prime_3
     axes_jacobian_2_3_7 = d_axes_2_3_d_angle
-    del d_axes_2_3_d_angle
     return (axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, axes_jacobian_1_1_7, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, axes_jacobian_1_2_7, axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, axes_jacobian_2_1_7, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, axes_jacobian_2_2_7, axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, status)
 
 
@@ -1581,7 +1149,6 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = xp.where(comparable, scale_before, scale_after)
-    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -1602,31 +1169,23 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_length_squared_d_rho_1 = u_1*x13
     d_length_squared_d_rho_2 = u_2*x13
     d_length_squared_d_rho_3 = u_3*x13
-    del x13
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     x14 = 2.0*scale
     d_length_prime_squared_d_rho_prime_1 = v_1*x14
     d_length_prime_squared_d_rho_prime_2 = v_2*x14
     d_length_prime_squared_d_rho_prime_3 = v_3*x14
-    del x14
     x15 = xp.sqrt(length_prime_squared*length_squared)
     length_product = x15
     x16 = 1.0/length_squared
     x17 = 0.5*x15
-    del x15
     x18 = x16*x17
     d_length_product_d_rho_1 = d_length_squared_d_rho_1*x18
-    del d_length_squared_d_rho_1
     d_length_product_d_rho_2 = d_length_squared_d_rho_2*x18
-    del d_length_squared_d_rho_2
     d_length_product_d_rho_3 = d_length_squared_d_rho_3*x18
-    del d_length_squared_d_rho_3, x18
     x19 = x17/length_prime_squared
-    del x17
     d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x19
     d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x19
     d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x19
-    del x19
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
     d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
@@ -1636,40 +1195,26 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     excess_divisor = length_prime_squared + length_product
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
-    del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
-    del d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
-    del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
+    del scale_after, x13, x14, x15, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x18, x17, x19, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
     x20 = 1.0/(excess_divisor*excess_divisor)
-    del excess_divisor
     d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x20, 0.0)
-    del d_length_product_d_rho_1
     d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x20, 0.0)
-    del d_length_product_d_rho_2
     d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x20, 0.0)
-    del d_length_product_d_rho_3
     d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x20, 0.0)
-    del d_excess_divisor_d_rho_prime_1
     d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x20, 0.0)
-    del d_excess_divisor_d_rho_prime_2
     d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x20, 0.0)
-    del d_excess_divisor_d_rho_prime_3, nonzero, x20
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
-    del d_gain_d_rho_1, d_select_0_d_rho_1
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
-    del d_gain_d_rho_2, d_select_0_d_rho_2
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
-    del d_gain_d_rho_3, d_select_0_d_rho_3
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
-    del d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
+    del excess_divisor, d_length_product_d_rho_1, d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x20, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
-    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
-    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0
     x0 = excess*v_1
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
@@ -1678,14 +1223,11 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x21
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
-    del v_1
     m_1 = total_1 - x0
-    del total_1
     d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
     d_m_1_d_rho_2 = -d_x0_d_rho_2
     d_m_1_d_rho_3 = -d_x0_d_rho_3
     x26 = scale - d_x0_d_rho_prime_1
-    del d_x0_d_rho_prime_1
     d_m_1_d_rho_prime_1 = x26
     d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
@@ -1696,108 +1238,71 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
     d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x21
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
-    del v_2
     m_2 = total_2 - x1
-    del total_2
     d_m_2_d_rho_1 = -d_x1_d_rho_1
     d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
     d_m_2_d_rho_3 = -d_x1_d_rho_3
     d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
     x33 = scale - d_x1_d_rho_prime_2
-    del d_x1_d_rho_prime_2
     d_m_2_d_rho_prime_2 = x33
     d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
-    del d_excess_d_rho_1
     d_x2_d_rho_2 = d_excess_d_rho_2*v_3
-    del d_excess_d_rho_2
     d_x2_d_rho_3 = d_excess_d_rho_3*v_3
-    del d_excess_d_rho_3
     d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3
-    del d_excess_d_rho_prime_1
+    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2, d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, v_1, total_1, d_x0_d_rho_prime_1, v_2, total_2, d_x1_d_rho_prime_2, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
-    del d_excess_d_rho_prime_2
     d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x21
-    del d_excess_d_rho_prime_3, v_3, x21
     m_3 = total_3 - x2
-    del total_3
     d_m_3_d_rho_1 = -d_x2_d_rho_1
     d_m_3_d_rho_2 = -d_x2_d_rho_2
     d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
     d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
     d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
     x40 = scale - d_x2_d_rho_prime_3
-    del d_x2_d_rho_prime_3
     d_m_3_d_rho_prime_3 = x40
     r_1 = difference_1 - x0
-    del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
-    del d_difference_1_d_rho_1, d_x0_d_rho_1
     d_r_1_d_rho_2 = -d_x0_d_rho_2
-    del d_x0_d_rho_2
     d_r_1_d_rho_3 = -d_x0_d_rho_3
-    del d_x0_d_rho_3
     d_r_1_d_rho_prime_1 = x26
-    del x26
     d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
-    del d_x0_d_rho_prime_2
     d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
-    del d_x0_d_rho_prime_3
     r_2 = difference_2 - x1
-    del difference_2, x1
+    del d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x21, total_3, d_x2_d_rho_prime_3, difference_1, x0, d_difference_1_d_rho_1, d_x0_d_rho_1, d_x0_d_rho_2, d_x0_d_rho_3, x26, d_x0_d_rho_prime_2, d_x0_d_rho_prime_3, difference_2, x1
     d_r_2_d_rho_1 = -d_x1_d_rho_1
-    del d_x1_d_rho_1
     d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2
-    del d_difference_2_d_rho_2, d_x1_d_rho_2
     d_r_2_d_rho_3 = -d_x1_d_rho_3
-    del d_x1_d_rho_3
     d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    del d_x1_d_rho_prime_1
     d_r_2_d_rho_prime_2 = x33
-    del x33
     d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
-    del d_x1_d_rho_prime_3
     r_3 = difference_3 - x2
-    del difference_3, x2
     d_r_3_d_rho_1 = -d_x2_d_rho_1
-    del d_x2_d_rho_1
     d_r_3_d_rho_2 = -d_x2_d_rho_2
-    del d_x2_d_rho_2
     d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3
-    del d_difference_3_d_rho_3, d_x2_d_rho_3
     d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
-    del d_x2_d_rho_prime_1
     d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    del d_x2_d_rho_prime_2
     d_r_3_d_rho_prime_3 = x40
-    del x40
+    del d_x1_d_rho_1, d_difference_2_d_rho_2, d_x1_d_rho_2, d_x1_d_rho_3, d_x1_d_rho_prime_1, x33, d_x1_d_rho_prime_3, difference_3, x2, d_x2_d_rho_1, d_x2_d_rho_2, d_difference_3_d_rho_3, d_x2_d_rho_3, d_x2_d_rho_prime_1, d_x2_d_rho_prime_2, x40
     half_angle = 0.5*angle
     x41 = xp.sin(half_angle)
     sine = x41
     x42 = xp.cos(half_angle)
     d_sine_d_angle = 0.5*x42
     cosine = x42
-    del x42
     d_cosine_d_angle = -0.5*x41
-    del x41
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
-    del d_sine_d_angle
     x3 = (eps*eps)
     select_1 = xp.where(sine_size > x3, sine_size, x3)
     turn_scale = _power_of_two_scale(select_1)
-    del select_1
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
-    del d_sine_size_d_angle
     select_2 = xp.where(sine < 0.0, -cosine, cosine)
     d_select_2_d_angle = xp.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
-    del d_cosine_d_angle, sine
     C = select_2*turn_scale
-    del select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
-    del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     x43 = 2.0*m_1
     x44 = 2.0*m_2
@@ -1808,7 +1313,6 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x43 + d_m_2_d_rho_prime_1*x44 + d_m_3_d_rho_prime_1*x45
     d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x43 + d_m_2_d_rho_prime_2*x44 + d_m_3_d_rho_prime_2*x45
     d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x43 + d_m_2_d_rho_prime_3*x44 + d_m_3_d_rho_prime_3*x45
-    del x43, x44, x45
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
@@ -1820,7 +1324,6 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
-    del d_x4_d_angle
     n_1 = C*r_1
     d_n_1_d_rho_1 = C*d_r_1_d_rho_1
     d_n_1_d_rho_2 = C*d_r_1_d_rho_2
@@ -1847,41 +1350,26 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_n_3_d_angle = d_C_d_angle*r_3
     along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
     x46 = 2.0*n_1
-    del n_1
     x47 = 2.0*n_2
-    del n_2
     x48 = 2.0*n_3
-    del n_3
+    del x42, x41, d_sine_d_angle, select_1, d_sine_size_d_angle, d_cosine_d_angle, sine, select_2, d_select_2_d_angle, x43, x44, x45, d_x4_d_angle, n_1, n_2, n_3
     d_along_n_d_rho_1 = d_n_1_d_rho_1*x46 + d_n_2_d_rho_1*x47 + d_n_3_d_rho_1*x48
-    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1
     d_along_n_d_rho_2 = d_n_1_d_rho_2*x46 + d_n_2_d_rho_2*x47 + d_n_3_d_rho_2*x48
-    del d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
     d_along_n_d_rho_3 = d_n_1_d_rho_3*x46 + d_n_2_d_rho_3*x47 + d_n_3_d_rho_3*x48
-    del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
     d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x46 + d_n_2_d_rho_prime_1*x47 + d_n_3_d_rho_prime_1*x48
-    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1
     d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x46 + d_n_2_d_rho_prime_2*x47 + d_n_3_d_rho_prime_2*x48
-    del d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2
     d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x46 + d_n_2_d_rho_prime_3*x47 + d_n_3_d_rho_prime_3*x48
-    del d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
+    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3, d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
     d_along_n_d_angle = d_n_1_d_angle*x46 + d_n_2_d_angle*x47 + d_n_3_d_angle*x48
-    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48
     root_squared = along_m - along_n
-    del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
-    del d_along_m_d_rho_1, d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
-    del d_along_m_d_rho_2, d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
-    del d_along_m_d_rho_3, d_along_n_d_rho_3
     d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1
-    del d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1
     d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2
-    del d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
+    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48, along_n, d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
     d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3
-    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3
     d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle
-    del d_along_m_d_angle, d_along_n_d_angle
     w_1 = m_2*r_3 - m_3*r_2
     d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3
     d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
@@ -1891,40 +1379,25 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3
     w_2 = m_3*r_1 - m_1*r_3
     d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1
-    del d_r_3_d_rho_1
     d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1
-    del d_r_3_d_rho_2
     d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
-    del d_r_3_d_rho_3
     d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1
-    del d_r_3_d_rho_prime_1
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
-    del d_r_3_d_rho_prime_2
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
-    del d_r_3_d_rho_prime_3
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
-    del d_r_1_d_rho_1, d_r_2_d_rho_1
     d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2
-    del d_r_1_d_rho_2, d_r_2_d_rho_2
     d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2
-    del d_r_1_d_rho_3, d_r_2_d_rho_3
+    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_1, d_r_3_d_rho_2, d_r_3_d_rho_3, d_r_3_d_rho_prime_1, d_r_3_d_rho_prime_2, d_r_3_d_rho_prime_3, d_r_1_d_rho_1, d_r_2_d_rho_1, d_r_1_d_rho_2, d_r_2_d_rho_2, d_r_1_d_rho_3, d_r_2_d_rho_3
     d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2
-    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
-    del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
-    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3
     x5 = xp.abs(half_angle)
-    del half_angle
     x6 = 8.0*eps
     rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
     x7 = 0.5*along_m
-    del along_m
     band = xp.where(rounding < x7, rounding, x7)
-    del rounding, x7
     both = length_product > 0.0
-    del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
     x49 = 2.0*w_1
     x50 = 2.0*w_2
@@ -1935,73 +1408,47 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
     d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
     d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
-    del x49, x50, x51
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
     two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
-    del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
-    del x11
+    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1, d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2, d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, half_angle, along_m, rounding, x7, length_product, x49, x50, x51, both, x11
     across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
     d_across_1_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -scale_before)
     across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
     d_across_2_d_rho_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, scale_before)
     d_across_2_d_rho_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), -scale_before, 0.0)
     across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
-    del u_2
     d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
-    del u_1, u_3
     select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
-    del area_squared
     x52 = 2.0*across_2
     d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
-    del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
-    del d_area_squared_d_rho_2
     d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
-    del d_area_squared_d_rho_3, x52
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
-    del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
-    del d_area_squared_d_rho_prime_2
     d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
-    del d_area_squared_d_rho_prime_3
     under_root = xp.where(two, root_squared, select_3)
-    del select_3
     d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
-    del d_root_squared_d_rho_1, d_select_3_d_rho_1
     d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
-    del d_root_squared_d_rho_2, d_select_3_d_rho_2
+    del u_2, u_1, u_3, area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x52, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2
     d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
-    del d_root_squared_d_rho_3, d_select_3_d_rho_3
     d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
-    del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
-    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2
     d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
-    del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
-    del d_root_squared_d_angle
     x53 = xp.sqrt(under_root)
-    del under_root
     root = x53
     x54 = 0.5/x53
-    del x53
     d_root_d_rho_1 = d_under_root_d_rho_1*x54
-    del d_under_root_d_rho_1
     d_root_d_rho_2 = d_under_root_d_rho_2*x54
-    del d_under_root_d_rho_2
     d_root_d_rho_3 = d_under_root_d_rho_3*x54
-    del d_under_root_d_rho_3
     d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
-    del d_under_root_d_rho_prime_1
     d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
-    del d_under_root_d_rho_prime_2
+    del d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, x53, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2
     d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
-    del d_under_root_d_rho_prime_3
     d_root_d_angle = d_under_root_d_angle*x54
-    del d_under_root_d_angle, x54
     select_4 = xp.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -2011,43 +1458,26 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_select_4_d_rho_prime_3 = xp.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
     d_select_4_d_angle = xp.where(root > 0.0, d_root_d_angle, 0.0)
     divisor = xp.where(two, S*m_squared, select_4)
-    del select_4
     d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
-    del d_m_squared_d_rho_1, d_select_4_d_rho_1
     d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
-    del d_m_squared_d_rho_2, d_select_4_d_rho_2
     d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
-    del d_m_squared_d_rho_3, d_select_4_d_rho_3
     d_divisor_d_rho_prime_1 = xp.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
-    del d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1
     d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
-    del d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2
     d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
-    del S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
+    del d_under_root_d_rho_prime_3, d_under_root_d_angle, x54, select_4, d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
-    del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
     x55 = 1.0/(divisor*divisor)
-    del divisor
     d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
-    del d_divisor_d_rho_1
     d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
-    del d_divisor_d_rho_2
     d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
-    del d_divisor_d_rho_3
     d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
-    del d_divisor_d_rho_prime_1
     d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
-    del d_divisor_d_rho_prime_2
     d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
-    del d_divisor_d_rho_prime_3
     d_inverse_d_angle = -d_divisor_d_angle*x55
-    del d_divisor_d_angle, x55
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
-    del C, select_5
     d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
-    del d_C_d_angle
     w_factor = inverse*select_6
     d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6
     d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6
@@ -2056,151 +1486,93 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
-    del d_select_6_d_angle, select_6
+    del d_S_d_angle, d_select_4_d_angle, divisor, d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x55, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6
     m_factor = xp.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
-    del d_root_d_rho_1
     d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
-    del d_root_d_rho_2
     d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
-    del d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
-    del d_root_d_rho_prime_1
     d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
-    del d_root_d_rho_prime_2
     d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
-    del d_root_d_rho_prime_3
     d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
-    del d_root_d_angle
     select_7 = xp.where(root > 0.0, across_1*inverse, 0.0)
     d_select_7_d_rho_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
     d_select_7_d_rho_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
-    del d_across_1_d_rho_2
     d_select_7_d_rho_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
     d_select_7_d_rho_prime_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
     d_select_7_d_rho_prime_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
     d_select_7_d_rho_prime_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
     d_select_7_d_angle = xp.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
-    del across_1
     base_1 = xp.where((plane) | (two), w_1*w_factor, select_7)
-    del select_7
     d_base_1_d_rho_1 = xp.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
-    del d_select_7_d_rho_1, d_w_1_d_rho_1
     d_base_1_d_rho_2 = xp.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
-    del d_select_7_d_rho_2, d_w_1_d_rho_2
     d_base_1_d_rho_3 = xp.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
-    del d_select_7_d_rho_3, d_w_1_d_rho_3
+    del d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3, d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, d_across_1_d_rho_2, across_1, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3
     d_base_1_d_rho_prime_1 = xp.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
-    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
     d_base_1_d_rho_prime_2 = xp.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
-    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2
     d_base_1_d_rho_prime_3 = xp.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
-    del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
     d_base_1_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
-    del d_select_7_d_angle, w_1
     select_8 = xp.where(root > 0.0, across_2*inverse, 0.0)
     d_select_8_d_rho_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
-    del d_across_2_d_rho_1
     d_select_8_d_rho_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
     d_select_8_d_rho_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
-    del d_across_2_d_rho_3
     d_select_8_d_rho_prime_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
     d_select_8_d_rho_prime_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
     d_select_8_d_rho_prime_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
     d_select_8_d_angle = xp.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
-    del across_2
     base_2 = xp.where((plane) | (two), w_2*w_factor, select_8)
-    del select_8
     d_base_2_d_rho_1 = xp.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
-    del d_select_8_d_rho_1, d_w_2_d_rho_1
     d_base_2_d_rho_2 = xp.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
-    del d_select_8_d_rho_2, d_w_2_d_rho_2
+    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1, d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2
     d_base_2_d_rho_3 = xp.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
-    del d_select_8_d_rho_3, d_w_2_d_rho_3
     d_base_2_d_rho_prime_1 = xp.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
-    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1
     d_base_2_d_rho_prime_2 = xp.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
-    del d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2
     d_base_2_d_rho_prime_3 = xp.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
-    del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
     d_base_2_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
-    del d_select_8_d_angle, w_2
     select_9 = xp.where(root > 0.0, across_3*inverse, 1.0)
     d_select_9_d_rho_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
-    del d_inverse_d_rho_1
     d_select_9_d_rho_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
-    del d_across_3_d_rho_2, d_inverse_d_rho_2, inverse
     d_select_9_d_rho_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
-    del d_inverse_d_rho_3
     d_select_9_d_rho_prime_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
-    del d_inverse_d_rho_prime_1
+    del d_select_8_d_rho_3, d_w_2_d_rho_3, d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1
     d_select_9_d_rho_prime_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
-    del d_inverse_d_rho_prime_2
     d_select_9_d_rho_prime_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
-    del d_inverse_d_rho_prime_3
     d_select_9_d_angle = xp.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
-    del across_3, d_inverse_d_angle, root
     base_3 = xp.where((plane) | (two), w_3*w_factor, select_9)
-    del select_9
     d_base_3_d_rho_1 = xp.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
-    del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
     d_base_3_d_rho_2 = xp.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
-    del d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2
     d_base_3_d_rho_3 = xp.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
-    del d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3
     d_base_3_d_rho_prime_1 = xp.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
-    del d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
+    del d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3, across_3, d_inverse_d_angle, root, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
     d_base_3_d_rho_prime_2 = xp.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
-    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2
     d_base_3_d_rho_prime_3 = xp.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
-    del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
     d_base_3_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
-    del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
-    del d_m_1_d_rho_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
-    del d_m_1_d_rho_2
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
-    del d_m_1_d_rho_3
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
-    del d_m_1_d_rho_prime_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
-    del d_m_1_d_rho_prime_2
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, plane, w_3, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
-    del d_m_1_d_rho_prime_3
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
-    del m_1
     offset_2 = m_2*m_factor
     d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2
-    del d_m_2_d_rho_1
     d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2
-    del d_m_2_d_rho_2
     d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2
-    del d_m_2_d_rho_3
     d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2
-    del d_m_2_d_rho_prime_1
     d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2
-    del d_m_2_d_rho_prime_2
     d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2
-    del d_m_2_d_rho_prime_3
     d_offset_2_d_angle = d_m_factor_d_angle*m_2
-    del m_2
     offset_3 = m_3*m_factor
     d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3
-    del d_m_3_d_rho_1, d_m_factor_d_rho_1
     d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3
-    del d_m_3_d_rho_2, d_m_factor_d_rho_2
     d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3
-    del d_m_3_d_rho_3, d_m_factor_d_rho_3
     d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3
-    del d_m_3_d_rho_prime_1, d_m_factor_d_rho_prime_1
+    del d_m_1_d_rho_prime_3, m_1, d_m_2_d_rho_1, d_m_2_d_rho_2, d_m_2_d_rho_3, d_m_2_d_rho_prime_1, d_m_2_d_rho_prime_2, d_m_2_d_rho_prime_3, m_2, d_m_3_d_rho_1, d_m_factor_d_rho_1, d_m_3_d_rho_2, d_m_factor_d_rho_2, d_m_3_d_rho_3, d_m_factor_d_rho_3, d_m_3_d_rho_prime_1, d_m_factor_d_rho_prime_1
     d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3
-    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2
     d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3
-    del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
-    del d_m_factor_d_angle, m_3
     valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
@@ -2229,11 +1601,9 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
     plus_factor = xp.where(crooked, 1.0/xp.sqrt(x56), 1.0)
     x57 = 1.0/xp.pow(x56, 1.5)
-    del x56
     x58 = plus_1*x57
     x59 = plus_2*x57
     x60 = plus_3*x57
-    del x57
     d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
     d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
     d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
@@ -2241,63 +1611,39 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
     d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
     d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
-    del x58, x59, x60
     minus_1 = base_1 - offset_1
-    del base_1, offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
-    del d_base_1_d_rho_1, d_offset_1_d_rho_1
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x56, x57, x58, x59, x60, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
-    del d_base_1_d_rho_2, d_offset_1_d_rho_2
     d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
-    del d_base_1_d_rho_3, d_offset_1_d_rho_3
     d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
-    del d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1
     d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2
-    del d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2
     d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3
-    del d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3
     d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle
-    del d_base_1_d_angle, d_offset_1_d_angle
     minus_2 = base_2 - offset_2
-    del base_2, offset_2
     d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1
-    del d_base_2_d_rho_1, d_offset_2_d_rho_1
+    del d_base_1_d_rho_2, d_offset_1_d_rho_2, d_base_1_d_rho_3, d_offset_1_d_rho_3, d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1, d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2, d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3, d_base_1_d_angle, d_offset_1_d_angle, base_2, offset_2, d_base_2_d_rho_1, d_offset_2_d_rho_1
     d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2
-    del d_base_2_d_rho_2, d_offset_2_d_rho_2
     d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3
-    del d_base_2_d_rho_3, d_offset_2_d_rho_3
     d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1
-    del d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1
     d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2
-    del d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2
     d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3
-    del d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3
     d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle
-    del d_base_2_d_angle, d_offset_2_d_angle
     minus_3 = base_3 - offset_3
-    del base_3, offset_3
     d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1
-    del d_base_3_d_rho_1, d_offset_3_d_rho_1
+    del d_base_2_d_rho_2, d_offset_2_d_rho_2, d_base_2_d_rho_3, d_offset_2_d_rho_3, d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1, d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2, d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3, d_base_2_d_angle, d_offset_2_d_angle, base_3, offset_3, d_base_3_d_rho_1, d_offset_3_d_rho_1
     d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2
-    del d_base_3_d_rho_2, d_offset_3_d_rho_2
     d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3
-    del d_base_3_d_rho_3, d_offset_3_d_rho_3
     d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1
-    del d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1
     d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
-    del d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2
     d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
-    del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
-    del d_base_3_d_angle, d_offset_3_d_angle
     x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
     minus_factor = xp.where(crooked, 1.0/xp.sqrt(x61), 1.0)
     x62 = 1.0/xp.pow(x61, 1.5)
-    del x61
     x63 = minus_1*x62
     x64 = minus_2*x62
     x65 = minus_3*x62
-    del x62
     d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
     d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
     d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
@@ -2305,225 +1651,126 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
     d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
     d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del crooked, x63, x64, x65
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x61, x62, crooked, x63, x64, x65
     d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
-    del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
-    del d_plus_1_d_rho_2
     d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
-    del d_plus_1_d_rho_3
     d_axes_1_1_d_rho_prime_1 = xp.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, xp.nan)
-    del d_plus_1_d_rho_prime_1
     d_axes_1_1_d_rho_prime_2 = xp.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, xp.nan)
-    del d_plus_1_d_rho_prime_2
     d_axes_1_1_d_rho_prime_3 = xp.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, xp.nan)
-    del d_plus_1_d_rho_prime_3
     d_axes_1_1_d_angle = xp.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, xp.nan)
-    del d_plus_1_d_angle, plus_1
     d_axes_1_2_d_rho_1 = xp.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, xp.nan)
-    del d_plus_2_d_rho_1
     d_axes_1_2_d_rho_2 = xp.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, xp.nan)
-    del d_plus_2_d_rho_2
     d_axes_1_2_d_rho_3 = xp.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, xp.nan)
-    del d_plus_2_d_rho_3
     d_axes_1_2_d_rho_prime_1 = xp.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, xp.nan)
-    del d_plus_2_d_rho_prime_1
     d_axes_1_2_d_rho_prime_2 = xp.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, xp.nan)
-    del d_plus_2_d_rho_prime_2
     d_axes_1_2_d_rho_prime_3 = xp.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, xp.nan)
-    del d_plus_2_d_rho_prime_3
     d_axes_1_2_d_angle = xp.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, xp.nan)
-    del d_plus_2_d_angle, plus_2
+    del d_plus_1_d_rho_1, d_plus_1_d_rho_2, d_plus_1_d_rho_3, d_plus_1_d_rho_prime_1, d_plus_1_d_rho_prime_2, d_plus_1_d_rho_prime_3, d_plus_1_d_angle, plus_1, d_plus_2_d_rho_1, d_plus_2_d_rho_2, d_plus_2_d_rho_3, d_plus_2_d_rho_prime_1, d_plus_2_d_rho_prime_2, d_plus_2_d_rho_prime_3, d_plus_2_d_angle, plus_2
     d_axes_1_3_d_rho_1 = xp.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, xp.nan)
-    del d_plus_3_d_rho_1, d_plus_factor_d_rho_1
     d_axes_1_3_d_rho_2 = xp.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, xp.nan)
-    del d_plus_3_d_rho_2, d_plus_factor_d_rho_2
     d_axes_1_3_d_rho_3 = xp.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, xp.nan)
-    del d_plus_3_d_rho_3, d_plus_factor_d_rho_3
     d_axes_1_3_d_rho_prime_1 = xp.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, xp.nan)
-    del d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1
     d_axes_1_3_d_rho_prime_2 = xp.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, xp.nan)
-    del d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2
     d_axes_1_3_d_rho_prime_3 = xp.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, xp.nan)
-    del d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3
     d_axes_1_3_d_angle = xp.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, xp.nan)
-    del d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
+    del d_plus_3_d_rho_1, d_plus_factor_d_rho_1, d_plus_3_d_rho_2, d_plus_factor_d_rho_2, d_plus_3_d_rho_3, d_plus_factor_d_rho_3, d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1, d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2, d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3, d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
     d_axes_2_1_d_rho_1 = xp.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, xp.nan)
-    del d_minus_1_d_rho_1
     d_axes_2_1_d_rho_2 = xp.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, xp.nan)
-    del d_minus_1_d_rho_2
     d_axes_2_1_d_rho_3 = xp.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, xp.nan)
-    del d_minus_1_d_rho_3
     d_axes_2_1_d_rho_prime_1 = xp.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, xp.nan)
-    del d_minus_1_d_rho_prime_1
     d_axes_2_1_d_rho_prime_2 = xp.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, xp.nan)
-    del d_minus_1_d_rho_prime_2
     d_axes_2_1_d_rho_prime_3 = xp.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, xp.nan)
-    del d_minus_1_d_rho_prime_3
     d_axes_2_1_d_angle = xp.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, xp.nan)
-    del d_minus_1_d_angle, minus_1
     d_axes_2_2_d_rho_1 = xp.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, xp.nan)
-    del d_minus_2_d_rho_1
     d_axes_2_2_d_rho_2 = xp.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, xp.nan)
-    del d_minus_2_d_rho_2
     d_axes_2_2_d_rho_3 = xp.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, xp.nan)
-    del d_minus_2_d_rho_3
     d_axes_2_2_d_rho_prime_1 = xp.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, xp.nan)
-    del d_minus_2_d_rho_prime_1
     d_axes_2_2_d_rho_prime_2 = xp.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, xp.nan)
-    del d_minus_2_d_rho_prime_2
     d_axes_2_2_d_rho_prime_3 = xp.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, xp.nan)
-    del d_minus_2_d_rho_prime_3
     d_axes_2_2_d_angle = xp.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, xp.nan)
-    del d_minus_2_d_angle, minus_2
+    del d_minus_1_d_rho_1, d_minus_1_d_rho_2, d_minus_1_d_rho_3, d_minus_1_d_rho_prime_1, d_minus_1_d_rho_prime_2, d_minus_1_d_rho_prime_3, d_minus_1_d_angle, minus_1, d_minus_2_d_rho_1, d_minus_2_d_rho_2, d_minus_2_d_rho_3, d_minus_2_d_rho_prime_1, d_minus_2_d_rho_prime_2, d_minus_2_d_rho_prime_3, d_minus_2_d_angle, minus_2
     d_axes_2_3_d_rho_1 = xp.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, xp.nan)
-    del d_minus_3_d_rho_1, d_minus_factor_d_rho_1
     d_axes_2_3_d_rho_2 = xp.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, xp.nan)
-    del d_minus_3_d_rho_2, d_minus_factor_d_rho_2
     d_axes_2_3_d_rho_3 = xp.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, xp.nan)
-    del d_minus_3_d_rho_3, d_minus_factor_d_rho_3
     d_axes_2_3_d_rho_prime_1 = xp.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, xp.nan)
-    del d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1
     d_axes_2_3_d_rho_prime_2 = xp.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, xp.nan)
-    del d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2
     d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
-    del d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3
     d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
-    del d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
+    del d_minus_3_d_rho_1, d_minus_factor_d_rho_1, d_minus_3_d_rho_2, d_minus_factor_d_rho_2, d_minus_3_d_rho_3, d_minus_factor_d_rho_3, d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1, d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2, d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3, d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
-    del size_after, size_before
     x8 = length_squared*x3
-    del x3
     coincident = 16.0*x8
     x10 = eps*x5
-    del x5
     no_turn = (sine_size <= x10) | (sine_size <= x9)
-    del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
-    del r_squared
     opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
-    del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
-    del band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
-    del r_1
     scaled_r_2 = r_2*turn_scale
-    del r_2
+    del size_after, size_before, x3, x5, sine_size, x9, r_squared, coincident, cosine, m_squared, x10, band, no_turn, root_squared, r_1, r_2
     scaled_r_3 = r_3*turn_scale
-    del r_3, turn_scale
     parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
-    del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    del x6
     select_10 = xp.where(length_squared > 0.0, x16, 1.0)
-    del length_squared, x16
     ratio = xp.sqrt(length_prime_squared*select_10)
-    del length_prime_squared, select_10
     lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
-    del comparable, excess, least_tolerance, ratio, scale, scale_before
+    del r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x4, x8, x6, length_squared, x16, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
     select_11 = xp.where(parallel, 3.0, 0.0)
-    del parallel
     select_12 = xp.where(~(two), 1.0, select_11)
-    del select_11
     select_13 = xp.where(too_small, 2.0, select_12)
-    del select_12, too_small
     select_14 = xp.where(opposite, 4.0, select_13)
-    del opposite, select_13
     select_15 = xp.where(every, 5.0, select_14)
-    del every, select_14
     select_16 = xp.where(~(lengths_agree), 6.0, select_15)
-    del lengths_agree, select_15
     select_17 = xp.where(one_zero, 2.0, select_16)
-    del one_zero, select_16
     select_18 = xp.where(both_zero, 5.0, select_17)
-    del both_zero, select_17
     status = xp.where(~(valid), 7.0, select_18)
-    del select_18, valid
+    del parallel, select_11, select_12, too_small, opposite, select_13, every, select_14, lengths_agree, select_15, one_zero, select_16, both_zero, select_17, select_18, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
-    del d_axes_1_1_d_rho_1
     axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
-    del d_axes_1_1_d_rho_2
     axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3
-    del d_axes_1_1_d_rho_3
     axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1
-    del d_axes_1_1_d_rho_prime_1
     axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2
-    del d_axes_1_1_d_rho_prime_2
     axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3
-    del d_axes_1_1_d_rho_prime_3
     axes_jacobian_1_1_7 = d_axes_1_1_d_angle
-    del d_axes_1_1_d_angle
     axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1
-    del d_axes_1_2_d_rho_1
     axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2
-    del d_axes_1_2_d_rho_2
     axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3
-    del d_axes_1_2_d_rho_3
     axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1
-    del d_axes_1_2_d_rho_prime_1
     axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2
-    del d_axes_1_2_d_rho_prime_2
     axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3
-    del d_axes_1_2_d_rho_prime_3
     axes_jacobian_1_2_7 = d_axes_1_2_d_angle
-    del d_axes_1_2_d_angle
     axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1
-    del d_axes_1_3_d_rho_1
     axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2
-    del d_axes_1_3_d_rho_2
+    del d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3, d_axes_1_1_d_angle, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, d_axes_1_2_d_angle, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2
     axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3
-    del d_axes_1_3_d_rho_3
     axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1
-    del d_axes_1_3_d_rho_prime_1
     axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2
-    del d_axes_1_3_d_rho_prime_2
     axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3
-    del d_axes_1_3_d_rho_prime_3
     axes_jacobian_1_3_7 = d_axes_1_3_d_angle
-    del d_axes_1_3_d_angle
     axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1
-    del d_axes_2_1_d_rho_1
     axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2
-    del d_axes_2_1_d_rho_2
     axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3
-    del d_axes_2_1_d_rho_3
     axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1
-    del d_axes_2_1_d_rho_prime_1
     axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2
-    del d_axes_2_1_d_rho_prime_2
     axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3
-    del d_axes_2_1_d_rho_prime_3
     axes_jacobian_2_1_7 = d_axes_2_1_d_angle
-    del d_axes_2_1_d_angle
     axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1
-    del d_axes_2_2_d_rho_1
     axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2
-    del d_axes_2_2_d_rho_2
     axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3
-    del d_axes_2_2_d_rho_3
     axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1
-    del d_axes_2_2_d_rho_prime_1
+    del d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, d_axes_1_3_d_angle, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3, d_axes_2_1_d_angle, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1
     axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2
-    del d_axes_2_2_d_rho_prime_2
     axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3
-    del d_axes_2_2_d_rho_prime_3
     axes_jacobian_2_2_7 = d_axes_2_2_d_angle
-    del d_axes_2_2_d_angle
     axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1
-    del d_axes_2_3_d_rho_1
     axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2
-    del d_axes_2_3_d_rho_2
     axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3
-    del d_axes_2_3_d_rho_3
     axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1
-    del d_axes_2_3_d_rho_prime_1
     axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2
-    del d_axes_2_3_d_rho_prime_2
     axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3
-    del d_axes_2_3_d_rho_prime_3
     axes_jacobian_2_3_7 = d_axes_2_3_d_angle
-    del d_axes_2_3_d_angle
     half_rho_a_1_1 = axes_jacobian_1_1_1*cov_rho_1_1 + axes_jacobian_1_1_2*cov_rho_2_1 + axes_jacobian_1_1_3*cov_rho_3_1
     half_rho_a_1_2 = axes_jacobian_1_1_1*cov_rho_1_2 + axes_jacobian_1_1_2*cov_rho_2_2 + axes_jacobian_1_1_3*cov_rho_3_2
     half_rho_a_1_3 = axes_jacobian_1_1_1*cov_rho_1_3 + axes_jacobian_1_1_2*cov_rho_2_3 + axes_jacobian_1_1_3*cov_rho_3_3
@@ -2562,50 +1809,35 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
     covariance_1_1_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, xp.nan)
     x66 = axes_jacobian_1_1_7*var_angle
-    del axes_jacobian_1_1_7
     x67 = axes_jacobian_1_2_7*x66
     covariance_1_1_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, xp.nan)
     x68 = axes_jacobian_1_3_7*x66
-    del x66
     covariance_1_1_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, xp.nan)
-    del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
+    del d_axes_2_2_d_rho_prime_2, d_axes_2_2_d_rho_prime_3, d_axes_2_2_d_angle, d_axes_2_3_d_rho_1, d_axes_2_3_d_rho_2, d_axes_2_3_d_rho_3, d_axes_2_3_d_rho_prime_1, d_axes_2_3_d_rho_prime_2, d_axes_2_3_d_rho_prime_3, d_axes_2_3_d_angle, axes_jacobian_1_1_7, x66, half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
     covariance_1_2_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, xp.nan)
-    del x67
     covariance_1_2_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, xp.nan)
     x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
-    del axes_jacobian_1_2_7
     covariance_1_2_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, xp.nan)
-    del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
     covariance_1_3_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, xp.nan)
-    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68
     covariance_1_3_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, xp.nan)
-    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
+    del x67, axes_jacobian_1_2_7, half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3, axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
     covariance_1_3_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, xp.nan)
-    del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
     covariance_2_1_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, xp.nan)
     x70 = axes_jacobian_2_1_7*var_angle
-    del axes_jacobian_2_1_7
     x71 = axes_jacobian_2_2_7*x70
     covariance_2_1_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, xp.nan)
     x72 = axes_jacobian_2_3_7*x70
-    del x70
     covariance_2_1_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, xp.nan)
-    del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
+    del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3, axes_jacobian_2_1_7, x70, half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
     covariance_2_2_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, xp.nan)
-    del x71
     covariance_2_2_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, xp.nan)
     x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
-    del axes_jacobian_2_2_7
     covariance_2_2_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, xp.nan)
-    del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
     covariance_2_3_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, xp.nan)
-    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72
     covariance_2_3_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, xp.nan)
-    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
+    del x71, axes_jacobian_2_2_7, half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
     covariance_2_3_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, xp.nan)
-    del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3, two
     axis_status = status
-    del status
     return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status)
 
 
@@ -2656,7 +1888,6 @@ def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
-    del half_angle
     arm_1 = rho_1 - point_1
     arm_2 = rho_2 - point_2
     arm_3 = rho_3 - point_3
@@ -2672,33 +1903,23 @@ def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_inner_1_d_point_3 = -x5
     inner_2 = arm_2*cosine + sine*(arm_1*axis_3 - arm_3*axis_1)
     d_inner_2_d_axis_1 = -x1
-    del x1
     x6 = arm_1*sine
     d_inner_2_d_axis_3 = x6
     d_inner_2_d_point_1 = -x4
-    del x4
     d_inner_2_d_point_2 = -cosine
     x7 = axis_1*sine
     d_inner_2_d_point_3 = x7
     inner_3 = arm_3*cosine + sine*(arm_2*axis_1 - arm_1*axis_2)
-    del arm_1, arm_2, arm_3
     d_inner_3_d_axis_1 = x2
-    del x2
     d_inner_3_d_axis_2 = -x6
-    del x6
     d_inner_3_d_point_1 = x5
-    del x5
     d_inner_3_d_point_2 = -x7
-    del x7
     d_inner_3_d_point_3 = -cosine
-    del cosine
     moved_1 = rho_prime_1 - rho_1
     moved_2 = rho_prime_2 - rho_2
     moved_3 = rho_prime_3 - rho_3
     x0 = 2.0*sine
-    del sine
     residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2)
-    del moved_1
     x8 = axis_2*x0
     d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8
     x9 = inner_3*x0
@@ -2710,70 +1931,42 @@ def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8
     d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8
     residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3)
-    del inner_3, moved_2
     x12 = axis_1*x0
     d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9
-    del d_inner_3_d_axis_1, x9
+    del half_angle, x1, x4, arm_1, arm_2, arm_3, x2, x6, x5, x7, cosine, sine, moved_1, inner_3, moved_2, d_inner_3_d_axis_1, x9
     d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11
-    del d_inner_3_d_axis_2
     x13 = inner_1*x0
     d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x11 - x13
     d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11
-    del d_inner_3_d_point_1
     d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11
-    del d_inner_3_d_point_2
     d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11
-    del d_inner_3_d_point_3, x11
     residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1)
-    del inner_1, inner_2, moved_3
     d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10
-    del d_inner_2_d_axis_1, x10
     d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13
-    del d_inner_1_d_axis_2, x13, x8
     d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12
-    del d_inner_1_d_axis_3, d_inner_2_d_axis_3
     d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12
-    del d_inner_1_d_point_1, d_inner_2_d_point_1
+    del d_inner_3_d_axis_2, d_inner_3_d_point_1, d_inner_3_d_point_2, d_inner_3_d_point_3, x11, inner_1, inner_2, moved_3, d_inner_2_d_axis_1, x10, d_inner_1_d_axis_2, x13, x8, d_inner_1_d_axis_3, d_inner_2_d_axis_3, d_inner_1_d_point_1, d_inner_2_d_point_1
     d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12
-    del d_inner_1_d_point_2, d_inner_2_d_point_2
     d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12
-    del d_inner_1_d_point_3, d_inner_2_d_point_3, x0, x12
     residual_jacobian_1_1 = d_residual_1_d_axis_1
-    del d_residual_1_d_axis_1
     residual_jacobian_1_2 = d_residual_1_d_axis_2
-    del d_residual_1_d_axis_2
     residual_jacobian_1_3 = d_residual_1_d_axis_3
-    del d_residual_1_d_axis_3
     residual_jacobian_1_4 = d_residual_1_d_point_1
-    del d_residual_1_d_point_1
     residual_jacobian_1_5 = d_residual_1_d_point_2
-    del d_residual_1_d_point_2
     residual_jacobian_1_6 = d_residual_1_d_point_3
-    del d_residual_1_d_point_3
     residual_jacobian_2_1 = d_residual_2_d_axis_1
-    del d_residual_2_d_axis_1
     residual_jacobian_2_2 = d_residual_2_d_axis_2
-    del d_residual_2_d_axis_2
     residual_jacobian_2_3 = d_residual_2_d_axis_3
-    del d_residual_2_d_axis_3
     residual_jacobian_2_4 = d_residual_2_d_point_1
-    del d_residual_2_d_point_1
+    del d_inner_1_d_point_2, d_inner_2_d_point_2, d_inner_1_d_point_3, d_inner_2_d_point_3, x0, x12, d_residual_1_d_axis_1, d_residual_1_d_axis_2, d_residual_1_d_axis_3, d_residual_1_d_point_1, d_residual_1_d_point_2, d_residual_1_d_point_3, d_residual_2_d_axis_1, d_residual_2_d_axis_2, d_residual_2_d_axis_3, d_residual_2_d_point_1
     residual_jacobian_2_5 = d_residual_2_d_point_2
-    del d_residual_2_d_point_2
     residual_jacobian_2_6 = d_residual_2_d_point_3
-    del d_residual_2_d_point_3
     residual_jacobian_3_1 = d_residual_3_d_axis_1
-    del d_residual_3_d_axis_1
     residual_jacobian_3_2 = d_residual_3_d_axis_2
-    del d_residual_3_d_axis_2
     residual_jacobian_3_3 = d_residual_3_d_axis_3
-    del d_residual_3_d_axis_3
     residual_jacobian_3_4 = d_residual_3_d_point_1
-    del d_residual_3_d_point_1
     residual_jacobian_3_5 = d_residual_3_d_point_2
-    del d_residual_3_d_point_2
     residual_jacobian_3_6 = d_residual_3_d_point_3
-    del d_residual_3_d_point_3
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6)
 
 

@@ -62,7 +62,6 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     size_a = 0.125*xp.abs(first_1_1) + 0.125*xp.abs(first_1_2) + 0.125*xp.abs(first_1_3) + 0.125*xp.abs(first_2_1) + 0.125*xp.abs(first_2_2) + 0.125*xp.abs(first_2_3) + 0.125*xp.abs(first_3_1) + 0.125*xp.abs(first_3_2) + 0.125*xp.abs(first_3_3)
     good_a = size_a <= largest
     x0 = 0.25*_power_of_two_scale(size_a)
-    del size_a
     scaled_a_1_1 = first_1_1*x0
     scaled_a_1_2 = first_1_2*x0
     scaled_a_1_3 = first_1_3*x0
@@ -72,12 +71,9 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     scaled_a_3_1 = first_3_1*x0
     scaled_a_3_2 = first_3_2*x0
     scaled_a_3_3 = first_3_3*x0
-    del x0
     size_b = 0.125*xp.abs(second_1_1) + 0.125*xp.abs(second_1_2) + 0.125*xp.abs(second_1_3) + 0.125*xp.abs(second_2_1) + 0.125*xp.abs(second_2_2) + 0.125*xp.abs(second_2_3) + 0.125*xp.abs(second_3_1) + 0.125*xp.abs(second_3_2) + 0.125*xp.abs(second_3_3)
     good_b = (good_a) & (size_b <= largest)
-    del good_a
     x1 = 0.25*_power_of_two_scale(size_b)
-    del size_b
     scaled_b_1_1 = second_1_1*x1
     scaled_b_1_2 = second_1_2*x1
     scaled_b_1_3 = second_1_3*x1
@@ -87,7 +83,6 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     scaled_b_3_1 = second_3_1*x1
     scaled_b_3_2 = second_3_2*x1
     scaled_b_3_3 = second_3_3*x1
-    del x1
     square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3)
     share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*xp.where(square > 0.0, 1.0/square, 1.0)
     rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share
@@ -100,51 +95,31 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     rest_3_2 = scaled_b_3_2 - scaled_a_3_2*share
     rest_3_3 = scaled_b_3_3 - scaled_a_3_3*share
     before = (xp.abs(scaled_a_1_1) + xp.abs(scaled_a_1_2) + xp.abs(scaled_a_1_3) + xp.abs(scaled_a_2_1) + xp.abs(scaled_a_2_2) + xp.abs(scaled_a_2_3) + xp.abs(scaled_a_3_1) + xp.abs(scaled_a_3_2) + xp.abs(scaled_a_3_3))*xp.abs(share) + xp.abs(scaled_b_1_1) + xp.abs(scaled_b_1_2) + xp.abs(scaled_b_1_3) + xp.abs(scaled_b_2_1) + xp.abs(scaled_b_2_2) + xp.abs(scaled_b_2_3) + xp.abs(scaled_b_3_1) + xp.abs(scaled_b_3_2) + xp.abs(scaled_b_3_3)
-    del scaled_b_1_1, scaled_b_1_2, scaled_b_1_3, scaled_b_2_1, scaled_b_2_2, scaled_b_2_3, scaled_b_3_1, scaled_b_3_2, scaled_b_3_3, share
     left = xp.abs(rest_1_1) + xp.abs(rest_1_2) + xp.abs(rest_1_3) + xp.abs(rest_2_1) + xp.abs(rest_2_2) + xp.abs(rest_2_3) + xp.abs(rest_3_1) + xp.abs(rest_3_2) + xp.abs(rest_3_3)
     rest_scale = _power_of_two_scale(left)
     there = (good_b) & (left > 0.0) & (square > 0.0)
-    del square
+    del size_a, x0, good_a, size_b, x1, scaled_b_1_1, scaled_b_1_2, scaled_b_1_3, scaled_b_2_1, scaled_b_2_2, scaled_b_2_3, scaled_b_3_1, scaled_b_3_2, scaled_b_3_3, share, square
     one_1_1 = xp.where(good_b, scaled_a_1_1, xp.nan)
-    del scaled_a_1_1
     one_1_2 = xp.where(good_b, scaled_a_1_2, xp.nan)
-    del scaled_a_1_2
     one_1_3 = xp.where(good_b, scaled_a_1_3, xp.nan)
-    del scaled_a_1_3
     one_2_1 = xp.where(good_b, scaled_a_2_1, xp.nan)
-    del scaled_a_2_1
     one_2_2 = xp.where(good_b, scaled_a_2_2, xp.nan)
-    del scaled_a_2_2
     one_2_3 = xp.where(good_b, scaled_a_2_3, xp.nan)
-    del scaled_a_2_3
     one_3_1 = xp.where(good_b, scaled_a_3_1, xp.nan)
-    del scaled_a_3_1
     one_3_2 = xp.where(good_b, scaled_a_3_2, xp.nan)
-    del scaled_a_3_2
     one_3_3 = xp.where(good_b, scaled_a_3_3, xp.nan)
-    del scaled_a_3_3
     x2 = 0.5*rest_scale
-    del rest_scale
     two_1_1 = xp.where(good_b, rest_1_1*x2, xp.nan)
-    del rest_1_1
     two_1_2 = xp.where(good_b, rest_1_2*x2, xp.nan)
-    del rest_1_2
     two_1_3 = xp.where(good_b, rest_1_3*x2, xp.nan)
-    del rest_1_3
     two_2_1 = xp.where(good_b, rest_2_1*x2, xp.nan)
-    del rest_2_1
     two_2_2 = xp.where(good_b, rest_2_2*x2, xp.nan)
-    del rest_2_2
     two_2_3 = xp.where(good_b, rest_2_3*x2, xp.nan)
-    del rest_2_3
+    del scaled_a_1_1, scaled_a_1_2, scaled_a_1_3, scaled_a_2_1, scaled_a_2_2, scaled_a_2_3, scaled_a_3_1, scaled_a_3_2, scaled_a_3_3, rest_scale, rest_1_1, rest_1_2, rest_1_3, rest_2_1, rest_2_2, rest_2_3
     two_3_1 = xp.where(good_b, rest_3_1*x2, xp.nan)
-    del rest_3_1
     two_3_2 = xp.where(good_b, rest_3_2*x2, xp.nan)
-    del rest_3_2
     two_3_3 = xp.where(good_b, rest_3_3*x2, xp.nan)
-    del good_b, rest_3_3, x2
     loss = xp.where(there, before*xp.where(there, 1.0/left, 1.0), largest)
-    del before, left, there
     return (one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, loss)
 
 
@@ -215,17 +190,12 @@ def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_
     k2_2 = one_1_3*two_3_1 + one_3_3*two_1_1 - one_1_1*two_3_3 - one_3_1*two_1_3
     k2_3 = one_1_1*two_3_2 + one_3_1*two_1_2 - one_1_2*two_3_1 - one_3_2*two_1_1
     k3_1 = x3 + x6 - x1
-    del x1, x3, x6
     k3_2 = x7 - x8 - x9
-    del x7, x8, x9
     k3_3 = x13 + x16 - x11
-    del x11, x13, x16
     k4_1 = one_2_2*x0 + one_3_2*x4 - two_2_2*x2 - two_3_2*x5
-    del x2, x5
     k4_2 = 0.5*one_2_3*two_3_1 + 0.5*one_3_3*two_2_1 - one_2_1*x0 - one_3_1*x4
-    del x0, x4
     k4_3 = two_2_2*x10 + two_3_2*x14 - two_2_1*x12 - two_3_1*x15
-    del x10, x12, x14, x15
+    del x1, x3, x6, x7, x8, x9, x11, x13, x16, x2, x5, x0, x4, x10, x12, x14, x15
     x17 = k0_3 + k3_3
     x20 = k3_1 + k3_2
     x21 = k0_1 + k0_2
@@ -247,184 +217,122 @@ def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_
     x44 = x40 - k4_2
     x45 = x25 + x37
     value1 = xp.abs(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42))
-    del x36
     better1 = value1 > value0
     best1 = xp.where(better1, value1, value0)
-    del value0, value1
     cosine1 = xp.where(better1, x27, 1.0)
     sine1 = xp.where(better1, x27, 0.0)
-    del better1
     x47 = k3_2 + x25 - k3_1
     x48 = k2_1 + k2_2
     value2 = xp.abs(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48))
-    del x20
     better2 = value2 > best1
     best2 = xp.where(better2, value2, best1)
-    del best1, value2
     cosine2 = xp.where(better2, 0.0, cosine1)
-    del cosine1
     sine2 = xp.where(better2, 1.0, sine1)
-    del better2, sine1
     x51 = x32 - k4_1 - x34
     value3 = xp.abs(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51))
-    del x31, x39, x42, x44, x45, x51
+    del x36, value0, value1, better1, x20, best1, value2, cosine1, better2, sine1, x31, x39, x42, x44, x45, x51
     better3 = value3 > best2
     best3 = xp.where(better3, value3, best2)
-    del best2, value3
     cosine3 = xp.where(better3, -x27, cosine2)
-    del cosine2
     sine3 = xp.where(better3, x27, sine2)
-    del better3, sine2
     value4 = xp.abs(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22))
-    del x17, x22, x26
     better4 = value4 > best3
     best4 = xp.where(better4, value4, best3)
-    del best3, value4
     cosine4 = xp.where(better4, -1.0, cosine3)
-    del cosine3
     sine4 = xp.where(better4, 0.0, sine3)
-    del better4, sine3
     x53 = k0_3 + x30
-    del x30
     x54 = k4_1 + x32 + x34
     x55 = x21 + x37
     x56 = k4_2 + x40
     x57 = -k4_2 - x40
-    del x40
     x58 = x25 - x37
-    del x25, x37
+    del best2, value3, cosine2, better3, sine2, x17, x22, x26, best3, value4, cosine3, better4, sine3, x30, x40, x25, x37
     value5 = xp.abs(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56))
-    del x54
     better5 = value5 > best4
     best5 = xp.where(better5, value5, best4)
-    del best4, value5
     cosine5 = xp.where(better5, -x27, cosine4)
-    del cosine4
     sine5 = xp.where(better5, -x27, sine4)
-    del better5, sine4
     value6 = xp.abs(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2))
-    del x21, x47, x48
     better6 = value6 > best5
     best6 = xp.where(better6, value6, best5)
-    del best5, value6
     cosine6 = xp.where(better6, 0.0, cosine5)
-    del cosine5
     sine6 = xp.where(better6, -1.0, sine5)
-    del better6, sine5
     x59 = x34 - k4_1 - x32
-    del x32, x34
+    del x54, best4, value5, cosine4, better5, sine4, x21, x47, x48, best5, value6, cosine5, better6, sine5, x32, x34
     value7 = xp.abs(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59))
-    del x28, x53, x55, x56, x57, x58, x59
     better7 = value7 > best6
-    del best6, value7
     cosine7 = xp.where(better7, x27, cosine6)
-    del cosine6
     sine7 = xp.where(better7, -x27, sine6)
-    del better7, sine6, x27
     t0_1 = k0_1
-    del k0_1
     t0_2 = k0_2
-    del k0_2
     t0_3 = k0_3
-    del k0_3
+    del x28, x53, x55, x56, x57, x58, x59, best6, value7, cosine6, better7, sine6, x27, k0_1, k0_2, k0_3
     t1_1 = cosine7*k1_1 + k2_1*sine7
     t1_2 = cosine7*k1_2 + k2_2*sine7
     t1_3 = cosine7*k1_3 + k2_3*sine7
     t2_1 = cosine7*k2_1 - k1_1*sine7
-    del k1_1, k2_1
     t2_2 = cosine7*k2_2 - k1_2*sine7
-    del k1_2, k2_2
     t2_3 = cosine7*k2_3 - k1_3*sine7
-    del k1_3, k2_3
     x60 = 2.0*cosine7*sine7
     x61 = (cosine7*cosine7) - (sine7*sine7)
     t3_1 = k3_1*x61 + k4_1*x60
     t3_2 = k3_2*x61 + k4_2*x60
     t3_3 = k3_3*x61 + k4_3*x60
     t4_1 = k4_1*x61 - k3_1*x60
-    del k3_1, k4_1
     t4_2 = k4_2*x61 - k3_2*x60
-    del k3_2, k4_2
     t4_3 = k4_3*x61 - k3_3*x60
-    del k3_3, k4_3, x60, x61
     x62 = t0_1 + t3_1
     q0_1 = t1_1 + x62
     x63 = 2.0*t2_1
-    del t2_1
     x64 = 4.0*t4_1
-    del t4_1
+    del k1_1, k2_1, k1_2, k2_2, k1_3, k2_3, k3_1, k4_1, k3_2, k4_2, k3_3, k4_3, x60, x61, t2_1, t4_1
     q0_2 = x63 + x64
     q0_3 = 2.0*t0_1 - 6.0*t3_1
-    del t0_1, t3_1
     q0_4 = x63 - x64
-    del x63, x64
     q0_5 = x62 - t1_1
-    del t1_1, x62
     x65 = t0_2 + t3_2
     q1_1 = t1_2 + x65
     x66 = 2.0*t2_2
-    del t2_2
     x67 = 4.0*t4_2
-    del t4_2
     q1_2 = x66 + x67
     q1_3 = 2.0*t0_2 - 6.0*t3_2
-    del t0_2, t3_2
     q1_4 = x66 - x67
-    del x66, x67
     q1_5 = x65 - t1_2
-    del t1_2, x65
     x68 = t0_3 + t3_3
     q2_1 = t1_3 + x68
     x69 = 2.0*t2_3
-    del t2_3
     x70 = 4.0*t4_3
-    del t4_3
+    del t0_1, t3_1, x63, x64, t1_1, x62, t2_2, t4_2, t0_2, t3_2, x66, x67, t1_2, x65, t2_3, t4_3
     q2_2 = x69 + x70
     q2_3 = 2.0*t0_3 - 6.0*t3_3
-    del t0_3, t3_3
     q2_4 = x69 - x70
-    del x69, x70
     q2_5 = x68 - t1_3
-    del t1_3, x68
     minus_1 = q1_1 - q0_1
     minus_2 = q1_2 - q0_2
     minus_3 = q1_3 - q0_3
     minus_4 = q1_4 - q0_4
     minus_5 = q1_5 - q0_5
     plus_1 = q0_1 + q1_1
-    del q0_1, q1_1
     plus_2 = q0_2 + q1_2
-    del q0_2, q1_2
     plus_3 = q0_3 + q1_3
-    del q0_3, q1_3
     plus_4 = q0_4 + q1_4
-    del q0_4, q1_4
     plus_5 = q0_5 + q1_5
-    del q0_5, q1_5
+    del t0_3, t3_3, x69, x70, t1_3, x68, q0_1, q1_1, q0_2, q1_2, q0_3, q1_3, q0_4, q1_4, q0_5, q1_5
     octic_1 = minus_1*plus_1 + (q2_1*q2_1)
     x71 = 2.0*q2_1
-    del q2_1
     octic_2 = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71
     octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71
     x72 = 2.0*q2_2
-    del q2_2
     octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71
     octic_5 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71
-    del minus_1, plus_1, x71
     x73 = 2.0*q2_3
-    del q2_3
     octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72
-    del minus_2, plus_2, x72
     octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73
-    del minus_3, plus_3, x73
     octic_8 = minus_4*plus_5 + minus_5*plus_4 + 2.0*q2_4*q2_5
-    del minus_4, plus_4, q2_4
     octic_9 = minus_5*plus_5 + (q2_5*q2_5)
-    del minus_5, plus_5, q2_5
+    del q2_1, q2_2, minus_1, plus_1, x71, q2_3, minus_2, plus_2, x72, minus_3, plus_3, x73, minus_4, plus_4, q2_4, minus_5, plus_5, q2_5
     turn_1 = cosine7
-    del cosine7
     turn_2 = sine7
-    del sine7
     size = ((xp.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + xp.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + xp.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(xp.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + xp.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + xp.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((xp.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + xp.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + xp.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(xp.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + xp.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + xp.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))))
     return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, turn_1, turn_2, size)
 
@@ -481,21 +389,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b0_2 = b0_3*s0 + octic_3 - b0_4*t0
     b0_1 = b0_2*s0 + octic_2 - b0_3*t0
     c0_5 = b0_7 + x2
-    del b0_7, x2
     c0_4 = b0_6 + c0_5*s0 + x3
-    del b0_6, x3
     c0_3 = b0_5 + c0_4*s0 - c0_5*t0
-    del b0_5, c0_5
     c0_2 = b0_4 + c0_3*s0 - c0_4*t0
-    del b0_4, c0_4
     c0_1 = b0_3 + c0_2*s0 - c0_3*t0
-    del b0_3, c0_3, s0
     re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0
     im0 = b0_1*roots_1_2
     slope_re0 = b0_1 - 2.0*c0_1*x0
-    del b0_1, x0
     slope_im0 = 2.0*roots_1_2*(b0_2 + c0_1*roots_1_1 - c0_2*t0)
-    del b0_2, c0_1, c0_2, t0
+    del b0_7, x2, b0_6, x3, b0_5, c0_5, b0_4, c0_4, b0_3, c0_3, s0, b0_1, x0, b0_2, c0_1, c0_2, t0
     s1 = 2.0*roots_2_1
     x4 = (roots_2_2*roots_2_2)
     x5 = (roots_2_1*roots_2_1) + x4
@@ -510,21 +412,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b1_2 = b1_3*s1 + octic_3 - b1_4*t1
     b1_1 = b1_2*s1 + octic_2 - b1_3*t1
     c1_5 = b1_7 + x6
-    del b1_7, x6
     c1_4 = b1_6 + c1_5*s1 + x7
-    del b1_6, x7
     c1_3 = b1_5 + c1_4*s1 - c1_5*t1
-    del b1_5, c1_5
     c1_2 = b1_4 + c1_3*s1 - c1_4*t1
-    del b1_4, c1_4
     c1_1 = b1_3 + c1_2*s1 - c1_3*t1
-    del b1_3, c1_3, s1
     re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1
     im1 = b1_1*roots_2_2
     slope_re1 = b1_1 - 2.0*c1_1*x4
-    del b1_1, x4
     slope_im1 = 2.0*roots_2_2*(b1_2 + c1_1*roots_2_1 - c1_2*t1)
-    del b1_2, c1_1, c1_2, t1
+    del b1_7, x6, b1_6, x7, b1_5, c1_5, b1_4, c1_4, b1_3, c1_3, s1, b1_1, x4, b1_2, c1_1, c1_2, t1
     s2 = 2.0*roots_3_1
     x8 = (roots_3_2*roots_3_2)
     x9 = (roots_3_1*roots_3_1) + x8
@@ -539,21 +435,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b2_2 = b2_3*s2 + octic_3 - b2_4*t2
     b2_1 = b2_2*s2 + octic_2 - b2_3*t2
     c2_5 = b2_7 + x10
-    del b2_7, x10
     c2_4 = b2_6 + c2_5*s2 + x11
-    del b2_6, x11
     c2_3 = b2_5 + c2_4*s2 - c2_5*t2
-    del b2_5, c2_5
     c2_2 = b2_4 + c2_3*s2 - c2_4*t2
-    del b2_4, c2_4
     c2_1 = b2_3 + c2_2*s2 - c2_3*t2
-    del b2_3, c2_3, s2
     re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2
     im2 = b2_1*roots_3_2
     slope_re2 = b2_1 - 2.0*c2_1*x8
-    del b2_1, x8
     slope_im2 = 2.0*roots_3_2*(b2_2 + c2_1*roots_3_1 - c2_2*t2)
-    del b2_2, c2_1, c2_2, t2
+    del b2_7, x10, b2_6, x11, b2_5, c2_5, b2_4, c2_4, b2_3, c2_3, s2, b2_1, x8, b2_2, c2_1, c2_2, t2
     s3 = 2.0*roots_4_1
     x12 = (roots_4_2*roots_4_2)
     x13 = (roots_4_1*roots_4_1) + x12
@@ -568,21 +458,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b3_2 = b3_3*s3 + octic_3 - b3_4*t3
     b3_1 = b3_2*s3 + octic_2 - b3_3*t3
     c3_5 = b3_7 + x14
-    del b3_7, x14
     c3_4 = b3_6 + c3_5*s3 + x15
-    del b3_6, x15
     c3_3 = b3_5 + c3_4*s3 - c3_5*t3
-    del b3_5, c3_5
     c3_2 = b3_4 + c3_3*s3 - c3_4*t3
-    del b3_4, c3_4
     c3_1 = b3_3 + c3_2*s3 - c3_3*t3
-    del b3_3, c3_3, s3
     re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3
     im3 = b3_1*roots_4_2
     slope_re3 = b3_1 - 2.0*c3_1*x12
-    del b3_1, x12
     slope_im3 = 2.0*roots_4_2*(b3_2 + c3_1*roots_4_1 - c3_2*t3)
-    del b3_2, c3_1, c3_2, t3
+    del b3_7, x14, b3_6, x15, b3_5, c3_5, b3_4, c3_4, b3_3, c3_3, s3, b3_1, x12, b3_2, c3_1, c3_2, t3
     s4 = 2.0*roots_5_1
     x16 = (roots_5_2*roots_5_2)
     x17 = (roots_5_1*roots_5_1) + x16
@@ -597,21 +481,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b4_2 = b4_3*s4 + octic_3 - b4_4*t4
     b4_1 = b4_2*s4 + octic_2 - b4_3*t4
     c4_5 = b4_7 + x18
-    del b4_7, x18
     c4_4 = b4_6 + c4_5*s4 + x19
-    del b4_6, x19
     c4_3 = b4_5 + c4_4*s4 - c4_5*t4
-    del b4_5, c4_5
     c4_2 = b4_4 + c4_3*s4 - c4_4*t4
-    del b4_4, c4_4
     c4_1 = b4_3 + c4_2*s4 - c4_3*t4
-    del b4_3, c4_3, s4
     re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4
     im4 = b4_1*roots_5_2
     slope_re4 = b4_1 - 2.0*c4_1*x16
-    del b4_1, x16
     slope_im4 = 2.0*roots_5_2*(b4_2 + c4_1*roots_5_1 - c4_2*t4)
-    del b4_2, c4_1, c4_2, t4
+    del b4_7, x18, b4_6, x19, b4_5, c4_5, b4_4, c4_4, b4_3, c4_3, s4, b4_1, x16, b4_2, c4_1, c4_2, t4
     s5 = 2.0*roots_6_1
     x20 = (roots_6_2*roots_6_2)
     x21 = (roots_6_1*roots_6_1) + x20
@@ -626,21 +504,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b5_2 = b5_3*s5 + octic_3 - b5_4*t5
     b5_1 = b5_2*s5 + octic_2 - b5_3*t5
     c5_5 = b5_7 + x22
-    del b5_7, x22
     c5_4 = b5_6 + c5_5*s5 + x23
-    del b5_6, x23
     c5_3 = b5_5 + c5_4*s5 - c5_5*t5
-    del b5_5, c5_5
     c5_2 = b5_4 + c5_3*s5 - c5_4*t5
-    del b5_4, c5_4
     c5_1 = b5_3 + c5_2*s5 - c5_3*t5
-    del b5_3, c5_3, s5
     re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5
     im5 = b5_1*roots_6_2
     slope_re5 = b5_1 - 2.0*c5_1*x20
-    del b5_1, x20
     slope_im5 = 2.0*roots_6_2*(b5_2 + c5_1*roots_6_1 - c5_2*t5)
-    del b5_2, c5_1, c5_2, t5
+    del b5_7, x22, b5_6, x23, b5_5, c5_5, b5_4, c5_4, b5_3, c5_3, s5, b5_1, x20, b5_2, c5_1, c5_2, t5
     s6 = 2.0*roots_7_1
     x24 = (roots_7_2*roots_7_2)
     x25 = (roots_7_1*roots_7_1) + x24
@@ -655,21 +527,15 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b6_2 = b6_3*s6 + octic_3 - b6_4*t6
     b6_1 = b6_2*s6 + octic_2 - b6_3*t6
     c6_5 = b6_7 + x26
-    del b6_7, x26
     c6_4 = b6_6 + c6_5*s6 + x27
-    del b6_6, x27
     c6_3 = b6_5 + c6_4*s6 - c6_5*t6
-    del b6_5, c6_5
     c6_2 = b6_4 + c6_3*s6 - c6_4*t6
-    del b6_4, c6_4
     c6_1 = b6_3 + c6_2*s6 - c6_3*t6
-    del b6_3, c6_3, s6
     re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6
     im6 = b6_1*roots_7_2
     slope_re6 = b6_1 - 2.0*c6_1*x24
-    del b6_1, x24
     slope_im6 = 2.0*roots_7_2*(b6_2 + c6_1*roots_7_1 - c6_2*t6)
-    del b6_2, c6_1, c6_2, t6
+    del b6_7, x26, b6_6, x27, b6_5, c6_5, b6_4, c6_4, b6_3, c6_3, s6, b6_1, x24, b6_2, c6_1, c6_2, t6
     s7 = 2.0*roots_8_1
     x28 = (roots_8_2*roots_8_2)
     x29 = (roots_8_1*roots_8_1) + x28
@@ -684,447 +550,295 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     b7_2 = b7_3*s7 + octic_3 - b7_4*t7
     b7_1 = b7_2*s7 + octic_2 - b7_3*t7
     c7_5 = b7_7 + x30
-    del b7_7, x30
     c7_4 = b7_6 + c7_5*s7 + x31
-    del b7_6, x31
     c7_3 = b7_5 + c7_4*s7 - c7_5*t7
-    del b7_5, c7_5
     c7_2 = b7_4 + c7_3*s7 - c7_4*t7
-    del b7_4, c7_4
     c7_1 = b7_3 + c7_2*s7 - c7_3*t7
-    del b7_3, c7_3, s7
     re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7
     im7 = b7_1*roots_8_2
     slope_re7 = b7_1 - 2.0*c7_1*x28
-    del b7_1, x28
     slope_im7 = 2.0*roots_8_2*(b7_2 + c7_1*roots_8_1 - c7_2*t7)
-    del b7_2, c7_1, c7_2, t7
+    del b7_7, x30, b7_6, x31, b7_5, c7_5, b7_4, c7_4, b7_3, c7_3, s7, b7_1, x28, b7_2, c7_1, c7_2, t7
     dx10 = roots_2_1 - roots_1_1
     dy10 = roots_2_2 - roots_1_2
     x32 = (dx10*dx10) + (dy10*dy10)
     by10 = xp.where(x32 > 0.0, 1.0/x32, 0.0)
-    del x32
     dx20 = roots_3_1 - roots_1_1
     dy20 = roots_3_2 - roots_1_2
     x35 = (dx20*dx20) + (dy20*dy20)
     by20 = xp.where(x35 > 0.0, 1.0/x35, 0.0)
-    del x35
     dx21 = roots_3_1 - roots_2_1
     dy21 = roots_3_2 - roots_2_2
     x36 = (dx21*dx21) + (dy21*dy21)
     by21 = xp.where(x36 > 0.0, 1.0/x36, 0.0)
-    del x36
     dx30 = roots_4_1 - roots_1_1
     dy30 = roots_4_2 - roots_1_2
     x39 = (dx30*dx30) + (dy30*dy30)
     by30 = xp.where(x39 > 0.0, 1.0/x39, 0.0)
-    del x39
     dx31 = roots_4_1 - roots_2_1
     dy31 = roots_4_2 - roots_2_2
     x40 = (dx31*dx31) + (dy31*dy31)
     by31 = xp.where(x40 > 0.0, 1.0/x40, 0.0)
-    del x40
     dx32 = roots_4_1 - roots_3_1
     dy32 = roots_4_2 - roots_3_2
     x41 = (dx32*dx32) + (dy32*dy32)
     by32 = xp.where(x41 > 0.0, 1.0/x41, 0.0)
-    del x41
     dx40 = roots_5_1 - roots_1_1
     dy40 = roots_5_2 - roots_1_2
     x44 = (dx40*dx40) + (dy40*dy40)
     by40 = xp.where(x44 > 0.0, 1.0/x44, 0.0)
-    del x44
     dx41 = roots_5_1 - roots_2_1
     dy41 = roots_5_2 - roots_2_2
     x45 = (dx41*dx41) + (dy41*dy41)
     by41 = xp.where(x45 > 0.0, 1.0/x45, 0.0)
-    del x45
     dx42 = roots_5_1 - roots_3_1
     dy42 = roots_5_2 - roots_3_2
     x46 = (dx42*dx42) + (dy42*dy42)
     by42 = xp.where(x46 > 0.0, 1.0/x46, 0.0)
-    del x46
     dx43 = roots_5_1 - roots_4_1
     dy43 = roots_5_2 - roots_4_2
     x47 = (dx43*dx43) + (dy43*dy43)
     by43 = xp.where(x47 > 0.0, 1.0/x47, 0.0)
-    del x47
     dx50 = roots_6_1 - roots_1_1
     dy50 = roots_6_2 - roots_1_2
     x50 = (dx50*dx50) + (dy50*dy50)
     by50 = xp.where(x50 > 0.0, 1.0/x50, 0.0)
-    del x50
     dx51 = roots_6_1 - roots_2_1
     dy51 = roots_6_2 - roots_2_2
     x51 = (dx51*dx51) + (dy51*dy51)
     by51 = xp.where(x51 > 0.0, 1.0/x51, 0.0)
-    del x51
     dx52 = roots_6_1 - roots_3_1
     dy52 = roots_6_2 - roots_3_2
     x52 = (dx52*dx52) + (dy52*dy52)
     by52 = xp.where(x52 > 0.0, 1.0/x52, 0.0)
-    del x52
     dx53 = roots_6_1 - roots_4_1
     dy53 = roots_6_2 - roots_4_2
     x53 = (dx53*dx53) + (dy53*dy53)
     by53 = xp.where(x53 > 0.0, 1.0/x53, 0.0)
-    del x53
     dx54 = roots_6_1 - roots_5_1
     dy54 = roots_6_2 - roots_5_2
     x54 = (dx54*dx54) + (dy54*dy54)
     by54 = xp.where(x54 > 0.0, 1.0/x54, 0.0)
-    del x54
     dx60 = roots_7_1 - roots_1_1
     dy60 = roots_7_2 - roots_1_2
     x57 = (dx60*dx60) + (dy60*dy60)
     by60 = xp.where(x57 > 0.0, 1.0/x57, 0.0)
-    del x57
+    del x32, x35, x36, x39, x40, x41, x44, x45, x46, x47, x50, x51, x52, x53, x54, x57
     dx61 = roots_7_1 - roots_2_1
     dy61 = roots_7_2 - roots_2_2
     x58 = (dx61*dx61) + (dy61*dy61)
     by61 = xp.where(x58 > 0.0, 1.0/x58, 0.0)
-    del x58
     dx62 = roots_7_1 - roots_3_1
     dy62 = roots_7_2 - roots_3_2
     x59 = (dx62*dx62) + (dy62*dy62)
     by62 = xp.where(x59 > 0.0, 1.0/x59, 0.0)
-    del x59
     dx63 = roots_7_1 - roots_4_1
     dy63 = roots_7_2 - roots_4_2
     x60 = (dx63*dx63) + (dy63*dy63)
     by63 = xp.where(x60 > 0.0, 1.0/x60, 0.0)
-    del x60
     dx64 = roots_7_1 - roots_5_1
     dy64 = roots_7_2 - roots_5_2
     x61 = (dx64*dx64) + (dy64*dy64)
     by64 = xp.where(x61 > 0.0, 1.0/x61, 0.0)
-    del x61
     dx65 = roots_7_1 - roots_6_1
     dy65 = roots_7_2 - roots_6_2
     x62 = (dx65*dx65) + (dy65*dy65)
     by65 = xp.where(x62 > 0.0, 1.0/x62, 0.0)
-    del x62
     dx70 = roots_8_1 - roots_1_1
     dy70 = roots_8_2 - roots_1_2
     x65 = (dx70*dx70) + (dy70*dy70)
     by70 = xp.where(x65 > 0.0, 1.0/x65, 0.0)
-    del x65
     dx71 = roots_8_1 - roots_2_1
     dy71 = roots_8_2 - roots_2_2
     x66 = (dx71*dx71) + (dy71*dy71)
     by71 = xp.where(x66 > 0.0, 1.0/x66, 0.0)
-    del x66
     dx72 = roots_8_1 - roots_3_1
     dy72 = roots_8_2 - roots_3_2
     x67 = (dx72*dx72) + (dy72*dy72)
     by72 = xp.where(x67 > 0.0, 1.0/x67, 0.0)
-    del x67
     dx73 = roots_8_1 - roots_4_1
     dy73 = roots_8_2 - roots_4_2
     x68 = (dx73*dx73) + (dy73*dy73)
     by73 = xp.where(x68 > 0.0, 1.0/x68, 0.0)
-    del x68
     dx74 = roots_8_1 - roots_5_1
     dy74 = roots_8_2 - roots_5_2
     x69 = (dx74*dx74) + (dy74*dy74)
     by74 = xp.where(x69 > 0.0, 1.0/x69, 0.0)
-    del x69
     dx75 = roots_8_1 - roots_6_1
     dy75 = roots_8_2 - roots_6_2
     x70 = (dx75*dx75) + (dy75*dy75)
     by75 = xp.where(x70 > 0.0, 1.0/x70, 0.0)
-    del x70
     dx76 = roots_8_1 - roots_7_1
     dy76 = roots_8_2 - roots_7_2
     x71 = (dx76*dx76) + (dy76*dy76)
     by76 = xp.where(x71 > 0.0, 1.0/x71, 0.0)
-    del x71
     x72 = by10*dx10
-    del dx10
     x73 = by20*dx20
-    del dx20
     x74 = by30*dx30
-    del dx30
     x75 = by40*dx40
-    del dx40
+    del x58, x59, x60, x61, x62, x65, x66, x67, x68, x69, x70, x71, dx10, dx20, dx30, dx40
     x76 = by50*dx50
-    del dx50
     x77 = by60*dx60
-    del dx60
     x78 = by70*dx70
-    del dx70
     sum_re0 = -x72 - x73 - x74 - x75 - x76 - x77 - x78
     x79 = by10*dy10
-    del by10, dy10
     x80 = by20*dy20
-    del by20, dy20
     x81 = by30*dy30
-    del by30, dy30
     x82 = by40*dy40
-    del by40, dy40
     x83 = by50*dy50
-    del by50, dy50
     x84 = by60*dy60
-    del by60, dy60
     x85 = by70*dy70
-    del by70, dy70
+    del dx50, dx60, dx70, by10, dy10, by20, dy20, by30, dy30, by40, dy40, by50, dy50, by60, dy60, by70, dy70
     sum_im0 = x79 + x80 + x81 + x82 + x83 + x84 + x85
     below_re0 = im0*sum_im0 + slope_re0 - re0*sum_re0
-    del slope_re0
     below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0
-    del slope_im0, sum_im0, sum_re0
     x86 = (below_im0*below_im0) + (below_re0*below_re0)
     inverse0 = xp.where(x86 > 0.0, 1.0/x86, 0.0)
-    del x86
     step_re0 = inverse0*(below_im0*im0 + below_re0*re0)
     step_im0 = inverse0*(below_re0*im0 - below_im0*re0)
-    del below_im0, below_re0, im0, inverse0, re0
     share0 = ((step_im0*step_im0) + (step_re0*step_re0))/((x1 + 1.0)*(x1 + 1.0))
-    del x1
     x87 = by21*dx21
-    del dx21
     x88 = by31*dx31
-    del dx31
     x89 = by41*dx41
-    del dx41
     x90 = by51*dx51
-    del dx51
     x91 = by61*dx61
-    del dx61
+    del slope_re0, slope_im0, sum_im0, sum_re0, x86, below_im0, below_re0, im0, inverse0, re0, x1, dx21, dx31, dx41, dx51, dx61
     x92 = by71*dx71
-    del dx71
     sum_re1 = x72 - x87 - x88 - x89 - x90 - x91 - x92
-    del x72
     x93 = by21*dy21
-    del by21, dy21
     x94 = by31*dy31
-    del by31, dy31
     x95 = by41*dy41
-    del by41, dy41
     x96 = by51*dy51
-    del by51, dy51
     x97 = by61*dy61
-    del by61, dy61
     x98 = by71*dy71
-    del by71, dy71
     sum_im1 = x93 + x94 + x95 + x96 + x97 + x98 - x79
-    del x79
     below_re1 = im1*sum_im1 + slope_re1 - re1*sum_re1
-    del slope_re1
+    del dx71, x72, by21, dy21, by31, dy31, by41, dy41, by51, dy51, by61, dy61, by71, dy71, x79, slope_re1
     below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1
-    del slope_im1, sum_im1, sum_re1
     x99 = (below_im1*below_im1) + (below_re1*below_re1)
     inverse1 = xp.where(x99 > 0.0, 1.0/x99, 0.0)
-    del x99
     step_re1 = inverse1*(below_im1*im1 + below_re1*re1)
     step_im1 = inverse1*(below_re1*im1 - below_im1*re1)
-    del below_im1, below_re1, im1, inverse1, re1
     share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + 1.0)*(x5 + 1.0))
-    del x5
     largest1 = xp.where(share0 < share1, share1, share0)
-    del share0, share1
     x100 = by32*dx32
-    del dx32
     x101 = by42*dx42
-    del dx42
     x102 = by52*dx52
-    del dx52
     x103 = by62*dx62
-    del dx62
+    del slope_im1, sum_im1, sum_re1, x99, below_im1, below_re1, im1, inverse1, re1, x5, share0, share1, dx32, dx42, dx52, dx62
     x104 = by72*dx72
-    del dx72
     sum_re2 = x73 + x87 - x100 - x101 - x102 - x103 - x104
-    del x73, x87
     x105 = by32*dy32
-    del by32, dy32
     x106 = by42*dy42
-    del by42, dy42
     x107 = by52*dy52
-    del by52, dy52
     x108 = by62*dy62
-    del by62, dy62
     x109 = by72*dy72
-    del by72, dy72
     sum_im2 = x105 + x106 + x107 + x108 + x109 - x80 - x93
-    del x80, x93
     below_re2 = im2*sum_im2 + slope_re2 - re2*sum_re2
-    del slope_re2
+    del dx72, x73, x87, by32, dy32, by42, dy42, by52, dy52, by62, dy62, by72, dy72, x80, x93, slope_re2
     below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2
-    del slope_im2, sum_im2, sum_re2
     x110 = (below_im2*below_im2) + (below_re2*below_re2)
     inverse2 = xp.where(x110 > 0.0, 1.0/x110, 0.0)
-    del x110
     step_re2 = inverse2*(below_im2*im2 + below_re2*re2)
     step_im2 = inverse2*(below_re2*im2 - below_im2*re2)
-    del below_im2, below_re2, im2, inverse2, re2
     share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + 1.0)*(x9 + 1.0))
-    del x9
     largest2 = xp.where(largest1 < share2, share2, largest1)
-    del largest1, share2
     x111 = by43*dx43
-    del dx43
     x112 = by53*dx53
-    del dx53
     x113 = by63*dx63
-    del dx63
     x114 = by73*dx73
-    del dx73
+    del slope_im2, sum_im2, sum_re2, x110, below_im2, below_re2, im2, inverse2, re2, x9, largest1, share2, dx43, dx53, dx63, dx73
     sum_re3 = x100 + x74 + x88 - x111 - x112 - x113 - x114
-    del x100, x74, x88
     x115 = by43*dy43
-    del by43, dy43
     x116 = by53*dy53
-    del by53, dy53
     x117 = by63*dy63
-    del by63, dy63
     x118 = by73*dy73
-    del by73, dy73
     sum_im3 = x115 + x116 + x117 + x118 - x105 - x81 - x94
-    del x105, x81, x94
     below_re3 = im3*sum_im3 + slope_re3 - re3*sum_re3
-    del slope_re3
     below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3
-    del slope_im3, sum_im3, sum_re3
+    del x100, x74, x88, by43, dy43, by53, dy53, by63, dy63, by73, dy73, x105, x81, x94, slope_re3, slope_im3, sum_im3, sum_re3
     x119 = (below_im3*below_im3) + (below_re3*below_re3)
     inverse3 = xp.where(x119 > 0.0, 1.0/x119, 0.0)
-    del x119
     step_re3 = inverse3*(below_im3*im3 + below_re3*re3)
     step_im3 = inverse3*(below_re3*im3 - below_im3*re3)
-    del below_im3, below_re3, im3, inverse3, re3
     share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + 1.0)*(x13 + 1.0))
-    del x13
     largest3 = xp.where(largest2 < share3, share3, largest2)
-    del largest2, share3
     x120 = by54*dx54
-    del dx54
     x121 = by64*dx64
-    del dx64
     x122 = by74*dx74
-    del dx74
     sum_re4 = x101 + x111 + x75 + x89 - x120 - x121 - x122
-    del x101, x111, x75, x89
+    del x119, below_im3, below_re3, im3, inverse3, re3, x13, largest2, share3, dx54, dx64, dx74, x101, x111, x75, x89
     x123 = by54*dy54
-    del by54, dy54
     x124 = by64*dy64
-    del by64, dy64
     x125 = by74*dy74
-    del by74, dy74
     sum_im4 = x123 + x124 + x125 - x106 - x115 - x82 - x95
-    del x106, x115, x82, x95
     below_re4 = im4*sum_im4 + slope_re4 - re4*sum_re4
-    del slope_re4
     below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4
-    del slope_im4, sum_im4, sum_re4
     x126 = (below_im4*below_im4) + (below_re4*below_re4)
     inverse4 = xp.where(x126 > 0.0, 1.0/x126, 0.0)
-    del x126
     step_re4 = inverse4*(below_im4*im4 + below_re4*re4)
     step_im4 = inverse4*(below_re4*im4 - below_im4*re4)
-    del below_im4, below_re4, im4, inverse4, re4
+    del by54, dy54, by64, dy64, by74, dy74, x106, x115, x82, x95, slope_re4, slope_im4, sum_im4, sum_re4, x126, below_im4, below_re4, im4, inverse4, re4
     share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + 1.0)*(x17 + 1.0))
-    del x17
     largest4 = xp.where(largest3 < share4, share4, largest3)
-    del largest3, share4
     x127 = by65*dx65
-    del dx65
     x128 = by75*dx75
-    del dx75
     sum_re5 = x102 + x112 + x120 + x76 + x90 - x127 - x128
-    del x102, x112, x120, x76, x90
     x129 = by65*dy65
-    del by65, dy65
     x130 = by75*dy75
-    del by75, dy75
     sum_im5 = x129 + x130 - x107 - x116 - x123 - x83 - x96
-    del x107, x116, x123, x83, x96
+    del x17, largest3, share4, dx65, dx75, x102, x112, x120, x76, x90, by65, dy65, by75, dy75, x107, x116, x123, x83, x96
     below_re5 = im5*sum_im5 + slope_re5 - re5*sum_re5
-    del slope_re5
     below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5
-    del slope_im5, sum_im5, sum_re5
     x131 = (below_im5*below_im5) + (below_re5*below_re5)
     inverse5 = xp.where(x131 > 0.0, 1.0/x131, 0.0)
-    del x131
     step_re5 = inverse5*(below_im5*im5 + below_re5*re5)
     step_im5 = inverse5*(below_re5*im5 - below_im5*re5)
-    del below_im5, below_re5, im5, inverse5, re5
     share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + 1.0)*(x21 + 1.0))
-    del x21
     largest5 = xp.where(largest4 < share5, share5, largest4)
-    del largest4, share5
     x132 = by76*dx76
-    del dx76
     sum_re6 = x103 + x113 + x121 + x127 + x77 + x91 - x132
-    del x103, x113, x121, x127, x77, x91
+    del slope_re5, slope_im5, sum_im5, sum_re5, x131, below_im5, below_re5, im5, inverse5, re5, x21, largest4, share5, dx76, x103, x113, x121, x127, x77, x91
     x133 = by76*dy76
-    del by76, dy76
     sum_im6 = x133 - x108 - x117 - x124 - x129 - x84 - x97
-    del x108, x117, x124, x129, x84, x97
     below_re6 = im6*sum_im6 + slope_re6 - re6*sum_re6
-    del slope_re6
     below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6
-    del slope_im6, sum_im6, sum_re6
     x134 = (below_im6*below_im6) + (below_re6*below_re6)
     inverse6 = xp.where(x134 > 0.0, 1.0/x134, 0.0)
-    del x134
     step_re6 = inverse6*(below_im6*im6 + below_re6*re6)
     step_im6 = inverse6*(below_re6*im6 - below_im6*re6)
-    del below_im6, below_re6, im6, inverse6, re6
+    del by76, dy76, x108, x117, x124, x129, x84, x97, slope_re6, slope_im6, sum_im6, sum_re6, x134, below_im6, below_re6, im6, inverse6, re6
     share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + 1.0)*(x25 + 1.0))
-    del x25
     largest6 = xp.where(largest5 < share6, share6, largest5)
-    del largest5, share6
     sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92
-    del x104, x114, x122, x128, x132, x78, x92
     sum_im7 = -x109 - x118 - x125 - x130 - x133 - x85 - x98
-    del x109, x118, x125, x130, x133, x85, x98
+    del x25, largest5, share6, x104, x114, x122, x128, x132, x78, x92, x109, x118, x125, x130, x133, x85, x98
     below_re7 = im7*sum_im7 + slope_re7 - re7*sum_re7
-    del slope_re7
     below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7
-    del slope_im7, sum_im7, sum_re7
     x135 = (below_im7*below_im7) + (below_re7*below_re7)
     inverse7 = xp.where(x135 > 0.0, 1.0/x135, 0.0)
-    del x135
     step_re7 = inverse7*(below_im7*im7 + below_re7*re7)
     step_im7 = inverse7*(below_re7*im7 - below_im7*re7)
-    del below_im7, below_re7, im7, inverse7, re7
     share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + 1.0)*(x29 + 1.0))
-    del x29
     largest7 = xp.where(largest6 < share7, share7, largest6)
-    del largest6, share7
     moved_1_1 = roots_1_1 - step_re0
-    del step_re0
     moved_1_2 = roots_1_2 - step_im0
-    del step_im0
     moved_2_1 = roots_2_1 - step_re1
-    del step_re1
+    del slope_re7, slope_im7, sum_im7, sum_re7, x135, below_im7, below_re7, im7, inverse7, re7, x29, largest6, share7, step_re0, step_im0, step_re1
     moved_2_2 = roots_2_2 - step_im1
-    del step_im1
     moved_3_1 = roots_3_1 - step_re2
-    del step_re2
     moved_3_2 = roots_3_2 - step_im2
-    del step_im2
     moved_4_1 = roots_4_1 - step_re3
-    del step_re3
     moved_4_2 = roots_4_2 - step_im3
-    del step_im3
     moved_5_1 = roots_5_1 - step_re4
-    del step_re4
     moved_5_2 = roots_5_2 - step_im4
-    del step_im4
     moved_6_1 = roots_6_1 - step_re5
-    del step_re5
     moved_6_2 = roots_6_2 - step_im5
-    del step_im5
     moved_7_1 = roots_7_1 - step_re6
-    del step_re6
     moved_7_2 = roots_7_2 - step_im6
-    del step_im6
     moved_8_1 = roots_8_1 - step_re7
-    del step_re7
     moved_8_2 = roots_8_2 - step_im7
-    del step_im7
     change = largest7
-    del largest7
     return (moved_1_1, moved_1_2, moved_2_1, moved_2_2, moved_3_1, moved_3_2, moved_4_1, moved_4_2, moved_5_1, moved_5_2, moved_6_1, moved_6_2, moved_7_1, moved_7_2, moved_8_1, moved_8_2, change)
 
 
@@ -1175,200 +889,134 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     y0 = xp.where(is_real0, 0.0, roots_1_2)
     s0 = 2.0*roots_1_1
     t0 = x0 + (y0*y0)
-    del x0
     b0_7 = octic_8 + octic_9*s0
     b0_6 = b0_7*s0 + octic_7 - octic_9*t0
     b0_5 = b0_6*s0 + octic_6 - b0_7*t0
-    del b0_7
     b0_4 = b0_5*s0 + octic_5 - b0_6*t0
-    del b0_6
     b0_3 = b0_4*s0 + octic_4 - b0_5*t0
-    del b0_5
     b0_2 = b0_3*s0 + octic_3 - b0_4*t0
-    del b0_4
     b0_1 = b0_2*s0 + octic_2 - b0_3*t0
-    del b0_3, s0
     re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0
-    del b0_2, t0
     im0 = b0_1*y0
-    del b0_1
     above0 = noise*(whole0*whole0*whole0*whole0) + xp.abs(im0) + xp.abs(re0)
-    del im0, re0, whole0
     x1 = (roots_2_1*roots_2_1)
     whole1 = (roots_2_2*roots_2_2) + x1 + 1.0
     is_real1 = xp.abs(roots_2_2) <= 5.960464477539063e-08*whole1
     y1 = xp.where(is_real1, 0.0, roots_2_2)
     s1 = 2.0*roots_2_1
     t1 = x1 + (y1*y1)
-    del x1
     b1_7 = octic_8 + octic_9*s1
     b1_6 = b1_7*s1 + octic_7 - octic_9*t1
     b1_5 = b1_6*s1 + octic_6 - b1_7*t1
-    del b1_7
     b1_4 = b1_5*s1 + octic_5 - b1_6*t1
-    del b1_6
+    del x0, b0_7, b0_6, b0_5, b0_4, b0_3, s0, b0_2, t0, b0_1, im0, re0, whole0, x1, b1_7, b1_6
     b1_3 = b1_4*s1 + octic_4 - b1_5*t1
-    del b1_5
     b1_2 = b1_3*s1 + octic_3 - b1_4*t1
-    del b1_4
     b1_1 = b1_2*s1 + octic_2 - b1_3*t1
-    del b1_3, s1
     re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1
-    del b1_2, t1
     im1 = b1_1*y1
-    del b1_1
     above1 = noise*(whole1*whole1*whole1*whole1) + xp.abs(im1) + xp.abs(re1)
-    del im1, re1, whole1
     x2 = (roots_3_1*roots_3_1)
     whole2 = (roots_3_2*roots_3_2) + x2 + 1.0
     is_real2 = xp.abs(roots_3_2) <= 5.960464477539063e-08*whole2
     y2 = xp.where(is_real2, 0.0, roots_3_2)
     s2 = 2.0*roots_3_1
     t2 = x2 + (y2*y2)
-    del x2
     b2_7 = octic_8 + octic_9*s2
     b2_6 = b2_7*s2 + octic_7 - octic_9*t2
     b2_5 = b2_6*s2 + octic_6 - b2_7*t2
-    del b2_7
     b2_4 = b2_5*s2 + octic_5 - b2_6*t2
-    del b2_6
     b2_3 = b2_4*s2 + octic_4 - b2_5*t2
-    del b2_5
     b2_2 = b2_3*s2 + octic_3 - b2_4*t2
-    del b2_4
     b2_1 = b2_2*s2 + octic_2 - b2_3*t2
-    del b2_3, s2
+    del b1_5, b1_4, b1_3, s1, b1_2, t1, b1_1, im1, re1, whole1, x2, b2_7, b2_6, b2_5, b2_4, b2_3, s2
     re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2
-    del b2_2, t2
     im2 = b2_1*y2
-    del b2_1
     above2 = noise*(whole2*whole2*whole2*whole2) + xp.abs(im2) + xp.abs(re2)
-    del im2, re2, whole2
     x3 = (roots_4_1*roots_4_1)
     whole3 = (roots_4_2*roots_4_2) + x3 + 1.0
     is_real3 = xp.abs(roots_4_2) <= 5.960464477539063e-08*whole3
     y3 = xp.where(is_real3, 0.0, roots_4_2)
     s3 = 2.0*roots_4_1
     t3 = x3 + (y3*y3)
-    del x3
     b3_7 = octic_8 + octic_9*s3
     b3_6 = b3_7*s3 + octic_7 - octic_9*t3
     b3_5 = b3_6*s3 + octic_6 - b3_7*t3
-    del b3_7
     b3_4 = b3_5*s3 + octic_5 - b3_6*t3
-    del b3_6
     b3_3 = b3_4*s3 + octic_4 - b3_5*t3
-    del b3_5
     b3_2 = b3_3*s3 + octic_3 - b3_4*t3
-    del b3_4
     b3_1 = b3_2*s3 + octic_2 - b3_3*t3
-    del b3_3, s3
     re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3
-    del b3_2, t3
     im3 = b3_1*y3
-    del b3_1
+    del b2_2, t2, b2_1, im2, re2, whole2, x3, b3_7, b3_6, b3_5, b3_4, b3_3, s3, b3_2, t3, b3_1
     above3 = noise*(whole3*whole3*whole3*whole3) + xp.abs(im3) + xp.abs(re3)
-    del im3, re3, whole3
     x4 = (roots_5_1*roots_5_1)
     whole4 = (roots_5_2*roots_5_2) + x4 + 1.0
     is_real4 = xp.abs(roots_5_2) <= 5.960464477539063e-08*whole4
     y4 = xp.where(is_real4, 0.0, roots_5_2)
     s4 = 2.0*roots_5_1
     t4 = x4 + (y4*y4)
-    del x4
     b4_7 = octic_8 + octic_9*s4
     b4_6 = b4_7*s4 + octic_7 - octic_9*t4
     b4_5 = b4_6*s4 + octic_6 - b4_7*t4
-    del b4_7
     b4_4 = b4_5*s4 + octic_5 - b4_6*t4
-    del b4_6
     b4_3 = b4_4*s4 + octic_4 - b4_5*t4
-    del b4_5
     b4_2 = b4_3*s4 + octic_3 - b4_4*t4
-    del b4_4
     b4_1 = b4_2*s4 + octic_2 - b4_3*t4
-    del b4_3, s4
     re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4
-    del b4_2, t4
     im4 = b4_1*y4
-    del b4_1
     above4 = noise*(whole4*whole4*whole4*whole4) + xp.abs(im4) + xp.abs(re4)
-    del im4, re4, whole4
+    del im3, re3, whole3, x4, b4_7, b4_6, b4_5, b4_4, b4_3, s4, b4_2, t4, b4_1, im4, re4, whole4
     x5 = (roots_6_1*roots_6_1)
     whole5 = (roots_6_2*roots_6_2) + x5 + 1.0
     is_real5 = xp.abs(roots_6_2) <= 5.960464477539063e-08*whole5
     y5 = xp.where(is_real5, 0.0, roots_6_2)
     s5 = 2.0*roots_6_1
     t5 = x5 + (y5*y5)
-    del x5
     b5_7 = octic_8 + octic_9*s5
     b5_6 = b5_7*s5 + octic_7 - octic_9*t5
     b5_5 = b5_6*s5 + octic_6 - b5_7*t5
-    del b5_7
     b5_4 = b5_5*s5 + octic_5 - b5_6*t5
-    del b5_6
     b5_3 = b5_4*s5 + octic_4 - b5_5*t5
-    del b5_5
     b5_2 = b5_3*s5 + octic_3 - b5_4*t5
-    del b5_4
     b5_1 = b5_2*s5 + octic_2 - b5_3*t5
-    del b5_3, s5
     re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5
-    del b5_2, t5
     im5 = b5_1*y5
-    del b5_1
     above5 = noise*(whole5*whole5*whole5*whole5) + xp.abs(im5) + xp.abs(re5)
-    del im5, re5, whole5
     x6 = (roots_7_1*roots_7_1)
     whole6 = (roots_7_2*roots_7_2) + x6 + 1.0
     is_real6 = xp.abs(roots_7_2) <= 5.960464477539063e-08*whole6
     y6 = xp.where(is_real6, 0.0, roots_7_2)
     s6 = 2.0*roots_7_1
     t6 = x6 + (y6*y6)
-    del x6
     b6_7 = octic_8 + octic_9*s6
     b6_6 = b6_7*s6 + octic_7 - octic_9*t6
     b6_5 = b6_6*s6 + octic_6 - b6_7*t6
-    del b6_7
     b6_4 = b6_5*s6 + octic_5 - b6_6*t6
-    del b6_6
+    del x5, b5_7, b5_6, b5_5, b5_4, b5_3, s5, b5_2, t5, b5_1, im5, re5, whole5, x6, b6_7, b6_6
     b6_3 = b6_4*s6 + octic_4 - b6_5*t6
-    del b6_5
     b6_2 = b6_3*s6 + octic_3 - b6_4*t6
-    del b6_4
     b6_1 = b6_2*s6 + octic_2 - b6_3*t6
-    del b6_3, s6
     re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6
-    del b6_2, t6
     im6 = b6_1*y6
-    del b6_1
     above6 = noise*(whole6*whole6*whole6*whole6) + xp.abs(im6) + xp.abs(re6)
-    del im6, re6, whole6
     x7 = (roots_8_1*roots_8_1)
     whole7 = (roots_8_2*roots_8_2) + x7 + 1.0
     is_real7 = xp.abs(roots_8_2) <= 5.960464477539063e-08*whole7
     y7 = xp.where(is_real7, 0.0, roots_8_2)
     s7 = 2.0*roots_8_1
     t7 = x7 + (y7*y7)
-    del x7
     b7_7 = octic_8 + octic_9*s7
     b7_6 = b7_7*s7 + octic_7 - octic_9*t7
     b7_5 = b7_6*s7 + octic_6 - b7_7*t7
-    del b7_7
     b7_4 = b7_5*s7 + octic_5 - b7_6*t7
-    del b7_6
     b7_3 = b7_4*s7 + octic_4 - b7_5*t7
-    del b7_5
     b7_2 = b7_3*s7 + octic_3 - b7_4*t7
-    del b7_4
     b7_1 = b7_2*s7 + octic_2 - b7_3*t7
-    del b7_3, s7
+    del b6_5, b6_4, b6_3, s6, b6_2, t6, b6_1, im6, re6, whole6, x7, b7_7, b7_6, b7_5, b7_4, b7_3, s7
     re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7
-    del b7_2, t7
     im7 = b7_1*y7
-    del b7_1
     above7 = noise*(whole7*whole7*whole7*whole7) + xp.abs(im7) + xp.abs(re7)
-    del im7, noise, re7, whole7
     square10 = ((roots_2_1 - roots_1_1)*(roots_2_1 - roots_1_1)) + ((y1 - y0)*(y1 - y0))
     square20 = ((roots_3_1 - roots_1_1)*(roots_3_1 - roots_1_1)) + ((y2 - y0)*(y2 - y0))
     square21 = ((roots_3_1 - roots_2_1)*(roots_3_1 - roots_2_1)) + ((y2 - y1)*(y2 - y1))
@@ -1400,76 +1048,48 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     leading = xp.abs(octic_9)
     around0 = leading*xp.sqrt(square10*square20*square30*square40*square50*square60*square70)
     radius0 = 8.0*above0/around0
-    del above0, around0
     around1 = leading*xp.sqrt(square10*square21*square31*square41*square51*square61*square71)
     radius1 = 8.0*above1/around1
-    del above1, around1
     around2 = leading*xp.sqrt(square20*square21*square32*square42*square52*square62*square72)
     radius2 = 8.0*above2/around2
-    del above2, around2
     around3 = leading*xp.sqrt(square30*square31*square32*square43*square53*square63*square73)
     radius3 = 8.0*above3/around3
-    del above3, around3
     around4 = leading*xp.sqrt(square40*square41*square42*square43*square54*square64*square74)
     radius4 = 8.0*above4/around4
-    del above4, around4
+    del b7_2, t7, b7_1, im7, noise, re7, whole7, above0, around0, above1, around1, above2, around2, above3, around3, above4, around4
     around5 = leading*xp.sqrt(square50*square51*square52*square53*square54*square65*square75)
     radius5 = 8.0*above5/around5
-    del above5, around5
     around6 = leading*xp.sqrt(square60*square61*square62*square63*square64*square65*square76)
     radius6 = 8.0*above6/around6
-    del above6, around6
     around7 = leading*xp.sqrt(square70*square71*square72*square73*square74*square75*square76)
-    del leading
     radius7 = 8.0*above7/around7
-    del above7, around7
     alone0 = (is_real0) & (((radius0 + radius1)*(radius0 + radius1)) < square10) & (((radius0 + radius2)*(radius0 + radius2)) < square20) & (((radius0 + radius3)*(radius0 + radius3)) < square30) & (((radius0 + radius4)*(radius0 + radius4)) < square40) & (((radius0 + radius5)*(radius0 + radius5)) < square50) & (((radius0 + radius6)*(radius0 + radius6)) < square60) & (((radius0 + radius7)*(radius0 + radius7)) < square70)
     off0 = xp.abs(y0) > radius0
-    del y0
     certain0 = (alone0) | (off0)
-    del alone0, off0
     alone1 = (is_real1) & (((radius0 + radius1)*(radius0 + radius1)) < square10) & (((radius1 + radius2)*(radius1 + radius2)) < square21) & (((radius1 + radius3)*(radius1 + radius3)) < square31) & (((radius1 + radius4)*(radius1 + radius4)) < square41) & (((radius1 + radius5)*(radius1 + radius5)) < square51) & (((radius1 + radius6)*(radius1 + radius6)) < square61) & (((radius1 + radius7)*(radius1 + radius7)) < square71)
-    del square10
     off1 = xp.abs(y1) > radius1
-    del y1
     certain1 = (certain0) & ((alone1) | (off1))
-    del alone1, certain0, off1
     alone2 = (is_real2) & (((radius0 + radius2)*(radius0 + radius2)) < square20) & (((radius1 + radius2)*(radius1 + radius2)) < square21) & (((radius2 + radius3)*(radius2 + radius3)) < square32) & (((radius2 + radius4)*(radius2 + radius4)) < square42) & (((radius2 + radius5)*(radius2 + radius5)) < square52) & (((radius2 + radius6)*(radius2 + radius6)) < square62) & (((radius2 + radius7)*(radius2 + radius7)) < square72)
-    del square20, square21
+    del above5, around5, above6, around6, leading, above7, around7, y0, alone0, off0, square10, y1, alone1, certain0, off1, square20, square21
     off2 = xp.abs(y2) > radius2
-    del y2
     certain2 = (certain1) & ((alone2) | (off2))
-    del alone2, certain1, off2
     alone3 = (is_real3) & (((radius0 + radius3)*(radius0 + radius3)) < square30) & (((radius1 + radius3)*(radius1 + radius3)) < square31) & (((radius2 + radius3)*(radius2 + radius3)) < square32) & (((radius3 + radius4)*(radius3 + radius4)) < square43) & (((radius3 + radius5)*(radius3 + radius5)) < square53) & (((radius3 + radius6)*(radius3 + radius6)) < square63) & (((radius3 + radius7)*(radius3 + radius7)) < square73)
-    del square30, square31, square32
     off3 = xp.abs(y3) > radius3
-    del y3
     certain3 = (certain2) & ((alone3) | (off3))
-    del alone3, certain2, off3
     alone4 = (is_real4) & (((radius0 + radius4)*(radius0 + radius4)) < square40) & (((radius1 + radius4)*(radius1 + radius4)) < square41) & (((radius2 + radius4)*(radius2 + radius4)) < square42) & (((radius3 + radius4)*(radius3 + radius4)) < square43) & (((radius4 + radius5)*(radius4 + radius5)) < square54) & (((radius4 + radius6)*(radius4 + radius6)) < square64) & (((radius4 + radius7)*(radius4 + radius7)) < square74)
-    del square40, square41, square42, square43
     off4 = xp.abs(y4) > radius4
-    del y4
+    del y2, alone2, certain1, off2, square30, square31, square32, y3, alone3, certain2, off3, square40, square41, square42, square43, y4
     certain4 = (certain3) & ((alone4) | (off4))
-    del alone4, certain3, off4
     alone5 = (is_real5) & (((radius0 + radius5)*(radius0 + radius5)) < square50) & (((radius1 + radius5)*(radius1 + radius5)) < square51) & (((radius2 + radius5)*(radius2 + radius5)) < square52) & (((radius3 + radius5)*(radius3 + radius5)) < square53) & (((radius4 + radius5)*(radius4 + radius5)) < square54) & (((radius5 + radius6)*(radius5 + radius6)) < square65) & (((radius5 + radius7)*(radius5 + radius7)) < square75)
-    del square50, square51, square52, square53, square54
     off5 = xp.abs(y5) > radius5
-    del y5
     certain5 = (certain4) & ((alone5) | (off5))
-    del alone5, certain4, off5
     alone6 = (is_real6) & (((radius0 + radius6)*(radius0 + radius6)) < square60) & (((radius1 + radius6)*(radius1 + radius6)) < square61) & (((radius2 + radius6)*(radius2 + radius6)) < square62) & (((radius3 + radius6)*(radius3 + radius6)) < square63) & (((radius4 + radius6)*(radius4 + radius6)) < square64) & (((radius5 + radius6)*(radius5 + radius6)) < square65) & (((radius6 + radius7)*(radius6 + radius7)) < square76)
-    del square60, square61, square62, square63, square64, square65
+    del alone4, certain3, off4, square50, square51, square52, square53, square54, y5, alone5, certain4, off5, square60, square61, square62, square63, square64, square65
     off6 = xp.abs(y6) > radius6
-    del y6
     certain6 = (certain5) & ((alone6) | (off6))
-    del alone6, certain5, off6
     alone7 = (is_real7) & (((radius0 + radius7)*(radius0 + radius7)) < square70) & (((radius1 + radius7)*(radius1 + radius7)) < square71) & (((radius2 + radius7)*(radius2 + radius7)) < square72) & (((radius3 + radius7)*(radius3 + radius7)) < square73) & (((radius4 + radius7)*(radius4 + radius7)) < square74) & (((radius5 + radius7)*(radius5 + radius7)) < square75) & (((radius6 + radius7)*(radius6 + radius7)) < square76)
-    del square70, square71, square72, square73, square74, square75, square76
     off7 = xp.abs(y7) > radius7
-    del y7
     certain7 = (certain6) & ((alone7) | (off7))
-    del alone7, certain6, off7
     tangents_1 = xp.where((certain7) & (is_real0), roots_1_1, xp.nan)
     tangents_2 = xp.where((certain7) & (is_real1), roots_2_1, xp.nan)
     tangents_3 = xp.where((certain7) & (is_real2), roots_3_1, xp.nan)
@@ -1479,23 +1099,15 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     tangents_7 = xp.where((certain7) & (is_real6), roots_7_1, xp.nan)
     tangents_8 = xp.where((certain7) & (is_real7), roots_8_1, xp.nan)
     radii_1 = xp.where(is_real0, radius0, 0.0)
-    del is_real0, radius0
+    del y6, alone6, certain5, off6, square70, square71, square72, square73, square74, square75, square76, y7, alone7, certain6, off7, is_real0, radius0
     radii_2 = xp.where(is_real1, radius1, 0.0)
-    del is_real1, radius1
     radii_3 = xp.where(is_real2, radius2, 0.0)
-    del is_real2, radius2
     radii_4 = xp.where(is_real3, radius3, 0.0)
-    del is_real3, radius3
     radii_5 = xp.where(is_real4, radius4, 0.0)
-    del is_real4, radius4
     radii_6 = xp.where(is_real5, radius5, 0.0)
-    del is_real5, radius5
     radii_7 = xp.where(is_real6, radius6, 0.0)
-    del is_real6, radius6
     radii_8 = xp.where(is_real7, radius7, 0.0)
-    del is_real7, radius7
     status = xp.where(certain7, 0.0, 1.0)
-    del certain7
     return (tangents_1, tangents_2, tangents_3, tangents_4, tangents_5, tangents_6, tangents_7, tangents_8, radii_1, radii_2, radii_3, radii_4, radii_5, radii_6, radii_7, radii_8, status)
 
 
@@ -1540,10 +1152,8 @@ def _pair_angles(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     by = 1.0/((tangent*tangent) + 1.0)
     c = by*(1.0 - tangent)*(tangent + 1.0)
     s = 2.0*by*tangent
-    del by
     cosine = c*turn_1 - s*turn_2
     sine = c*turn_2 + s*turn_1
-    del c, s
     row0_1 = cosine*one_2_1 + one_1_1 + one_3_1*sine
     row0_2 = cosine*one_2_2 + one_1_2 + one_3_2*sine
     row0_3 = cosine*one_2_3 + one_1_3 + one_3_3*sine
@@ -1552,15 +1162,10 @@ def _pair_angles(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     row1_3 = cosine*two_2_3 + sine*two_3_3 + two_1_3
     normal_1 = row0_2*row1_3 - row0_3*row1_2
     normal_2 = row0_3*row1_1 - row0_1*row1_3
-    del row0_3, row1_3
     normal_3 = row0_1*row1_2 - row0_2*row1_1
-    del row0_1, row0_2, row1_1, row1_2
     sign = xp.where(normal_1 < 0.0, -1.0, 1.0)
-    del normal_1
     angles_1 = xp.atan2(sine, cosine)
-    del cosine, sine
     angles_2 = xp.atan2(normal_3*sign, normal_2*sign)
-    del normal_2, normal_3, sign
     return (angles_1, angles_2)
 
 
@@ -1620,56 +1225,40 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     column0_0_2 = cv0*one_2_2 + one_2_1 + one_2_3*sv0
     column0_0_3 = cv0*one_3_2 + one_3_1 + one_3_3*sv0
     f0_0 = cv0*row0_0_2 + row0_0_1 + row0_0_3*sv0
-    del row0_0_1
     j0_0 = column0_0_3*cu0 - column0_0_2*su0
-    del column0_0_2, column0_0_3
     i0_0 = cv0*row0_0_3 - row0_0_2*sv0
-    del row0_0_2, row0_0_3
     row1_0_1 = cu0*two_2_1 + su0*two_3_1 + two_1_1
     row1_0_2 = cu0*two_2_2 + su0*two_3_2 + two_1_2
     row1_0_3 = cu0*two_2_3 + su0*two_3_3 + two_1_3
     column1_0_2 = cv0*two_2_2 + sv0*two_2_3 + two_2_1
     column1_0_3 = cv0*two_3_2 + sv0*two_3_3 + two_3_1
     f1_0 = cv0*row1_0_2 + row1_0_1 + row1_0_3*sv0
-    del row1_0_1
     j1_0 = column1_0_3*cu0 - column1_0_2*su0
-    del column1_0_2, column1_0_3, cu0, su0
     i1_0 = cv0*row1_0_3 - row1_0_2*sv0
-    del cv0, row1_0_2, row1_0_3, sv0
     det0 = i1_0*j0_0 - i0_0*j1_0
     x0 = (j0_0*j0_0) + (j1_0*j1_0)
     x1 = (i0_0*i0_0) + (i1_0*i1_0)
     trace0 = x0 + x1
     x2 = eps*trace0
-    del trace0
     regular0 = xp.abs(det0) > 64.0*x2
     damping0 = x2
-    del x2
+    del row0_0_1, column0_0_2, column0_0_3, row0_0_2, row0_0_3, row1_0_1, column1_0_2, column1_0_3, cu0, su0, cv0, row1_0_2, row1_0_3, sv0, trace0, x2
     ab0 = i0_0*j0_0 + i1_0*j1_0
     aa0 = damping0 + x0
-    del x0
     bb0 = damping0 + x1
-    del damping0, x1
     ra0 = f0_0*j0_0 + f1_0*j1_0
     rb0 = f0_0*i0_0 + f1_0*i1_0
     below0 = xp.where(regular0, det0, aa0*bb0 - (ab0*ab0))
-    del det0
     by0 = xp.where(below0 != 0.0, 1.0/below0, 0.0)
-    del below0
     step_a0 = by0*xp.where(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0)
-    del bb0, i0_0, i1_0
     step_b0 = by0*xp.where(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0)
-    del aa0, ab0, by0, f0_0, f1_0, j0_0, j1_0, ra0, rb0, regular0
+    del x0, damping0, x1, det0, below0, bb0, i0_0, i1_0, aa0, ab0, by0, f0_0, f1_0, j0_0, j1_0, ra0, rb0, regular0
     x3 = xp.abs(step_a0)
     x4 = xp.abs(step_b0)
     longest0 = xp.where(x3 > x4, x3, x4)
-    del x3, x4
     short0 = xp.where(longest0 > 0.5, 0.5*xp.where(longest0 > 0.0, 1.0/longest0, 1.0), 1.0)
-    del longest0
     first0 = angles_1 - short0*step_a0
-    del step_a0
     second0 = angles_2 - short0*step_b0
-    del short0, step_b0
     cu1 = xp.cos(first0)
     su1 = xp.sin(first0)
     cv1 = xp.cos(second0)
@@ -1680,56 +1269,40 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     column0_1_2 = cv1*one_2_2 + one_2_1 + one_2_3*sv1
     column0_1_3 = cv1*one_3_2 + one_3_1 + one_3_3*sv1
     f0_1 = cv1*row0_1_2 + row0_1_1 + row0_1_3*sv1
-    del row0_1_1
     j0_1 = column0_1_3*cu1 - column0_1_2*su1
-    del column0_1_2, column0_1_3
     i0_1 = cv1*row0_1_3 - row0_1_2*sv1
-    del row0_1_2, row0_1_3
     row1_1_1 = cu1*two_2_1 + su1*two_3_1 + two_1_1
     row1_1_2 = cu1*two_2_2 + su1*two_3_2 + two_1_2
     row1_1_3 = cu1*two_2_3 + su1*two_3_3 + two_1_3
     column1_1_2 = cv1*two_2_2 + sv1*two_2_3 + two_2_1
     column1_1_3 = cv1*two_3_2 + sv1*two_3_3 + two_3_1
     f1_1 = cv1*row1_1_2 + row1_1_1 + row1_1_3*sv1
-    del row1_1_1
     j1_1 = column1_1_3*cu1 - column1_1_2*su1
-    del column1_1_2, column1_1_3, cu1, su1
+    del x3, x4, longest0, step_a0, short0, step_b0, row0_1_1, column0_1_2, column0_1_3, row0_1_2, row0_1_3, row1_1_1, column1_1_2, column1_1_3, cu1, su1
     i1_1 = cv1*row1_1_3 - row1_1_2*sv1
-    del cv1, row1_1_2, row1_1_3, sv1
     det1 = i1_1*j0_1 - i0_1*j1_1
     x5 = (j0_1*j0_1) + (j1_1*j1_1)
     x6 = (i0_1*i0_1) + (i1_1*i1_1)
     trace1 = x5 + x6
     x7 = eps*trace1
-    del trace1
     regular1 = xp.abs(det1) > 64.0*x7
     damping1 = x7
-    del x7
     ab1 = i0_1*j0_1 + i1_1*j1_1
     aa1 = damping1 + x5
-    del x5
     bb1 = damping1 + x6
-    del damping1, x6
     ra1 = f0_1*j0_1 + f1_1*j1_1
     rb1 = f0_1*i0_1 + f1_1*i1_1
     below1 = xp.where(regular1, det1, aa1*bb1 - (ab1*ab1))
-    del det1
     by1 = xp.where(below1 != 0.0, 1.0/below1, 0.0)
-    del below1
     step_a1 = by1*xp.where(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1)
-    del bb1, i0_1, i1_1
     step_b1 = by1*xp.where(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1)
-    del aa1, ab1, by1, f0_1, f1_1, j0_1, j1_1, ra1, rb1, regular1
+    del cv1, row1_1_2, row1_1_3, sv1, trace1, x7, x5, damping1, x6, det1, below1, bb1, i0_1, i1_1, aa1, ab1, by1, f0_1, f1_1, j0_1, j1_1, ra1, rb1, regular1
     x8 = xp.abs(step_a1)
     x9 = xp.abs(step_b1)
     longest1 = xp.where(x8 > x9, x8, x9)
-    del x8, x9
     short1 = xp.where(longest1 > 0.5, 0.5*xp.where(longest1 > 0.0, 1.0/longest1, 1.0), 1.0)
-    del longest1
     first1 = first0 - short1*step_a1
-    del first0, step_a1
     second1 = second0 - short1*step_b1
-    del second0, short1, step_b1
     cuend = xp.cos(first1)
     suend = xp.sin(first1)
     cvend = xp.cos(second1)
@@ -1740,43 +1313,29 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     column0_end_2 = cvend*one_2_2 + one_2_1 + one_2_3*svend
     column0_end_3 = cvend*one_3_2 + one_3_1 + one_3_3*svend
     f0_end = cvend*row0_end_2 + row0_end_1 + row0_end_3*svend
-    del row0_end_1
     j0_end = column0_end_3*cuend - column0_end_2*suend
-    del column0_end_2, column0_end_3
     i0_end = cvend*row0_end_3 - row0_end_2*svend
-    del row0_end_2, row0_end_3
     row1_end_1 = cuend*two_2_1 + suend*two_3_1 + two_1_1
     row1_end_2 = cuend*two_2_2 + suend*two_3_2 + two_1_2
     row1_end_3 = cuend*two_2_3 + suend*two_3_3 + two_1_3
     column1_end_2 = cvend*two_2_2 + svend*two_2_3 + two_2_1
     column1_end_3 = cvend*two_3_2 + svend*two_3_3 + two_3_1
     f1_end = cvend*row1_end_2 + row1_end_1 + row1_end_3*svend
-    del row1_end_1
     j1_end = column1_end_3*cuend - column1_end_2*suend
-    del column1_end_2, column1_end_3, cuend, suend
+    del x8, x9, longest1, first0, step_a1, second0, short1, step_b1, row0_end_1, column0_end_2, column0_end_3, row0_end_2, row0_end_3, row1_end_1, column1_end_2, column1_end_3, cuend, suend
     i1_end = cvend*row1_end_3 - row1_end_2*svend
-    del cvend, row1_end_2, row1_end_3, svend
     determinant_end = i1_end*j0_end - i0_end*j1_end
     miss0 = xp.abs(f0_end)/size0
-    del f0_end
     miss1 = xp.abs(f1_end)/size1
-    del f1_end
     condition0 = size0*xp.abs(i1_end) + size1*xp.abs(i0_end)
-    del i0_end, i1_end
     condition1 = size0*xp.abs(j1_end) + size1*xp.abs(j0_end)
-    del j0_end, j1_end, size0, size1
     worst = xp.where(condition0 > condition1, condition0, condition1)
-    del condition0, condition1
     polished_1 = first1
-    del first1
     polished_2 = second1
-    del second1
+    del cvend, row1_end_2, row1_end_3, svend, f0_end, f1_end, i0_end, i1_end, j0_end, j1_end, size0, size1, condition0, condition1, first1, second1
     residual = xp.where(miss0 > miss1, miss0, miss1)
-    del miss0, miss1
     condition = xp.where(determinant_end != 0.0, worst*xp.where(determinant_end != 0.0, 1.0/xp.abs(determinant_end), 1.0), largest)
-    del worst
     determinant = determinant_end
-    del determinant_end
     return (polished_1, polished_2, residual, condition, determinant)
 
 

@@ -56,12 +56,9 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     x1 = xp.sin(half_angle)
     sine = x1
     x2 = xp.cos(half_angle)
-    del half_angle
     d_sine_d_angle = 0.5*x2
     cosine = x2
-    del x2
     d_cosine_d_angle = -0.5*x1
-    del x1
     arm_1 = before_1 - point_1
     arm_2 = before_2 - point_2
     arm_3 = before_3 - point_3
@@ -72,7 +69,6 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     x6 = axis_2*sine
     d_inner_1_d_before_3 = x6
     d_inner_1_d_angle = arm_1*d_cosine_d_angle + d_sine_d_angle*x3
-    del x3
     x7 = arm_3*sine
     d_inner_1_d_axis_2 = x7
     x8 = arm_2*sine
@@ -86,41 +82,30 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     x12 = axis_1*sine
     d_inner_2_d_before_3 = -x12
     d_inner_2_d_angle = arm_2*d_cosine_d_angle + d_sine_d_angle*x11
-    del x11
     d_inner_2_d_axis_1 = -x7
-    del x7
     x14 = arm_1*sine
     d_inner_2_d_axis_3 = x14
     d_inner_2_d_point_1 = -x4
-    del x4
     d_inner_2_d_point_2 = -cosine
     d_inner_2_d_point_3 = x12
     x15 = arm_2*axis_1 - arm_1*axis_2
-    del arm_1, arm_2
     inner_3 = arm_3*cosine + sine*x15
     d_inner_3_d_before_1 = -x6
     d_inner_3_d_before_2 = x12
     d_inner_3_d_angle = arm_3*d_cosine_d_angle + d_sine_d_angle*x15
-    del arm_3, d_cosine_d_angle, x15
     d_inner_3_d_axis_1 = x8
-    del x8
     d_inner_3_d_axis_2 = -x14
-    del x14
     d_inner_3_d_point_1 = x6
-    del x6
     d_inner_3_d_point_2 = -x12
-    del x12
+    del half_angle, x2, x1, x3, x11, x7, x4, arm_1, arm_2, arm_3, d_cosine_d_angle, x15, x8, x14, x6, x12
     d_inner_3_d_point_3 = -cosine
     moved_1 = reading_1 - before_1
     moved_2 = reading_2 - before_2
     moved_3 = reading_3 - before_3
     x0 = 2.0*sine
-    del sine
     d_x0_d_angle = 2.0*d_sine_d_angle
-    del d_sine_d_angle
     x16 = axis_2*inner_3 - axis_3*inner_2
     residual_1 = moved_1 - axis_1*slide - x0*x16
-    del moved_1
     x17 = axis_2*x0
     d_residual_1_d_before_1 = axis_3*d_inner_2_d_before_1*x0 - d_inner_3_d_before_1*x17 - 1.0
     x18 = axis_3*x0
@@ -129,7 +114,6 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     x20 = cosine*x17
     d_residual_1_d_before_3 = axis_3*d_inner_2_d_before_3*x0 - x20
     d_residual_1_d_angle = d_inner_2_d_angle*x18 - d_inner_3_d_angle*x17 - d_x0_d_angle*x16
-    del x16
     d_residual_1_d_slide = -axis_1
     d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x17 - slide
     x21 = inner_3*x0
@@ -140,123 +124,72 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x17
     d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x17
     x23 = axis_1*inner_3 - axis_3*inner_1
-    del inner_3
     residual_2 = moved_2 + x0*x23 - axis_2*slide
-    del moved_2
     x24 = axis_1*x0
     d_residual_2_d_before_1 = d_inner_3_d_before_1*x24 + x19
-    del d_inner_3_d_before_1, x19
     d_residual_2_d_before_2 = axis_1*d_inner_3_d_before_2*x0 - d_inner_1_d_before_2*x18 - 1.0
-    del d_inner_3_d_before_2
     x25 = cosine*x24
-    del cosine
     d_residual_2_d_before_3 = x25 - d_inner_1_d_before_3*x18
     d_residual_2_d_angle = d_inner_3_d_angle*x24 + d_x0_d_angle*x23 - d_inner_1_d_angle*x18
-    del d_inner_3_d_angle, x23
     d_residual_2_d_slide = -axis_2
     d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x24 + x21
-    del d_inner_3_d_axis_1, x21
     d_residual_2_d_axis_2 = axis_1*d_inner_3_d_axis_2*x0 - d_inner_1_d_axis_2*x18 - slide
-    del d_inner_3_d_axis_2
     x26 = inner_1*x0
     d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x18 - x26
     d_residual_2_d_point_1 = d_inner_3_d_point_1*x24 - d_inner_1_d_point_1*x18
-    del d_inner_3_d_point_1
+    del sine, d_sine_d_angle, moved_1, x16, inner_3, moved_2, d_inner_3_d_before_1, x19, d_inner_3_d_before_2, cosine, d_inner_3_d_angle, x23, d_inner_3_d_axis_1, x21, d_inner_3_d_axis_2, d_inner_3_d_point_1
     d_residual_2_d_point_2 = d_inner_3_d_point_2*x24 - d_inner_1_d_point_2*x18
-    del d_inner_3_d_point_2
     d_residual_2_d_point_3 = d_inner_3_d_point_3*x24 - d_inner_1_d_point_3*x18
-    del d_inner_3_d_point_3, x18
     x27 = axis_1*inner_2 - axis_2*inner_1
-    del inner_1, inner_2
     residual_3 = moved_3 - axis_3*slide - x0*x27
-    del moved_3
     d_residual_3_d_before_1 = x20 - d_inner_2_d_before_1*x24
-    del d_inner_2_d_before_1, x20
     d_residual_3_d_before_2 = axis_2*d_inner_1_d_before_2*x0 - x25
-    del d_inner_1_d_before_2, x25
     d_residual_3_d_before_3 = axis_2*d_inner_1_d_before_3*x0 - d_inner_2_d_before_3*x24 - 1.0
-    del d_inner_1_d_before_3, d_inner_2_d_before_3
     d_residual_3_d_angle = d_inner_1_d_angle*x17 - d_inner_2_d_angle*x24 - d_x0_d_angle*x27
-    del d_inner_1_d_angle, d_inner_2_d_angle, d_x0_d_angle, x27
+    del d_inner_3_d_point_2, d_inner_3_d_point_3, x18, inner_1, inner_2, moved_3, d_inner_2_d_before_1, x20, d_inner_1_d_before_2, x25, d_inner_1_d_before_3, d_inner_2_d_before_3, d_inner_1_d_angle, d_inner_2_d_angle, d_x0_d_angle, x27
     d_residual_3_d_slide = -axis_3
     d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x24 - x22
-    del d_inner_2_d_axis_1, x22
     d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x17 + x26
-    del d_inner_1_d_axis_2, x17, x26
     d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x24 - slide
-    del d_inner_1_d_axis_3, d_inner_2_d_axis_3
     d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x24
-    del d_inner_1_d_point_1, d_inner_2_d_point_1
     d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x24
-    del d_inner_1_d_point_2, d_inner_2_d_point_2
     d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x24
-    del d_inner_1_d_point_3, d_inner_2_d_point_3, x0, x24
     residual_jacobian_1_1 = d_residual_1_d_before_1
-    del d_residual_1_d_before_1
+    del d_inner_2_d_axis_1, x22, d_inner_1_d_axis_2, x17, x26, d_inner_1_d_axis_3, d_inner_2_d_axis_3, d_inner_1_d_point_1, d_inner_2_d_point_1, d_inner_1_d_point_2, d_inner_2_d_point_2, d_inner_1_d_point_3, d_inner_2_d_point_3, x0, x24, d_residual_1_d_before_1
     residual_jacobian_1_2 = d_residual_1_d_before_2
-    del d_residual_1_d_before_2
     residual_jacobian_1_3 = d_residual_1_d_before_3
-    del d_residual_1_d_before_3
     residual_jacobian_1_4 = d_residual_1_d_angle
-    del d_residual_1_d_angle
     residual_jacobian_1_5 = d_residual_1_d_slide
-    del d_residual_1_d_slide
     residual_jacobian_1_6 = d_residual_1_d_axis_1
-    del d_residual_1_d_axis_1
     residual_jacobian_1_7 = d_residual_1_d_axis_2
-    del d_residual_1_d_axis_2
     residual_jacobian_1_8 = d_residual_1_d_axis_3
-    del d_residual_1_d_axis_3
     residual_jacobian_1_9 = d_residual_1_d_point_1
-    del d_residual_1_d_point_1
     residual_jacobian_1_10 = d_residual_1_d_point_2
-    del d_residual_1_d_point_2
     residual_jacobian_1_11 = d_residual_1_d_point_3
-    del d_residual_1_d_point_3
     residual_jacobian_2_1 = d_residual_2_d_before_1
-    del d_residual_2_d_before_1
     residual_jacobian_2_2 = d_residual_2_d_before_2
-    del d_residual_2_d_before_2
     residual_jacobian_2_3 = d_residual_2_d_before_3
-    del d_residual_2_d_before_3
     residual_jacobian_2_4 = d_residual_2_d_angle
-    del d_residual_2_d_angle
     residual_jacobian_2_5 = d_residual_2_d_slide
-    del d_residual_2_d_slide
     residual_jacobian_2_6 = d_residual_2_d_axis_1
-    del d_residual_2_d_axis_1
+    del d_residual_1_d_before_2, d_residual_1_d_before_3, d_residual_1_d_angle, d_residual_1_d_slide, d_residual_1_d_axis_1, d_residual_1_d_axis_2, d_residual_1_d_axis_3, d_residual_1_d_point_1, d_residual_1_d_point_2, d_residual_1_d_point_3, d_residual_2_d_before_1, d_residual_2_d_before_2, d_residual_2_d_before_3, d_residual_2_d_angle, d_residual_2_d_slide, d_residual_2_d_axis_1
     residual_jacobian_2_7 = d_residual_2_d_axis_2
-    del d_residual_2_d_axis_2
     residual_jacobian_2_8 = d_residual_2_d_axis_3
-    del d_residual_2_d_axis_3
     residual_jacobian_2_9 = d_residual_2_d_point_1
-    del d_residual_2_d_point_1
     residual_jacobian_2_10 = d_residual_2_d_point_2
-    del d_residual_2_d_point_2
     residual_jacobian_2_11 = d_residual_2_d_point_3
-    del d_residual_2_d_point_3
     residual_jacobian_3_1 = d_residual_3_d_before_1
-    del d_residual_3_d_before_1
     residual_jacobian_3_2 = d_residual_3_d_before_2
-    del d_residual_3_d_before_2
     residual_jacobian_3_3 = d_residual_3_d_before_3
-    del d_residual_3_d_before_3
     residual_jacobian_3_4 = d_residual_3_d_angle
-    del d_residual_3_d_angle
     residual_jacobian_3_5 = d_residual_3_d_slide
-    del d_residual_3_d_slide
     residual_jacobian_3_6 = d_residual_3_d_axis_1
-    del d_residual_3_d_axis_1
     residual_jacobian_3_7 = d_residual_3_d_axis_2
-    del d_residual_3_d_axis_2
     residual_jacobian_3_8 = d_residual_3_d_axis_3
-    del d_residual_3_d_axis_3
     residual_jacobian_3_9 = d_residual_3_d_point_1
-    del d_residual_3_d_point_1
     residual_jacobian_3_10 = d_residual_3_d_point_2
-    del d_residual_3_d_point_2
     residual_jacobian_3_11 = d_residual_3_d_point_3
-    del d_residual_3_d_point_3
+    del d_residual_2_d_axis_2, d_residual_2_d_axis_3, d_residual_2_d_point_1, d_residual_2_d_point_2, d_residual_2_d_point_3, d_residual_3_d_before_1, d_residual_3_d_before_2, d_residual_3_d_before_3, d_residual_3_d_angle, d_residual_3_d_slide, d_residual_3_d_axis_1, d_residual_3_d_axis_2, d_residual_3_d_axis_3, d_residual_3_d_point_1, d_residual_3_d_point_2, d_residual_3_d_point_3
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_1_7, residual_jacobian_1_8, residual_jacobian_1_9, residual_jacobian_1_10, residual_jacobian_1_11, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_2_7, residual_jacobian_2_8, residual_jacobian_2_9, residual_jacobian_2_10, residual_jacobian_2_11, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6, residual_jacobian_3_7, residual_jacobian_3_8, residual_jacobian_3_9, residual_jacobian_3_10, residual_jacobian_3_11)
 
 
@@ -305,17 +238,14 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     x2 = xp.sqrt((omega_1*omega_1) + (omega_2*omega_2) + (omega_3*omega_3))
     rate = x2
     x3 = 1.0/x2
-    del x2
     d_rate_d_omega_1 = omega_1*x3
     d_rate_d_omega_2 = omega_2*x3
     d_rate_d_omega_3 = omega_3*x3
-    del x3
     x0 = 1.0/rate
     x4 = 1.0/(rate*rate)
     d_x0_d_omega_1 = -d_rate_d_omega_1*x4
     d_x0_d_omega_2 = -d_rate_d_omega_2*x4
     d_x0_d_omega_3 = -d_rate_d_omega_3*x4
-    del x4
     along_1 = omega_1*x0
     d_along_1_d_omega_1 = d_x0_d_omega_1*omega_1 + x0
     d_along_1_d_omega_2 = d_x0_d_omega_2*omega_1
@@ -336,7 +266,6 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     d_x1_d_omega_2 = arm_1*d_along_1_d_omega_2 + arm_2*d_along_2_d_omega_2 + arm_3*d_along_3_d_omega_2
     d_x1_d_omega_3 = arm_1*d_along_1_d_omega_3 + arm_2*d_along_2_d_omega_3 + arm_3*d_along_3_d_omega_3
     across_1 = arm_1 - along_1*x1
-    del arm_1
     d_across_1_d_omega_1 = -along_1*d_x1_d_omega_1 - d_along_1_d_omega_1*x1
     d_across_1_d_omega_2 = -along_1*d_x1_d_omega_2 - d_along_1_d_omega_2*x1
     d_across_1_d_omega_3 = -along_1*d_x1_d_omega_3 - d_along_1_d_omega_3*x1
@@ -346,65 +275,46 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     x6 = -along_1*along_3
     d_across_1_d_position_3 = x6
     across_2 = arm_2 - along_2*x1
-    del arm_2
     d_across_2_d_omega_1 = -along_2*d_x1_d_omega_1 - d_along_2_d_omega_1*x1
     d_across_2_d_omega_2 = -along_2*d_x1_d_omega_2 - d_along_2_d_omega_2*x1
     d_across_2_d_omega_3 = -along_2*d_x1_d_omega_3 - d_along_2_d_omega_3*x1
     d_across_2_d_position_1 = x5
-    del x5
     d_across_2_d_position_2 = 1.0 - (along_2*along_2)
     x7 = -along_2*along_3
     d_across_2_d_position_3 = x7
     across_3 = arm_3 - along_3*x1
-    del arm_3
     d_across_3_d_omega_1 = -along_3*d_x1_d_omega_1 - d_along_3_d_omega_1*x1
-    del d_x1_d_omega_1
     d_across_3_d_omega_2 = -along_3*d_x1_d_omega_2 - d_along_3_d_omega_2*x1
-    del d_x1_d_omega_2
     d_across_3_d_omega_3 = -along_3*d_x1_d_omega_3 - d_along_3_d_omega_3*x1
-    del d_x1_d_omega_3, x1
     d_across_3_d_position_1 = x6
-    del x6
     d_across_3_d_position_2 = x7
-    del x7
     d_across_3_d_position_3 = 1.0 - (along_3*along_3)
     x8 = along_2*velocity_3 - along_3*velocity_2
     place_1 = across_1 + origin_1 + x0*x8
-    del across_1
     x9 = velocity_3*x0
     x10 = velocity_2*x0
     d_place_1_d_omega_1 = d_across_1_d_omega_1 + d_along_2_d_omega_1*x9 + d_x0_d_omega_1*x8 - d_along_3_d_omega_1*x10
-    del d_across_1_d_omega_1
     d_place_1_d_omega_2 = d_across_1_d_omega_2 + d_along_2_d_omega_2*x9 + d_x0_d_omega_2*x8 - d_along_3_d_omega_2*x10
-    del d_across_1_d_omega_2
+    del x2, x3, x4, arm_1, arm_2, x5, arm_3, d_x1_d_omega_1, d_x1_d_omega_2, d_x1_d_omega_3, x1, x6, x7, across_1, d_across_1_d_omega_1, d_across_1_d_omega_2
     d_place_1_d_omega_3 = d_across_1_d_omega_3 + d_along_2_d_omega_3*x9 + d_x0_d_omega_3*x8 - d_along_3_d_omega_3*x10
-    del d_across_1_d_omega_3, x8
     x11 = along_3*x0
     d_place_1_d_velocity_2 = -x11
     x12 = along_2*x0
     d_place_1_d_velocity_3 = x12
     x13 = along_3*velocity_1 - along_1*velocity_3
     place_2 = across_2 + origin_2 + x0*x13
-    del across_2
     x14 = velocity_1*x0
     d_place_2_d_omega_1 = d_across_2_d_omega_1 + d_along_3_d_omega_1*x14 + d_x0_d_omega_1*x13 - d_along_1_d_omega_1*x9
-    del d_across_2_d_omega_1
     d_place_2_d_omega_2 = d_across_2_d_omega_2 + d_along_3_d_omega_2*x14 + d_x0_d_omega_2*x13 - d_along_1_d_omega_2*x9
-    del d_across_2_d_omega_2
     d_place_2_d_omega_3 = d_across_2_d_omega_3 + d_along_3_d_omega_3*x14 + d_x0_d_omega_3*x13 - d_along_1_d_omega_3*x9
-    del d_across_2_d_omega_3, x13, x9
     d_place_2_d_velocity_1 = x11
     x15 = along_1*x0
     d_place_2_d_velocity_3 = -x15
     x16 = along_1*velocity_2 - along_2*velocity_1
     place_3 = across_3 + origin_3 + x0*x16
-    del across_3
     d_place_3_d_omega_1 = d_across_3_d_omega_1 + d_along_1_d_omega_1*x10 + d_x0_d_omega_1*x16 - d_along_2_d_omega_1*x14
-    del d_across_3_d_omega_1
     d_place_3_d_omega_2 = d_across_3_d_omega_2 + d_along_1_d_omega_2*x10 + d_x0_d_omega_2*x16 - d_along_2_d_omega_2*x14
-    del d_across_3_d_omega_2
     d_place_3_d_omega_3 = d_across_3_d_omega_3 + d_along_1_d_omega_3*x10 + d_x0_d_omega_3*x16 - d_along_2_d_omega_3*x14
-    del d_across_3_d_omega_3, x10, x14, x16
     d_place_3_d_velocity_1 = -x12
     d_place_3_d_velocity_2 = x15
     slide_rate = along_1*velocity_1 + along_2*velocity_2 + along_3*velocity_3
@@ -415,34 +325,21 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     helical_2 = along_2
     helical_3 = along_3
     helical_4 = place_1
-    del place_1
+    del d_across_1_d_omega_3, x8, across_2, d_across_2_d_omega_1, d_across_2_d_omega_2, d_across_2_d_omega_3, x13, x9, across_3, d_across_3_d_omega_1, d_across_3_d_omega_2, d_across_3_d_omega_3, x10, x14, x16, place_1
     helical_5 = place_2
-    del place_2
     helical_6 = place_3
-    del place_3
     helical_7 = slide_rate*x0
     d_helical_7_d_omega_1 = d_slide_rate_d_omega_1*x0 + d_x0_d_omega_1*slide_rate
-    del d_x0_d_omega_1
     d_helical_7_d_omega_2 = d_slide_rate_d_omega_2*x0 + d_x0_d_omega_2*slide_rate
-    del d_x0_d_omega_2
     d_helical_7_d_omega_3 = d_slide_rate_d_omega_3*x0 + d_x0_d_omega_3*slide_rate
-    del d_x0_d_omega_3, x0
     d_helical_7_d_velocity_1 = x15
-    del x15
     d_helical_7_d_velocity_2 = x12
-    del x12
     d_helical_7_d_velocity_3 = x11
-    del x11
     helical_8 = rate
-    del rate
     helical_9 = slide_rate
-    del slide_rate
     helical_jacobian_1_1 = d_along_1_d_omega_1
-    del d_along_1_d_omega_1
     helical_jacobian_1_2 = d_along_1_d_omega_2
-    del d_along_1_d_omega_2
     helical_jacobian_1_3 = d_along_1_d_omega_3
-    del d_along_1_d_omega_3
     helical_jacobian_1_4 = 0.0
     helical_jacobian_1_5 = 0.0
     helical_jacobian_1_6 = 0.0
@@ -450,11 +347,9 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     helical_jacobian_1_8 = 0.0
     helical_jacobian_1_9 = 0.0
     helical_jacobian_2_1 = d_along_2_d_omega_1
-    del d_along_2_d_omega_1
     helical_jacobian_2_2 = d_along_2_d_omega_2
-    del d_along_2_d_omega_2
+    del place_2, place_3, d_x0_d_omega_1, d_x0_d_omega_2, d_x0_d_omega_3, x0, x15, x12, x11, rate, slide_rate, d_along_1_d_omega_1, d_along_1_d_omega_2, d_along_1_d_omega_3, d_along_2_d_omega_1, d_along_2_d_omega_2
     helical_jacobian_2_3 = d_along_2_d_omega_3
-    del d_along_2_d_omega_3
     helical_jacobian_2_4 = 0.0
     helical_jacobian_2_5 = 0.0
     helical_jacobian_2_6 = 0.0
@@ -462,11 +357,8 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     helical_jacobian_2_8 = 0.0
     helical_jacobian_2_9 = 0.0
     helical_jacobian_3_1 = d_along_3_d_omega_1
-    del d_along_3_d_omega_1
     helical_jacobian_3_2 = d_along_3_d_omega_2
-    del d_along_3_d_omega_2
     helical_jacobian_3_3 = d_along_3_d_omega_3
-    del d_along_3_d_omega_3
     helical_jacobian_3_4 = 0.0
     helical_jacobian_3_5 = 0.0
     helical_jacobian_3_6 = 0.0
@@ -474,77 +366,46 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     helical_jacobian_3_8 = 0.0
     helical_jacobian_3_9 = 0.0
     helical_jacobian_4_1 = d_place_1_d_omega_1
-    del d_place_1_d_omega_1
     helical_jacobian_4_2 = d_place_1_d_omega_2
-    del d_place_1_d_omega_2
     helical_jacobian_4_3 = d_place_1_d_omega_3
-    del d_place_1_d_omega_3
     helical_jacobian_4_4 = 0.0
     helical_jacobian_4_5 = d_place_1_d_velocity_2
-    del d_place_1_d_velocity_2
     helical_jacobian_4_6 = d_place_1_d_velocity_3
-    del d_place_1_d_velocity_3
     helical_jacobian_4_7 = d_across_1_d_position_1
-    del d_across_1_d_position_1
     helical_jacobian_4_8 = d_across_1_d_position_2
-    del d_across_1_d_position_2
     helical_jacobian_4_9 = d_across_1_d_position_3
-    del d_across_1_d_position_3
     helical_jacobian_5_1 = d_place_2_d_omega_1
-    del d_place_2_d_omega_1
     helical_jacobian_5_2 = d_place_2_d_omega_2
-    del d_place_2_d_omega_2
     helical_jacobian_5_3 = d_place_2_d_omega_3
-    del d_place_2_d_omega_3
     helical_jacobian_5_4 = d_place_2_d_velocity_1
-    del d_place_2_d_velocity_1
+    del d_along_2_d_omega_3, d_along_3_d_omega_1, d_along_3_d_omega_2, d_along_3_d_omega_3, d_place_1_d_omega_1, d_place_1_d_omega_2, d_place_1_d_omega_3, d_place_1_d_velocity_2, d_place_1_d_velocity_3, d_across_1_d_position_1, d_across_1_d_position_2, d_across_1_d_position_3, d_place_2_d_omega_1, d_place_2_d_omega_2, d_place_2_d_omega_3, d_place_2_d_velocity_1
     helical_jacobian_5_5 = 0.0
     helical_jacobian_5_6 = d_place_2_d_velocity_3
-    del d_place_2_d_velocity_3
     helical_jacobian_5_7 = d_across_2_d_position_1
-    del d_across_2_d_position_1
     helical_jacobian_5_8 = d_across_2_d_position_2
-    del d_across_2_d_position_2
     helical_jacobian_5_9 = d_across_2_d_position_3
-    del d_across_2_d_position_3
     helical_jacobian_6_1 = d_place_3_d_omega_1
-    del d_place_3_d_omega_1
     helical_jacobian_6_2 = d_place_3_d_omega_2
-    del d_place_3_d_omega_2
     helical_jacobian_6_3 = d_place_3_d_omega_3
-    del d_place_3_d_omega_3
     helical_jacobian_6_4 = d_place_3_d_velocity_1
-    del d_place_3_d_velocity_1
     helical_jacobian_6_5 = d_place_3_d_velocity_2
-    del d_place_3_d_velocity_2
     helical_jacobian_6_6 = 0.0
     helical_jacobian_6_7 = d_across_3_d_position_1
-    del d_across_3_d_position_1
     helical_jacobian_6_8 = d_across_3_d_position_2
-    del d_across_3_d_position_2
     helical_jacobian_6_9 = d_across_3_d_position_3
-    del d_across_3_d_position_3
     helical_jacobian_7_1 = d_helical_7_d_omega_1
-    del d_helical_7_d_omega_1
     helical_jacobian_7_2 = d_helical_7_d_omega_2
-    del d_helical_7_d_omega_2
     helical_jacobian_7_3 = d_helical_7_d_omega_3
-    del d_helical_7_d_omega_3
     helical_jacobian_7_4 = d_helical_7_d_velocity_1
-    del d_helical_7_d_velocity_1
+    del d_place_2_d_velocity_3, d_across_2_d_position_1, d_across_2_d_position_2, d_across_2_d_position_3, d_place_3_d_omega_1, d_place_3_d_omega_2, d_place_3_d_omega_3, d_place_3_d_velocity_1, d_place_3_d_velocity_2, d_across_3_d_position_1, d_across_3_d_position_2, d_across_3_d_position_3, d_helical_7_d_omega_1, d_helical_7_d_omega_2, d_helical_7_d_omega_3, d_helical_7_d_velocity_1
     helical_jacobian_7_5 = d_helical_7_d_velocity_2
-    del d_helical_7_d_velocity_2
     helical_jacobian_7_6 = d_helical_7_d_velocity_3
-    del d_helical_7_d_velocity_3
     helical_jacobian_7_7 = 0.0
     helical_jacobian_7_8 = 0.0
     helical_jacobian_7_9 = 0.0
     helical_jacobian_8_1 = d_rate_d_omega_1
-    del d_rate_d_omega_1
     helical_jacobian_8_2 = d_rate_d_omega_2
-    del d_rate_d_omega_2
     helical_jacobian_8_3 = d_rate_d_omega_3
-    del d_rate_d_omega_3
     helical_jacobian_8_4 = 0.0
     helical_jacobian_8_5 = 0.0
     helical_jacobian_8_6 = 0.0
@@ -552,17 +413,11 @@ def _velocity_axis(xp, omega_1, omega_2, omega_3, velocity_1, velocity_2, veloci
     helical_jacobian_8_8 = 0.0
     helical_jacobian_8_9 = 0.0
     helical_jacobian_9_1 = d_slide_rate_d_omega_1
-    del d_slide_rate_d_omega_1
     helical_jacobian_9_2 = d_slide_rate_d_omega_2
-    del d_slide_rate_d_omega_2
     helical_jacobian_9_3 = d_slide_rate_d_omega_3
-    del d_slide_rate_d_omega_3
     helical_jacobian_9_4 = along_1
-    del along_1
     helical_jacobian_9_5 = along_2
-    del along_2
     helical_jacobian_9_6 = along_3
-    del along_3
     helical_jacobian_9_7 = 0.0
     helical_jacobian_9_8 = 0.0
     helical_jacobian_9_9 = 0.0

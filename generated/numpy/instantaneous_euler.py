@@ -65,66 +65,48 @@ def _chi_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternio
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
-    del x0
     quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
-    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
-    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
-    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
-    del quaternion_scaled_4, x1
     quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    del quaternion_size
     x2 = xp.abs(quaternion_unit_3)
     x3 = xp.abs(quaternion_unit_4)
     sine_x_scale = _power_of_two_scale(x2 + x3)
     sine_x_scaled_1 = quaternion_unit_3*sine_x_scale
     sine_x_scaled_2 = quaternion_unit_4*sine_x_scale
     sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
     x4 = xp.abs(quaternion_unit_1)
     x5 = xp.abs(quaternion_unit_2)
     cosine_x_scale = _power_of_two_scale(x4 + x5)
     cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1
     cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2
     cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     sine_y_scale = _power_of_two_scale(x3 + x5)
     sine_y_scaled_1 = quaternion_unit_4*sine_y_scale
     sine_y_scaled_2 = quaternion_unit_2*sine_y_scale
     sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
+    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_size, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     cosine_y_scale = _power_of_two_scale(x2 + x4)
     cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1
     cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3
     cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     sine_z_scale = _power_of_two_scale(x2 + x5)
-    del x2, x5
     sine_z_scaled_1 = quaternion_unit_2*sine_z_scale
-    del quaternion_unit_2
     sine_z_scaled_2 = quaternion_unit_3*sine_z_scale
-    del quaternion_unit_3
     sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
-    del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
     cosine_z_scale = _power_of_two_scale(x3 + x4)
-    del x3, x4
     cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1
-    del quaternion_unit_1
     cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4
-    del quaternion_unit_4
     cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
-    del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, x2, x5, quaternion_unit_2, quaternion_unit_3, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x3, x4, quaternion_unit_1, quaternion_unit_4, cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
     status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
-    del cosine_x, cosine_y, cosine_z, good, quaternion_deviation, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
 
@@ -171,117 +153,80 @@ def _chi_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    del x1
     products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
-    del x2
     products_3_2 = x6
-    del x6
     x8 = matrix_1_1 - 1.0
     products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
-    del x3
     products_4_2 = x7
-    del x7
     products_4_3 = x9
-    del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    del x8
     column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    del products_1_2
     column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    del products_2_1
     column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    del products_3_1, products_3_2
     column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    del products_4_1, products_4_2
     largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del products_1_1, products_2_2
+    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
     column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    del column_a_1, products_1_3
     column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    del column_a_2, products_2_3
     column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    del column_a_3
     column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    del column_a_4, products_4_3
     largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    del largest_a, products_3_3
     column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    del column_b_1, products_1_4
     column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    del column_b_2, products_2_4
     column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    del column_b_3, products_3_4
     column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_b_4, largest_b, products_4_4
+    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
     length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
-    del length
     unit_1 = column_c_1*x10
-    del column_c_1
     unit_2 = column_c_2*x10
-    del column_c_2
     unit_3 = column_c_3*x10
-    del column_c_3
     unit_4 = column_c_4*x10
-    del column_c_4, x10
     deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    del determinant
     x11 = xp.abs(unit_3)
     x12 = xp.abs(unit_4)
     sine_x_scale = _power_of_two_scale(x11 + x12)
     sine_x_scaled_1 = sine_x_scale*unit_3
     sine_x_scaled_2 = sine_x_scale*unit_4
     sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
     x13 = xp.abs(unit_1)
     x14 = xp.abs(unit_2)
     cosine_x_scale = _power_of_two_scale(x13 + x14)
     cosine_x_scaled_1 = cosine_x_scale*unit_1
     cosine_x_scaled_2 = cosine_x_scale*unit_2
     cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     sine_y_scale = _power_of_two_scale(x12 + x14)
     sine_y_scaled_1 = sine_y_scale*unit_4
     sine_y_scaled_2 = sine_y_scale*unit_2
     sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
+    del length, column_c_1, column_c_2, column_c_3, column_c_4, x10, determinant, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     cosine_y_scale = _power_of_two_scale(x11 + x13)
     cosine_y_scaled_1 = cosine_y_scale*unit_1
     cosine_y_scaled_2 = cosine_y_scale*unit_3
     cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     sine_z_scale = _power_of_two_scale(x11 + x14)
-    del x11, x14
     sine_z_scaled_1 = sine_z_scale*unit_2
-    del unit_2
     sine_z_scaled_2 = sine_z_scale*unit_3
-    del unit_3
     sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
-    del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
     cosine_z_scale = _power_of_two_scale(x12 + x13)
-    del x12, x13
     cosine_z_scaled_1 = cosine_z_scale*unit_1
-    del unit_1
     cosine_z_scaled_2 = cosine_z_scale*unit_4
-    del unit_4
     cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
-    del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, x11, x14, unit_2, unit_3, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x12, x13, unit_1, unit_4, cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
     status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
-    del cosine_x, cosine_y, cosine_z, deviation, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
 
@@ -326,11 +271,8 @@ def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
     sin_2 = xp.sin(half_2)
     sin_3 = xp.sin(half_3)
     cos_1 = xp.cos(half_1)
-    del half_1
     cos_2 = xp.cos(half_2)
-    del half_2
     cos_3 = xp.cos(half_3)
-    del half_3
     good = 0.25*xp.abs(angles_1) + 0.25*xp.abs(angles_2) + 0.25*xp.abs(angles_3) <= largest
     x0 = cos_1*cos_2
     x1 = sin_1*sin_2
@@ -339,62 +281,41 @@ def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
     x3 = cos_3*sin_2
     x = cos_1*x2 - sin_1*x3
     x4 = cos_1*sin_2
-    del cos_1
     x5 = cos_2*sin_1
     y = cos_3*x4 + sin_3*x5
     z = cos_2*cos_3*sin_1 - sin_3*x4
-    del sin_1
     sine_x_scale = _power_of_two_scale(xp.abs(x4) + xp.abs(x5))
     sine_x_scaled_1 = sine_x_scale*x5
-    del x5
     sine_x_scaled_2 = sine_x_scale*x4
-    del x4
     sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
     sine_y_scale = _power_of_two_scale(xp.abs(x) + xp.abs(z))
     sine_y_scaled_1 = sine_y_scale*x
-    del x
     sine_y_scaled_2 = sine_y_scale*z
-    del z
     sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     sine_z_scale = _power_of_two_scale(xp.abs(x2) + xp.abs(x3))
     sine_z_scaled_1 = sine_z_scale*x3
-    del x3
+    del half_1, half_2, half_3, cos_1, sin_1, x5, x4, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, x, z, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, x3
     sine_z_scaled_2 = sine_z_scale*x2
-    del x2
     sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
-    del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
     cosine_x_scale = _power_of_two_scale(xp.abs(x0) + xp.abs(x1))
     cosine_x_scaled_1 = cosine_x_scale*x0
-    del x0
     cosine_x_scaled_2 = cosine_x_scale*x1
-    del x1
     cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     cosine_y_scale = _power_of_two_scale(xp.abs(w) + xp.abs(y))
     cosine_y_scaled_1 = cosine_y_scale*w
-    del w
     cosine_y_scaled_2 = cosine_y_scale*y
-    del y
     cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     x6 = cos_2*cos_3
-    del cos_2, cos_3
+    del x2, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x0, x1, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, w, y, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, cos_2, cos_3
     x7 = sin_2*sin_3
-    del sin_2, sin_3
     cosine_z_scale = _power_of_two_scale(xp.abs(x6) + xp.abs(x7))
     cosine_z_scaled_1 = cosine_z_scale*x6
-    del x6
     cosine_z_scaled_2 = cosine_z_scale*x7
-    del x7
     cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
-    del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
     status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
-    del cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
 
@@ -437,57 +358,41 @@ def _chi_from_zyz(xp, angles_1, angles_2, angles_3, eps, largest):
     half_3 = 0.5*angles_3
     sin_2 = xp.sin(half_2)
     cos_2 = xp.cos(half_2)
-    del half_2
     good = 0.25*xp.abs(angles_1) + 0.25*xp.abs(angles_2) + 0.25*xp.abs(angles_3) <= largest
     half_sum = half_1 + half_3
     half_difference = half_1 - half_3
-    del half_1, half_3
     w = cos_2*xp.cos(half_sum)
     z = cos_2*xp.sin(half_sum)
-    del half_sum
     x = -sin_2*xp.sin(half_difference)
     y = sin_2*xp.cos(half_difference)
-    del half_difference
     x0 = xp.abs(y)
     x1 = xp.abs(z)
     sine_x_scale = _power_of_two_scale(x0 + x1)
     sine_x_scaled_1 = sine_x_scale*y
     sine_x_scaled_2 = sine_x_scale*z
     sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
     x2 = xp.abs(x)
     sine_y_scale = _power_of_two_scale(x1 + x2)
-    del x1
     sine_y_scaled_1 = sine_y_scale*x
     sine_y_scaled_2 = sine_y_scale*z
-    del z
     sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     sine_z = xp.abs(sin_2)
-    del sin_2
     x3 = xp.abs(w)
     cosine_x_scale = _power_of_two_scale(x2 + x3)
-    del x2
     cosine_x_scaled_1 = cosine_x_scale*w
     cosine_x_scaled_2 = cosine_x_scale*x
-    del x
+    del half_2, half_1, half_3, half_sum, half_difference, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, x1, z, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, sin_2, x2, x
     cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     cosine_y_scale = _power_of_two_scale(x0 + x3)
-    del x0, x3
     cosine_y_scaled_1 = cosine_y_scale*w
-    del w
     cosine_y_scaled_2 = cosine_y_scale*y
-    del y
     cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     cosine_z = xp.abs(cos_2)
-    del cos_2
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
     status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
-    del cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
+    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, x0, x3, w, y, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, cos_2, cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
     return (chi_1, chi_2, chi_3, status)
 
 

@@ -68,63 +68,39 @@ def _chi_arm_pose(xp, joints_1, joints_2, joints_3, joints_4, joints_5, joints_6
     x20 = x1*x19
     x21 = x18 + x20*x4
     x22 = x12*x2
-    del x12
     x23 = x1*x17
-    del x1
     x24 = x13*x19*x4 - x23
     matrix_1_2 = x15*x24 + x19*x22 - x0*x21
     x25 = x23*x4 - x13*x19
-    del x23
     x26 = x18*x4 + x20
-    del x18, x20
     matrix_1_3 = x15*x26 + x17*x22 - x0*x25
-    del x15, x22
     x27 = x0*x11 + x0*x8
     x28 = x0*x10*x7 - x0*x14
     x29 = x13*x2*x28 + x3*x5 - x27*x4
-    del x3
     matrix_2_1 = x29
     x30 = x2*x27
-    del x27
     matrix_2_2 = x19*x30 + x21*x5 + x24*x28
-    del x21
     matrix_2_3 = x17*x30 + x25*x5 + x26*x28
-    del x25, x28, x30
     x31 = x10*x7 - x14
-    del x14
     x32 = -x11 - x8
-    del x11
     x33 = x13*x2*x32 - x31*x4
-    del x13, x4
+    del x12, x1, x23, x18, x20, x15, x22, x3, x27, x21, x25, x28, x30, x14, x11, x13, x4
     matrix_3_1 = x33
     x34 = x2*x31
-    del x2, x31
     matrix_3_2 = x19*x34 + x24*x32
-    del x19, x24
     matrix_3_3 = x17*x34 + x26*x32
-    del x17, x26, x32, x34
     x35 = lengths_2 - lengths_3*x9
-    del x9
     x36 = lengths_3*x10*x7 + x35*x6
-    del x6, x7
     x37 = x36*x5
-    del x5
     point_1 = lengths_4*x16 + x37
-    del x16
     x38 = x0*x36
-    del x0, x36
     point_2 = lengths_4*x29 + x38
-    del x29
+    del x2, x31, x19, x24, x17, x26, x32, x34, x9, x6, x7, x5, x16, x0, x36, x29
     x39 = lengths_1 + x10*x35 - lengths_3*x8
-    del x10, x35, x8
     point_3 = lengths_4*x33 + x39
-    del x33
     wrist_1 = x37
-    del x37
     wrist_2 = x38
-    del x38
     wrist_3 = x39
-    del x39
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, wrist_1, wrist_2, wrist_3)
 
 

@@ -71,7 +71,6 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     # 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
     x22 = 3.141592653589793*(4.0*eps + 1.0)
     good = (chi_1 >= 0.0) & (chi_2 >= 0.0) & (chi_3 >= 0.0) & (tolerance >= 0.0) & (chi_1 <= x22) & (chi_2 <= x22) & (chi_3 <= x22)
-    del x22
     x0 = 16.0*eps
     slack = xp.where(tolerance < x0, x0, tolerance)
     x1 = 0.5*chi_1
@@ -81,66 +80,45 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     x3 = 0.5*chi_3
     s_3 = (xp.sin(x3)*xp.sin(x3))
     c_1 = (xp.cos(x1)*xp.cos(x1))
-    del x1
     c_2 = (xp.cos(x2)*xp.cos(x2))
-    del x2
     c_3 = (xp.cos(x3)*xp.cos(x3))
-    del x3
     whole = 0.5*s_1 + 0.5*s_2 + 0.5*s_3
     share_0 = 1.0 - whole
     share_1 = whole - s_1
     share_2 = whole - s_2
     share_3 = whole - s_3
-    del whole
     above_1 = share_1 > share_0
     largest_1 = xp.where(above_1, share_1, share_0)
     above_2 = share_2 > largest_1
     largest_2 = xp.where(above_2, share_2, largest_1)
-    del largest_1
     above_3 = share_3 > largest_2
-    del largest_2
     at_2 = (above_2) & (~(above_3))
     at_1 = (above_1) & (~(above_2)) & (~(above_3))
-    del above_1, above_2
     part_1 = xp.where((above_3) | (at_2), c_1, s_1)
-    del c_1, s_1
     part_2 = xp.where((above_3) | (at_1), c_2, s_2)
-    del c_2, s_2
     part_3 = xp.where((at_1) | (at_2), c_3, s_3)
-    del c_3, s_3
     size = part_1 + part_2 + part_3
     x5 = -0.5*size
     raw_1 = -part_1 - x5
-    del part_1
+    del x22, x1, x2, x3, whole, largest_1, largest_2, above_1, above_2, c_1, s_1, c_2, s_2, c_3, s_3, part_1
     raw_2 = -part_2 - x5
-    del part_2
     raw_3 = -part_3 - x5
-    del part_3, x5
     coarse = xp.where((above_3) | (at_1) | (at_2), x0*(eps + xp.sqrt(size)), 0.0)
-    del x0
     floor = coarse + size*slack
-    del coarse, size, slack
     outside = (raw_1 < -floor) | (raw_2 < -floor) | (raw_3 < -floor)
     rest_1 = xp.where(floor >= raw_1, 0.0, raw_1)
-    del raw_1
     rest_2 = xp.where(floor >= raw_2, 0.0, raw_2)
-    del raw_2
     rest_3 = xp.where(floor >= raw_3, 0.0, raw_3)
-    del floor, raw_3
     rest_0 = 1.0 - rest_1 - rest_2 - rest_3
     x6 = xp.sqrt(rest_3)
-    del rest_3
     x7 = xp.sqrt(rest_2)
-    del rest_2
     x8 = xp.sqrt(rest_1)
-    del rest_1
     x9 = xp.sqrt(rest_0)
-    del rest_0
     component_0 = xp.where(above_3, x6, xp.where(at_2, x7, xp.where(at_1, x8, x9)))
     component_1 = xp.where(above_3, x7, xp.where(at_2, x6, xp.where(at_1, x9, x8)))
     component_2 = xp.where(above_3, x8, xp.where(at_2, x9, xp.where(at_1, x6, x7)))
     component_3 = xp.where(above_3, x9, xp.where(at_2, x8, xp.where(at_1, x7, x6)))
-    del above_3, at_1, at_2, x6, x7, x8, x9
+    del part_2, part_3, x5, x0, coarse, size, slack, raw_1, raw_2, floor, raw_3, rest_3, rest_2, rest_1, rest_0, above_3, at_1, at_2, x6, x7, x8, x9
     present_0 = component_0 > 0.0
     present_1 = component_1 > 0.0
     present_2 = component_2 > 0.0
@@ -148,14 +126,11 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     free_1 = (present_0) & (present_1)
     free_2 = (present_2) & ((present_0) | (present_1))
     free_3 = (present_3) & ((present_0) | (present_1) | (present_2))
-    del present_0, present_1, present_2, present_3
     x10 = xp.where(free_1, 1.0, 0.0)
     x11 = xp.where(free_2, 1.0, 0.0)
     freedom = x10 + x11 + xp.where(free_3, 1.0, 0.0)
     before_2 = x10
-    del x10
     before_3 = before_2 + x11
-    del x11
     known = (good) & (~(outside))
     quaternions_1_1 = xp.where((known) & (freedom > -0.5), component_0, xp.nan)
     quaternions_1_2 = xp.where((known) & (freedom > -0.5), component_1, xp.nan)
@@ -163,7 +138,6 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     quaternions_1_4 = xp.where((known) & (freedom > -0.5), component_3, xp.nan)
     quaternions_2_1 = xp.where((known) & (freedom > 0.5), component_0, xp.nan)
     x12 = xp.where(free_1, -component_1, component_1)
-    del free_1
     quaternions_2_2 = xp.where((known) & (freedom > 0.5), x12, xp.nan)
     quaternions_2_3 = xp.where((known) & (freedom > 0.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, 1.0), component_2), xp.nan)
     quaternions_2_4 = xp.where((known) & (freedom > 0.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, 1.0), component_3), xp.nan)
@@ -175,17 +149,12 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     x15 = xp.where(before_3 < 1.5, -1.0, 1.0)
     quaternions_3_4 = xp.where((known) & (freedom > 1.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, x15), component_3), xp.nan)
     quaternions_4_1 = x13
-    del x13
     quaternions_4_2 = xp.where((known) & (freedom > 1.5), x12, xp.nan)
     quaternions_4_3 = xp.where((known) & (freedom > 1.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, x14), component_2), xp.nan)
-    del x14
     quaternions_4_4 = xp.where((known) & (freedom > 1.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, x15), component_3), xp.nan)
-    del x15
     x16 = xp.where((known) & (freedom > 2.5), component_0, xp.nan)
-    del component_0
     quaternions_5_1 = x16
     x17 = xp.where((known) & (freedom > 2.5), component_1, xp.nan)
-    del component_1
     quaternions_5_2 = x17
     x18 = xp.where(before_2 < 1.5, 1.0, -1.0)
     quaternions_5_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, x18), component_2), xp.nan)
@@ -193,72 +162,50 @@ def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
     quaternions_5_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, x19), component_3), xp.nan)
     quaternions_6_1 = x16
     x20 = xp.where((known) & (freedom > 2.5), x12, xp.nan)
-    del x12
     quaternions_6_2 = x20
     quaternions_6_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, x18), component_2), xp.nan)
-    del x18
     quaternions_6_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, x19), component_3), xp.nan)
-    del x19
     quaternions_7_1 = x16
     quaternions_7_2 = x17
-    del x17
+    del present_0, present_1, present_2, present_3, x10, x11, free_1, x13, x14, x15, component_0, component_1, x12, x18, x19, x17
     quaternions_7_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, -1.0), component_2), xp.nan)
-    del before_2
     quaternions_7_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, -1.0), component_3), xp.nan)
-    del before_3
     quaternions_8_1 = x16
-    del x16
     quaternions_8_2 = x20
-    del x20
     quaternions_8_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, -component_2, component_2), xp.nan)
-    del component_2, free_2
     quaternions_8_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, -component_3, component_3), xp.nan)
-    del component_3, free_3, known
     upper_0 = xp.where(share_0 < share_1, share_1, share_0)
     lower_0 = xp.where(share_0 < share_1, share_0, share_1)
     upper_1 = xp.where(share_2 < share_3, share_3, share_2)
     lower_1 = xp.where(share_2 < share_3, share_2, share_3)
     upper_2 = xp.where(upper_0 < upper_1, upper_1, upper_0)
     lower_2 = xp.where(upper_0 < upper_1, upper_0, upper_1)
-    del upper_0, upper_1
     upper_3 = xp.where(lower_0 < lower_1, lower_1, lower_0)
     lower_3 = xp.where(lower_0 < lower_1, lower_0, lower_1)
-    del lower_0, lower_1
     upper_4 = xp.where(lower_2 > upper_3, lower_2, upper_3)
     lower_4 = xp.where(lower_2 > upper_3, upper_3, lower_2)
-    del lower_2, upper_3
     total_1 = upper_2
-    del upper_2
+    del before_2, before_3, x16, x20, component_2, free_2, component_3, free_3, known, upper_0, upper_1, lower_0, lower_1, lower_2, upper_3, upper_2
     mean_1 = total_1 - 1.0
     total_2 = total_1 + upper_4
-    del total_1, upper_4
     mean_2 = 0.5*total_2 - 0.5
     shift_2 = xp.where(mean_1 < mean_2, mean_2, mean_1)
-    del mean_1, mean_2
     total_3 = lower_4 + total_2
-    del lower_4, total_2
     mean_3 = total_3/3.0 - 1.0/3.0
     shift_3 = xp.where(mean_3 > shift_2, mean_3, shift_2)
-    del mean_3, shift_2
     total_4 = lower_3 + total_3
-    del lower_3, total_3
     mean_4 = 0.25*total_4 - 0.25
-    del total_4
     shift_4 = xp.where(mean_4 > shift_3, mean_4, shift_3)
-    del mean_4, shift_3
     kept_0 = xp.where(share_0 > shift_4, share_0 - shift_4, 0.0)
     kept_1 = xp.where(share_1 > shift_4, share_1 - shift_4, 0.0)
     kept_2 = xp.where(share_2 > shift_4, share_2 - shift_4, 0.0)
     kept_3 = xp.where(share_3 > shift_4, share_3 - shift_4, 0.0)
-    del shift_4
     distance = xp.where(good, xp.where(outside, 2.0*xp.sqrt(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), 0.0), xp.nan)
-    del share_0, share_1, share_2, share_3
+    del total_1, upper_4, mean_1, mean_2, lower_4, total_2, mean_3, shift_2, lower_3, total_3, total_4, mean_4, shift_3, shift_4, share_0, share_1, share_2, share_3
     nearest_1 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_2 + kept_3), xp.sqrt(kept_0 + kept_1)), chi_1), xp.nan)
     nearest_2 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_1 + kept_3), xp.sqrt(kept_0 + kept_2)), chi_2), xp.nan)
     nearest_3 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_1 + kept_2), xp.sqrt(kept_0 + kept_3)), chi_3), xp.nan)
-    del kept_0, kept_1, kept_2, kept_3
     status = xp.where(~(good), 5.0, xp.where(outside, 4.0, xp.where(freedom > 2.5, 0.0, xp.where(freedom > 1.5, 1.0, xp.where(freedom > 0.5, 2.0, 3.0)))))
-    del freedom, good, outside
     return (quaternions_1_1, quaternions_1_2, quaternions_1_3, quaternions_1_4, quaternions_2_1, quaternions_2_2, quaternions_2_3, quaternions_2_4, quaternions_3_1, quaternions_3_2, quaternions_3_3, quaternions_3_4, quaternions_4_1, quaternions_4_2, quaternions_4_3, quaternions_4_4, quaternions_5_1, quaternions_5_2, quaternions_5_3, quaternions_5_4, quaternions_6_1, quaternions_6_2, quaternions_6_3, quaternions_6_4, quaternions_7_1, quaternions_7_2, quaternions_7_3, quaternions_7_4, quaternions_8_1, quaternions_8_2, quaternions_8_3, quaternions_8_4, distance, nearest_1, nearest_2, nearest_3, status)
 
 

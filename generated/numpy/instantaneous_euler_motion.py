@@ -74,45 +74,32 @@ def _chi_rates(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, m
     deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
     handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (handed > 0.0)
-    del handed
     abnormal = deviation > 64.0*eps
-    del deviation
     sine_x = xp.sqrt(x0)
-    del x0
     sine_y = xp.sqrt(x1)
-    del x1
     sine_z = xp.sqrt(x2)
-    del x2
     x6 = 4.0*eps
     kink_x = sine_x <= x6
     kink_y = sine_y <= x6
     kink_z = sine_z <= x6
-    del x6
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
     most = sine_x*sine_y*sine_z
     x7 = xp.abs(volume)
     flat = x7 <= 16.0*eps*most
     near = x7 <= eps**0.5*most
-    del most, x7
     known = (good) & (0.25*xp.abs(omega_1) + 0.25*xp.abs(omega_2) + 0.25*xp.abs(omega_3) <= largest)
     x3 = (omega_2*omega_2)
     x4 = (omega_3*omega_3)
     speed_x = xp.sqrt(x3 + x4)
     x5 = (omega_1*omega_1)
     speed_y = xp.sqrt(x4 + x5)
-    del x4
     speed_z = xp.sqrt(x3 + x5)
-    del x3, x5
     rate_1 = xp.where(known, xp.where(kink_x, xp.where(matrix_1_1 > 0.0, speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*xp.where(kink_x, 1.0, 1.0/sine_x)), xp.nan)
-    del sine_x, speed_x
     rate_2 = xp.where(known, xp.where(kink_y, xp.where(matrix_2_2 > 0.0, speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*xp.where(kink_y, 1.0, 1.0/sine_y)), xp.nan)
-    del sine_y, speed_y
     rate_3 = xp.where(known, xp.where(kink_z, xp.where(matrix_3_3 > 0.0, speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*xp.where(kink_z, 1.0, 1.0/sine_z)), xp.nan)
-    del sine_z, speed_z
+    del handed, deviation, x0, x1, x2, x6, most, x7, x4, x3, x5, sine_x, speed_x, sine_y, speed_y, sine_z, speed_z
     determinant = xp.where(good, volume, xp.nan)
-    del good, volume
     status = xp.where(~(known), 5.0, xp.where((kink_x) | (kink_y) | (kink_z), 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
-    del abnormal, flat, kink_x, kink_y, kink_z, known, near
     return (rate_1, rate_2, rate_3, determinant, status)
 
 
@@ -162,47 +149,31 @@ def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, ma
     x6 = matrix_1_2*matrix_2_3
     handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (handed > 0.0)
-    del handed
     abnormal = deviation > 64.0*eps
-    del deviation
     sine_x = xp.sqrt(x0)
-    del x0
     sine_y = xp.sqrt(x1)
-    del x1
     sine_z = xp.sqrt(x2)
-    del x2
     x8 = 4.0*eps
     kink_x = sine_x <= x8
     kink_y = sine_y <= x8
     kink_z = sine_z <= x8
-    del x8
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
     most = sine_x*sine_y*sine_z
     x9 = xp.abs(volume)
     flat = x9 <= 16.0*eps*most
     near = x9 <= eps**0.5*most
-    del most, x9
     known = (good) & (0.25*xp.abs(rate_1) + 0.25*xp.abs(rate_2) + 0.25*xp.abs(rate_3) <= largest)
-    del good
     b_x = rate_1*sine_x
-    del sine_x
     b_y = rate_2*sine_y
-    del sine_y
     b_z = rate_3*sine_z
-    del sine_z
     lost = (flat) | (kink_x) | (kink_y) | (kink_z)
     divisor = xp.where(lost, 1.0, volume)
-    del volume
     x7 = 1.0/divisor
-    del divisor
     omega_1 = xp.where((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), xp.nan)
-    del x5
     omega_2 = xp.where((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), xp.nan)
-    del x4, x6
+    del handed, deviation, x0, x1, x2, x8, most, x9, good, sine_x, sine_y, sine_z, volume, divisor, x5, x4, x6
     omega_3 = xp.where((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), xp.nan)
-    del b_x, b_y, b_z, lost, x3, x7
     status = xp.where(~(known), 5.0, xp.where((kink_x) | (kink_y) | (kink_z), 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
-    del abnormal, flat, kink_x, kink_y, kink_z, known, near
     return (omega_1, omega_2, omega_3, status)
 
 
@@ -257,20 +228,13 @@ def _chi_motion_from_zyx(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_
     x9 = x1*x2
     matrix_2_1 = x9
     matrix_2_2 = x5*x7 + x8
-    del x7, x8
     matrix_2_3 = x4*x5 - x0*x6
-    del x4
     matrix_3_1 = -x5
     matrix_3_2 = x1*x6
-    del x6
     matrix_3_3 = x1*x3
-    del x3
     omega_1 = angle_rates_3*x0*x1 - angle_rates_2*x2
-    del x1, x2
     omega_2 = angle_rates_2*x0 + angle_rates_3*x9
-    del x0, x9
     omega_3 = angle_rates_1 - angle_rates_3*x5
-    del x5
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3)
 
 
@@ -323,22 +287,15 @@ def _chi_motion_from_zyz(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_
     x8 = xp.sin(angles_2)
     matrix_1_3 = x3*x8
     matrix_2_1 = x4*x6 + x7
-    del x6, x7
     matrix_2_2 = x3*x5 - x2*x4
-    del x2
     x9 = x0*x8
     matrix_2_3 = x9
     matrix_3_1 = -x5*x8
-    del x5
     matrix_3_2 = x1*x8
-    del x1
     matrix_3_3 = x4
     omega_1 = angle_rates_3*x3*x8 - angle_rates_2*x0
-    del x0, x8
     omega_2 = angle_rates_2*x3 + angle_rates_3*x9
-    del x3, x9
     omega_3 = angle_rates_1 + angle_rates_3*x4
-    del x4
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3)
 
 
@@ -382,61 +339,44 @@ def _chi_zyx_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quate
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
-    del x0
     quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
-    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
-    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
-    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
-    del quaternion_scaled_4, x1
     quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    del quaternion_size
     x2 = 0.5*1.4142135623730951
     turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3)
     turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4)
     turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3)
     turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4)
-    del x2
     sine_scale = _power_of_two_scale(xp.abs(turned_2) + xp.abs(turned_3))
     sine_scaled_1 = sine_scale*turned_2
     sine_scaled_2 = sine_scale*turned_3
     sine = xp.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
-    del sine_scale, sine_scaled_1, sine_scaled_2
     cosine_scale = _power_of_two_scale(xp.abs(turned_1) + xp.abs(turned_4))
     cosine_scaled_1 = cosine_scale*turned_1
     cosine_scaled_2 = cosine_scale*turned_4
     cosine = xp.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
-    del cosine_scale, cosine_scaled_1, cosine_scaled_2
     x5 = 4.0*eps
     low = sine <= x5
     high = cosine <= x5
-    del x5
+    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_size, x2, sine_scale, sine_scaled_1, sine_scaled_2, cosine_scale, cosine_scaled_1, cosine_scaled_2, x5
     sigma = xp.atan2(turned_4, turned_1)
-    del turned_1, turned_4
     delta = xp.atan2(-turned_2, turned_3)
-    del turned_2, turned_3
     half_sum = xp.where(high, delta, sigma)
     half_difference = xp.where(low, sigma, delta)
-    del delta, sigma
     first = half_difference + half_sum
     third = half_sum - half_difference
-    del half_difference, half_sum
     x3 = 2.0*3.141592653589793
     x6 = -3.141592653589793
     angles_1 = xp.where(good, xp.where(first > 3.141592653589793, first - x3, xp.where(first <= x6, first + x3, first)), xp.nan)
-    del first
     angles_2 = xp.where(good, xp.atan2(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), xp.nan)
-    del cosine, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_unit_4, sine
     angles_3 = xp.where(good, xp.where(third > 3.141592653589793, third - x3, xp.where(third <= x6, third + x3, third)), xp.nan)
-    del third, x3, x6
+    del turned_1, turned_4, turned_2, turned_3, delta, sigma, half_difference, half_sum, first, cosine, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_unit_4, sine, third, x3, x6
     status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
-    del good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
 
 
@@ -480,55 +420,39 @@ def _chi_zyz_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quate
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
-    del x0
     quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
-    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
-    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
-    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
-    del quaternion_scaled_4, x1
     quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    del quaternion_size
     sine_scale = _power_of_two_scale(xp.abs(quaternion_unit_2) + xp.abs(quaternion_unit_3))
     sine_scaled_1 = quaternion_unit_2*sine_scale
     sine_scaled_2 = quaternion_unit_3*sine_scale
     sine = xp.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
-    del sine_scale, sine_scaled_1, sine_scaled_2
     cosine_scale = _power_of_two_scale(xp.abs(quaternion_unit_1) + xp.abs(quaternion_unit_4))
     cosine_scaled_1 = cosine_scale*quaternion_unit_1
     cosine_scaled_2 = cosine_scale*quaternion_unit_4
     cosine = xp.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
-    del cosine_scale, cosine_scaled_1, cosine_scaled_2
     x4 = 4.0*eps
     low = sine <= x4
     high = cosine <= x4
-    del x4
     sigma = xp.atan2(quaternion_unit_4, quaternion_unit_1)
-    del quaternion_unit_1, quaternion_unit_4
+    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_size, sine_scale, sine_scaled_1, sine_scaled_2, cosine_scale, cosine_scaled_1, cosine_scaled_2, x4, quaternion_unit_1, quaternion_unit_4
     delta = xp.atan2(-quaternion_unit_2, quaternion_unit_3)
-    del quaternion_unit_2, quaternion_unit_3
     half_sum = xp.where(high, delta, sigma)
     half_difference = xp.where(low, sigma, delta)
-    del delta, sigma
     first = half_difference + half_sum
     third = half_sum - half_difference
-    del half_difference, half_sum
     x2 = 2.0*3.141592653589793
     x5 = -3.141592653589793
     angles_1 = xp.where(good, xp.where(first > 3.141592653589793, first - x2, xp.where(first <= x5, first + x2, first)), xp.nan)
-    del first
     angles_2 = xp.where(good, 2.0*xp.atan2(sine, cosine), xp.nan)
-    del cosine, sine
     angles_3 = xp.where(good, xp.where(third > 3.141592653589793, third - x2, xp.where(third <= x5, third + x2, third)), xp.nan)
-    del third, x2, x5
     status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
-    del good, high, low, quaternion_deviation
+    del quaternion_unit_2, quaternion_unit_3, delta, sigma, half_difference, half_sum, first, cosine, sine, third, x2, x5, good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
 
 

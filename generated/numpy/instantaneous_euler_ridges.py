@@ -74,69 +74,49 @@ def _chi_ridge_lines(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     size = xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3)
     good = (deviation <= largest) & (size <= largest) & (determinant > 0.0)
-    del determinant
     abnormal = deviation > 64.0*eps
-    del deviation
     sine_x = xp.sqrt(x0)
-    del x0
     height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3
     x9 = 4.0*eps
     flat_x = sine_x <= x9
     length_x = xp.where(flat_x, xp.nan, sine_x)
-    del sine_x
     sine_y = xp.sqrt(x1)
-    del x1
     height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3
     flat_y = sine_y <= x9
     length_y = xp.where(flat_y, xp.nan, sine_y)
-    del sine_y
     sine_z = xp.sqrt(x2)
-    del x2
     height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3
     flat_z = sine_z <= x9
     length_z = xp.where(flat_z, xp.nan, sine_z)
-    del sine_z
     x3 = xp.where((flat_x) | (~(good)), xp.nan, 0.0)
     lines_1_1 = x3
     x4 = 1.0/length_x
-    del length_x
     lines_1_2 = xp.where((flat_x) | (~(good)), xp.nan, -matrix_3_1*x4)
     lines_1_3 = xp.where((flat_x) | (~(good)), xp.nan, matrix_2_1*x4)
     lines_1_4 = xp.where((flat_x) | (~(good)), xp.nan, height_x*x4)
-    del x4
     lines_1_5 = x3
     lines_1_6 = x3
-    del x3
     x5 = 1.0/length_y
-    del length_y
     lines_2_1 = xp.where((flat_y) | (~(good)), xp.nan, matrix_3_2*x5)
     x6 = xp.where((flat_y) | (~(good)), xp.nan, 0.0)
     lines_2_2 = x6
     lines_2_3 = xp.where((flat_y) | (~(good)), xp.nan, -matrix_1_2*x5)
     lines_2_4 = x6
     lines_2_5 = xp.where((flat_y) | (~(good)), xp.nan, height_y*x5)
-    del x5
     lines_2_6 = x6
-    del x6
     x7 = 1.0/length_z
-    del length_z
     lines_3_1 = xp.where((flat_z) | (~(good)), xp.nan, -matrix_2_3*x7)
     lines_3_2 = xp.where((flat_z) | (~(good)), xp.nan, matrix_1_3*x7)
     x8 = xp.where((flat_z) | (~(good)), xp.nan, 0.0)
     lines_3_3 = x8
     lines_3_4 = x8
     lines_3_5 = x8
-    del x8
+    del determinant, deviation, x0, sine_x, x1, sine_y, x2, sine_z, length_x, x4, x3, length_y, x5, x6, length_z, x8
     lines_3_6 = xp.where((flat_z) | (~(good)), xp.nan, height_z*x7)
-    del x7
     x10 = size*x9
-    del size, x9
     status_x = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_x) & (xp.abs(height_x) <= x10), 1.0, xp.where(flat_x, 2.0, 0.0))))
-    del flat_x, height_x
     status_y = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_y) & (xp.abs(height_y) <= x10), 1.0, xp.where(flat_y, 2.0, 0.0))))
-    del flat_y, height_y
     status_z = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_z) & (xp.abs(height_z) <= x10), 1.0, xp.where(flat_z, 2.0, 0.0))))
-    del abnormal, flat_z, good, height_z, x10
     return (lines_1_1, lines_1_2, lines_1_3, lines_1_4, lines_1_5, lines_1_6, lines_2_1, lines_2_2, lines_2_3, lines_2_4, lines_2_5, lines_2_6, lines_3_1, lines_3_2, lines_3_3, lines_3_4, lines_3_5, lines_3_6, status_x, status_y, status_z)
 
 

@@ -53,13 +53,10 @@ def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
     half_angle = 0.5*angle
     sine = xp.sin(angle)
     half_sine = xp.sin(half_angle)
-    del half_angle
     x4 = 1.0/angle
     S = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x4)
     K = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
-    del half_sine
     T = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x4*(angle - sine)/safe)
-    del angle, is_small, safe, sine, square, x4
     matrix_1_1 = 1.0 - K*x3
     x6 = S*w_3
     x7 = K*w_2
@@ -70,39 +67,27 @@ def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
     x11 = w_1*x10
     matrix_1_3 = x11 + x9
     matrix_2_1 = x6 + x8
-    del x6, x8
     x12 = -x0 - x2
-    del x2
     matrix_2_2 = K*x12 + 1.0
     x13 = S*w_1
-    del S
     x14 = w_2*x10
     matrix_2_3 = x14 - x13
     matrix_3_1 = x11 - x9
-    del x11, x9
     matrix_3_2 = x13 + x14
-    del x13, x14
+    del half_angle, half_sine, angle, is_small, safe, sine, square, x4, x6, x8, x2, S, x11, x9, x13, x14
     x15 = -x0 - x1
-    del x0, x1
     matrix_3_3 = K*x15 + 1.0
     left_jacobian_1_1 = 1.0 - T*x3
-    del x3
     left_jacobian_1_2 = T*w_1*w_2 - x10
     x16 = T*w_1
     left_jacobian_1_3 = w_3*x16 + x7
     left_jacobian_2_1 = w_2*x16 + x10
-    del x10, x16
     left_jacobian_2_2 = T*x12 + 1.0
-    del x12
     x17 = K*w_1
-    del K
     left_jacobian_2_3 = T*w_2*w_3 - x17
     left_jacobian_3_1 = T*w_1*w_3 - x7
-    del x7
     left_jacobian_3_2 = T*w_2*w_3 + x17
-    del x17
     left_jacobian_3_3 = T*x15 + 1.0
-    del T, x15
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, left_jacobian_1_1, left_jacobian_1_2, left_jacobian_1_3, left_jacobian_2_1, left_jacobian_2_2, left_jacobian_2_3, left_jacobian_3_1, left_jacobian_3_2, left_jacobian_3_3)
 
 
@@ -158,20 +143,16 @@ def _tilted_axis(xp, axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_
     half_angle = 0.5*angle
     sine = xp.sin(angle)
     half_sine = xp.sin(half_angle)
-    del half_angle
     x0 = 1.0/angle
     S = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x0)
     K = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
-    del half_sine
     T = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x0*(angle - sine)/safe)
-    del angle, is_small, safe, sine, square, x0
     across_1 = axis_3*w_2 - axis_2*w_3
     across_2 = axis_1*w_3 - axis_3*w_1
     across_3 = axis_2*w_1 - axis_1*w_2
     turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1
     turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2
     turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3
-    del S, across_1, across_2, across_3
     tilted_1 = turned_axis_1
     tilted_2 = turned_axis_2
     tilted_3 = turned_axis_3
@@ -186,20 +167,15 @@ def _tilted_axis(xp, axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_
     tilted_jacobian_1_1 = turned_axis_3*x2 - turned_axis_2*x1
     x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3
     x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2
-    del w_1
     tilted_jacobian_1_2 = turned_axis_3*x4 - turned_axis_2*x3
     x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1
-    del beside_a_1, beside_a_2, beside_a_3
+    del half_angle, half_sine, angle, is_small, safe, sine, square, x0, S, across_1, across_2, across_3, w_1, beside_a_1, beside_a_2, beside_a_3
     tilted_jacobian_2_1 = turned_axis_1*x1 - turned_axis_3*x5
-    del x1
     x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1
-    del K, T, beside_b_1, beside_b_2, beside_b_3, w_2, w_3
     tilted_jacobian_2_2 = turned_axis_1*x3 - turned_axis_3*x6
-    del turned_axis_3, x3
     tilted_jacobian_3_1 = turned_axis_2*x5 - turned_axis_1*x2
-    del x2, x5
     tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4
-    del turned_axis_1, turned_axis_2, x4, x6
+    del x1, K, T, beside_b_1, beside_b_2, beside_b_3, w_2, w_3, turned_axis_3, x3, x2, x5, turned_axis_1, turned_axis_2, x4, x6
     return (tilted_1, tilted_2, tilted_3, tilted_jacobian_1_1, tilted_jacobian_1_2, tilted_jacobian_2_1, tilted_jacobian_2_2, tilted_jacobian_3_1, tilted_jacobian_3_2)
 
 

@@ -66,21 +66,15 @@ def _rotate(xp, rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
     turn_1 = theta_1*x0
     turn_2 = theta_2*x0
     turn_3 = theta_3*x0
-    del x0
     divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3)
     inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3
     inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1
     inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2
-    del factor
     x1 = 1.0/divisor
-    del divisor
     x2 = 2.0*turn_3
-    del turn_3
     rotated_1 = rho_1 + x1*(2.0*inner_3*turn_2 - inner_2*x2)
     rotated_2 = rho_2 + x1*(inner_1*x2 - 2.0*inner_3*turn_1)
-    del inner_3, x2
     rotated_3 = rho_3 + x1*(2.0*inner_2*turn_1 - 2.0*inner_1*turn_2)
-    del inner_1, inner_2, turn_1, turn_2, x1
     return (rotated_1, rotated_2, rotated_3)
 
 
@@ -126,46 +120,31 @@ def _rodrigues_vector_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, la
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
-    del x0
     axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
     x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
-    del axis_length
     axis_unit_1 = axis_scaled_1*x1
-    del axis_scaled_1
     axis_unit_2 = axis_scaled_2*x1
-    del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
-    del axis_scaled_3, x1
     axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
     x2 = xp.cos(half_angle)
     quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
-    del x2
     x3 = quaternion_sign*xp.sin(half_angle)
-    del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
-    del axis_unit_1
     v_2 = axis_unit_2*x3
-    del axis_unit_2
     v_3 = axis_unit_3*x3
-    del axis_unit_3, x3
     good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
-    del axis_size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    del x0, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x1, x2, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x3, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x4 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = xp.where(good, v_1*x4, xp.nan)
-    del v_1
     theta_2 = xp.where(good, v_2*x4, xp.nan)
-    del v_2
     theta_3 = xp.where(good, v_3*x4, xp.nan)
-    del v_3, x4
     status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del axis_deviation, good, sine, w
     return (theta_1, theta_2, theta_3, status)
 
 
@@ -211,37 +190,26 @@ def _matrix_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
-    del x0
     axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
     x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
-    del axis_length
     axis_unit_1 = axis_scaled_1*x1
-    del axis_scaled_1
     axis_unit_2 = axis_scaled_2*x1
-    del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
-    del axis_scaled_3, x1
     axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
     x2 = xp.cos(half_angle)
     quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
-    del x2
     x3 = quaternion_sign*xp.sin(half_angle)
-    del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
-    del axis_unit_1
     v_2 = axis_unit_2*x3
-    del axis_unit_2
     v_3 = axis_unit_3*x3
-    del axis_unit_3, x3
     good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
-    del axis_size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    del x0, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x1, x2, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x3, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x4 = 2.0*(v_2*v_2)
     x5 = 2.0*(v_3*v_3) - 1.0
     matrix_1_1 = xp.where(good, -x4 - x5, xp.nan)
@@ -252,25 +220,17 @@ def _matrix_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
     matrix_1_2 = xp.where(good, x7 - x9, xp.nan)
     x10 = v_1*x8
     x11 = w*x6
-    del x6
     matrix_1_3 = xp.where(good, x10 + x11, xp.nan)
     matrix_2_1 = xp.where(good, x7 + x9, xp.nan)
-    del x7, x9
     x12 = 2.0*(v_1*v_1)
     matrix_2_2 = xp.where(good, -x12 - x5, xp.nan)
-    del x5
     x13 = 2.0*v_1*w
-    del v_1
     matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x13, xp.nan)
-    del v_3
     matrix_3_1 = xp.where(good, x10 - x11, xp.nan)
-    del x10, x11
     matrix_3_2 = xp.where(good, v_2*x8 + x13, xp.nan)
-    del v_2, x13, x8
     matrix_3_3 = xp.where(good, 1.0 - x12 - x4, xp.nan)
-    del x12, x4
     status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del axis_deviation, good, sine, w
+    del x6, x7, x9, x5, v_1, v_3, x10, x11, v_2, x13, x8, x12, x4, axis_deviation, good, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
@@ -316,46 +276,31 @@ def _quaternion_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest)
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
-    del x0
     axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
     x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
-    del axis_length
     axis_unit_1 = axis_scaled_1*x1
-    del axis_scaled_1
     axis_unit_2 = axis_scaled_2*x1
-    del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
-    del axis_scaled_3, x1
     axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
     x2 = xp.cos(half_angle)
     quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
-    del x2
     x3 = quaternion_sign*xp.sin(half_angle)
-    del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
-    del axis_unit_1
     v_2 = axis_unit_2*x3
-    del axis_unit_2
     v_3 = axis_unit_3*x3
-    del axis_unit_3, x3
     good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
-    del axis_size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    del x0, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x1, x2, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x3, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = xp.where(good, w, xp.nan)
     quaternion_2 = xp.where(good, v_1, xp.nan)
-    del v_1
     quaternion_3 = xp.where(good, v_2, xp.nan)
-    del v_2
     quaternion_4 = xp.where(good, v_3, xp.nan)
-    del v_3
     status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del axis_deviation, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
@@ -401,41 +346,26 @@ def _axis_angle_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, larges
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
-    del x0
     length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
-    del length
     w = factor*x1
-    del factor
     v_1 = theta_scaled_1*x1
-    del theta_scaled_1
     v_2 = theta_scaled_2*x1
-    del theta_scaled_2
     v_3 = theta_scaled_3*x1
-    del theta_scaled_3, x1
     good = size <= largest
-    del size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
-    del v_1
     v_scaled_2 = sine_scale*v_2
-    del v_2
     v_scaled_3 = sine_scale*v_3
-    del v_3
     x2 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x2/sine_scale
-    del sine_scale
     x3 = xp.where(sine > 0.0, 1.0/x2, 1.0)
-    del x2
     axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x3, 0.0), xp.nan)
-    del v_scaled_1
     axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x3, 0.0), xp.nan)
-    del v_scaled_2
     axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x3, 1.0), xp.nan)
-    del v_scaled_3, x3
+    del x0, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x1, size, v_1, v_2, v_3, sine_scale, x2, v_scaled_1, v_scaled_2, v_scaled_3, x3
     angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
     status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
-    del good, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
 
@@ -479,26 +409,18 @@ def _matrix_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
-    del x0
     length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
-    del length
     w = factor*x1
-    del factor
     v_1 = theta_scaled_1*x1
-    del theta_scaled_1
     v_2 = theta_scaled_2*x1
-    del theta_scaled_2
     v_3 = theta_scaled_3*x1
-    del theta_scaled_3, x1
     good = size <= largest
-    del size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*(v_2*v_2)
     x3 = 2.0*(v_3*v_3) - 1.0
     matrix_1_1 = xp.where(good, -x2 - x3, xp.nan)
@@ -509,25 +431,17 @@ def _matrix_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
     matrix_1_2 = xp.where(good, x5 - x7, xp.nan)
     x8 = v_1*x6
     x9 = w*x4
-    del x4
     matrix_1_3 = xp.where(good, x8 + x9, xp.nan)
     matrix_2_1 = xp.where(good, x5 + x7, xp.nan)
-    del x5, x7
     x10 = 2.0*(v_1*v_1)
     matrix_2_2 = xp.where(good, -x10 - x3, xp.nan)
-    del x3
+    del x0, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x1, size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, x4, x5, x7, x3
     x11 = 2.0*v_1*w
-    del v_1
     matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x11, xp.nan)
-    del v_3
     matrix_3_1 = xp.where(good, x8 - x9, xp.nan)
-    del x8, x9
     matrix_3_2 = xp.where(good, v_2*x6 + x11, xp.nan)
-    del v_2, x11, x6
     matrix_3_3 = xp.where(good, 1.0 - x10 - x2, xp.nan)
-    del x10, x2
     status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
-    del good, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
@@ -571,35 +485,24 @@ def _quaternion_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, larges
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
-    del x0
     length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
-    del length
     w = factor*x1
-    del factor
     v_1 = theta_scaled_1*x1
-    del theta_scaled_1
     v_2 = theta_scaled_2*x1
-    del theta_scaled_2
     v_3 = theta_scaled_3*x1
-    del theta_scaled_3, x1
     good = size <= largest
-    del size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = xp.where(good, w, xp.nan)
     quaternion_2 = xp.where(good, v_1, xp.nan)
-    del v_1
     quaternion_3 = xp.where(good, v_2, xp.nan)
-    del v_2
     quaternion_4 = xp.where(good, v_3, xp.nan)
-    del v_3
     status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
-    del good, sine, w
+    del x0, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x1, size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2, v_3, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
@@ -648,98 +551,62 @@ def _axis_angle_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, 
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    del x1
     products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
-    del x2
     products_3_2 = x6
-    del x6
     x8 = matrix_1_1 - 1.0
     products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
-    del x3
     products_4_2 = x7
-    del x7
     products_4_3 = x9
-    del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    del x8
     column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    del products_1_2
     column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    del products_2_1
     column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    del products_3_1, products_3_2
     column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    del products_4_1, products_4_2
     largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del products_1_1, products_2_2
+    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
     column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    del column_a_1, products_1_3
     column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    del column_a_2, products_2_3
     column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    del column_a_3
     column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    del column_a_4, products_4_3
     largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    del largest_a, products_3_3
     column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    del column_b_1, products_1_4
     column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    del column_b_2, products_2_4
     column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    del column_b_3, products_3_4
     column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_b_4, largest_b, products_4_4
+    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
     length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
-    del length
     x11 = column_c_1*x10
-    del column_c_1
     quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
-    del x11
     x12 = quaternion_sign*x10
-    del quaternion_sign, x10
     v_1 = column_c_2*x12
-    del column_c_2
     v_2 = column_c_3*x12
-    del column_c_3
     v_3 = column_c_4*x12
-    del column_c_4, x12
     deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    del determinant
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
-    del v_1
     v_scaled_2 = sine_scale*v_2
-    del v_2
     v_scaled_3 = sine_scale*v_3
-    del v_3
     x13 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x13/sine_scale
-    del sine_scale
     x14 = xp.where(sine > 0.0, 1.0/x13, 1.0)
-    del x13
     axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x14, 0.0), xp.nan)
-    del v_scaled_1
+    del length, column_c_1, x11, quaternion_sign, x10, column_c_2, column_c_3, column_c_4, x12, determinant, v_1, v_2, v_3, sine_scale, x13, v_scaled_1
     axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x14, 0.0), xp.nan)
-    del v_scaled_2
     axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x14, 1.0), xp.nan)
-    del v_scaled_3, x14
     angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
     status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del deviation, good, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
 
@@ -786,92 +653,60 @@ def _rodrigues_vector_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    del x1
     products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
-    del x2
     products_3_2 = x6
-    del x6
     x8 = matrix_1_1 - 1.0
     products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
-    del x3
     products_4_2 = x7
-    del x7
     products_4_3 = x9
-    del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    del x8
     column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    del products_1_2
     column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    del products_2_1
     column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    del products_3_1, products_3_2
     column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    del products_4_1, products_4_2
     largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del products_1_1, products_2_2
+    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
     column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    del column_a_1, products_1_3
     column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    del column_a_2, products_2_3
     column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    del column_a_3
     column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    del column_a_4, products_4_3
     largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    del largest_a, products_3_3
     column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    del column_b_1, products_1_4
     column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    del column_b_2, products_2_4
     column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    del column_b_3, products_3_4
     column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_b_4, largest_b, products_4_4
+    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
     length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
-    del length
     x11 = column_c_1*x10
-    del column_c_1
     quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
-    del x11
     x12 = quaternion_sign*x10
-    del quaternion_sign, x10
     v_1 = column_c_2*x12
-    del column_c_2
     v_2 = column_c_3*x12
-    del column_c_3
     v_3 = column_c_4*x12
-    del column_c_4, x12
     deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    del determinant
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x13 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = xp.where(good, v_1*x13, xp.nan)
-    del v_1
     theta_2 = xp.where(good, v_2*x13, xp.nan)
-    del v_2
+    del length, column_c_1, x11, quaternion_sign, x10, column_c_2, column_c_3, column_c_4, x12, determinant, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2
     theta_3 = xp.where(good, v_3*x13, xp.nan)
-    del v_3, x13
     status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del deviation, good, sine, w
     return (theta_1, theta_2, theta_3, status)
 
 
@@ -918,92 +753,60 @@ def _quaternion_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, 
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    del x1
     products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
-    del x2
     products_3_2 = x6
-    del x6
     x8 = matrix_1_1 - 1.0
     products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
-    del x3
     products_4_2 = x7
-    del x7
     products_4_3 = x9
-    del x9
     products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    del x8
     column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    del products_1_2
     column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    del products_2_1
     column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    del products_3_1, products_3_2
     column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    del products_4_1, products_4_2
     largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del products_1_1, products_2_2
+    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
     column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    del column_a_1, products_1_3
     column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    del column_a_2, products_2_3
     column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    del column_a_3
     column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    del column_a_4, products_4_3
     largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    del largest_a, products_3_3
     column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    del column_b_1, products_1_4
     column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    del column_b_2, products_2_4
     column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    del column_b_3, products_3_4
     column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_b_4, largest_b, products_4_4
+    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
     length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
-    del length
     x11 = column_c_1*x10
-    del column_c_1
     quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
-    del x11
     x12 = quaternion_sign*x10
-    del quaternion_sign, x10
     v_1 = column_c_2*x12
-    del column_c_2
     v_2 = column_c_3*x12
-    del column_c_3
     v_3 = column_c_4*x12
-    del column_c_4, x12
     deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    del determinant
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = xp.where(good, w, xp.nan)
     quaternion_2 = xp.where(good, v_1, xp.nan)
-    del v_1
     quaternion_3 = xp.where(good, v_2, xp.nan)
-    del v_2
+    del length, column_c_1, x11, quaternion_sign, x10, column_c_2, column_c_3, column_c_4, x12, determinant, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2
     quaternion_4 = xp.where(good, v_3, xp.nan)
-    del v_3
     status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del deviation, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
@@ -1049,51 +852,32 @@ def _axis_angle_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, qu
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
-    del x0
     quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
-    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
-    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
-    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
-    del quaternion_scaled_4, x1
     quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
-    del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
-    del quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
-    del quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
-    del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    del quaternion_size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
-    del v_1
     v_scaled_2 = sine_scale*v_2
-    del v_2
     v_scaled_3 = sine_scale*v_3
-    del v_3
+    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, v_1, v_2, v_3
     x2 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x2/sine_scale
-    del sine_scale
     x3 = xp.where(sine > 0.0, 1.0/x2, 1.0)
-    del x2
     axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x3, 0.0), xp.nan)
-    del v_scaled_1
     axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x3, 0.0), xp.nan)
-    del v_scaled_2
     axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x3, 1.0), xp.nan)
-    del v_scaled_3, x3
     angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
     status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del good, quaternion_deviation, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
 
@@ -1137,45 +921,30 @@ def _rodrigues_vector_from_quaternion(xp, quaternion_1, quaternion_2, quaternion
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
-    del x0
     quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
-    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
-    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
-    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
-    del quaternion_scaled_4, x1
     quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
-    del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
-    del quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
-    del quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
-    del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    del quaternion_size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = xp.where(good, v_1*x2, xp.nan)
-    del v_1
     theta_2 = xp.where(good, v_2*x2, xp.nan)
-    del v_2
     theta_3 = xp.where(good, v_3*x2, xp.nan)
-    del v_3, x2
     status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del good, quaternion_deviation, sine, w
     return (theta_1, theta_2, theta_3, status)
 
 
@@ -1219,36 +988,25 @@ def _matrix_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quater
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
-    del x0
     quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
-    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
-    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
-    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
-    del quaternion_scaled_4, x1
     quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
-    del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
-    del quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
-    del quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
-    del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    del quaternion_size
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*(v_2*v_2)
     x3 = 2.0*(v_3*v_3) - 1.0
     matrix_1_1 = xp.where(good, -x2 - x3, xp.nan)
@@ -1259,25 +1017,17 @@ def _matrix_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quater
     matrix_1_2 = xp.where(good, x5 - x7, xp.nan)
     x8 = v_1*x6
     x9 = w*x4
-    del x4
     matrix_1_3 = xp.where(good, x8 + x9, xp.nan)
     matrix_2_1 = xp.where(good, x5 + x7, xp.nan)
-    del x5, x7
     x10 = 2.0*(v_1*v_1)
     matrix_2_2 = xp.where(good, -x10 - x3, xp.nan)
-    del x3
     x11 = 2.0*v_1*w
-    del v_1
     matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x11, xp.nan)
-    del v_3
     matrix_3_1 = xp.where(good, x8 - x9, xp.nan)
-    del x8, x9
     matrix_3_2 = xp.where(good, v_2*x6 + x11, xp.nan)
-    del v_2, x11, x6
     matrix_3_3 = xp.where(good, 1.0 - x10 - x2, xp.nan)
-    del x10, x2
     status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del good, quaternion_deviation, sine, w
+    del x4, x5, x7, x3, v_1, v_3, x8, x9, v_2, x11, x6, x10, x2, good, quaternion_deviation, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 

@@ -70,27 +70,21 @@ def _link_step(xp, frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_
     x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha
     next_frame_1_1 = c*frame_1_1 + s*x0
     next_frame_1_2 = c*x0 - frame_1_1*s
-    del x0
     x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha
     next_frame_1_3 = x1
     next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*x1
-    del x1
     x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha
     next_frame_2_1 = c*frame_2_1 + s*x2
     next_frame_2_2 = c*x2 - frame_2_1*s
-    del x2
     x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha
     next_frame_2_3 = x3
     next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*x3
-    del x3
     x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha
     next_frame_3_1 = c*frame_3_1 + s*x4
     next_frame_3_2 = c*x4 - frame_3_1*s
-    del c, s, x4
     x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha
     next_frame_3_3 = x5
     next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*x5
-    del x5
     next_frame_4_1 = 0.0
     next_frame_4_2 = 0.0
     next_frame_4_3 = 0.0
@@ -208,22 +202,16 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     x3 = c_1*s_2
     x_b_2 = cos_alpha_1*x3 + x2
     x_b_3 = s_2*sin_alpha_1
-    del s_2
     y_b_1 = -cos_alpha_1*x2 - x3
-    del x2, x3
     y_b_2 = cos_alpha_1*x0 - x1
-    del x0, x1
     y_b_3 = c_2*sin_alpha_1
-    del c_2
     x4 = s_1*sin_alpha_1
     z_b_1 = x4
     x5 = c_1*sin_alpha_1
     z_b_2 = -x5
     z_b_3 = cos_alpha_1
     p_b_1 = a_1*c_1 + offset_2*x4
-    del c_1, x4
     p_b_2 = a_1*s_1 - offset_2*x5
-    del s_1, x5
     p_b_3 = cos_alpha_1*offset_2 + offset_1
     x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1
     x_c_1 = c_3*x_b_1 + s_3*x6
@@ -232,26 +220,18 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3
     x_c_3 = c_3*x_b_3 + s_3*x8
     y_c_1 = c_3*x6 - s_3*x_b_1
-    del x6
     y_c_2 = c_3*x7 - s_3*x_b_2
-    del x7
     y_c_3 = c_3*x8 - s_3*x_b_3
-    del c_3, s_3, x8
     x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1
-    del y_b_1, z_b_1
+    del s_2, x2, x3, x0, x1, c_2, c_1, x4, s_1, x5, x6, x7, c_3, s_3, x8, y_b_1, z_b_1
     z_c_1 = x9
     x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2
-    del y_b_2, z_b_2
     z_c_2 = x10
     x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3
-    del y_b_3, z_b_3
     z_c_3 = x11
     p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1
-    del p_b_1, x9, x_b_1
     p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2
-    del p_b_2, x10, x_b_2
     p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3
-    del p_b_3, x11, x_b_3
     x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1
     x_d_1 = c_4*x_c_1 + s_4*x12
     x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2
@@ -259,26 +239,18 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3
     x_d_3 = c_4*x_c_3 + s_4*x14
     y_d_1 = c_4*x12 - s_4*x_c_1
-    del x12
     y_d_2 = c_4*x13 - s_4*x_c_2
-    del x13
     y_d_3 = c_4*x14 - s_4*x_c_3
-    del c_4, s_4, x14
+    del y_b_2, z_b_2, y_b_3, z_b_3, p_b_1, x9, x_b_1, p_b_2, x10, x_b_2, p_b_3, x11, x_b_3, x12, x13, c_4, s_4, x14
     x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1
-    del y_c_1, z_c_1
     z_d_1 = x15
     x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2
-    del y_c_2, z_c_2
     z_d_2 = x16
     x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3
-    del y_c_3, z_c_3
     z_d_3 = x17
     p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1
-    del p_c_1, x15, x_c_1
     p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2
-    del p_c_2, x16, x_c_2
     p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3
-    del p_c_3, x17, x_c_3
     x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1
     x_e_1 = c_5*x_d_1 + s_5*x18
     x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2
@@ -286,26 +258,19 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3
     x_e_3 = c_5*x_d_3 + s_5*x20
     y_e_1 = c_5*x18 - s_5*x_d_1
-    del x18
+    del y_c_1, z_c_1, y_c_2, z_c_2, y_c_3, z_c_3, p_c_1, x15, x_c_1, p_c_2, x16, x_c_2, p_c_3, x17, x_c_3, x18
     y_e_2 = c_5*x19 - s_5*x_d_2
-    del x19
     y_e_3 = c_5*x20 - s_5*x_d_3
-    del c_5, s_5, x20
     x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1
-    del y_d_1, z_d_1
     z_e_1 = x21
     x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2
-    del y_d_2, z_d_2
     z_e_2 = x22
     x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3
-    del y_d_3, z_d_3
     z_e_3 = x23
     p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1
-    del p_d_1, x21, x_d_1
     p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2
-    del p_d_2, x22, x_d_2
+    del x19, c_5, s_5, x20, y_d_1, z_d_1, y_d_2, z_d_2, y_d_3, z_d_3, p_d_1, x21, x_d_1, p_d_2, x22, x_d_2
     p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3
-    del p_d_3, x23, x_d_3
     x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1
     x_f_1 = c_6*x_e_1 + s_6*x24
     x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2
@@ -313,50 +278,31 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3
     x_f_3 = c_6*x_e_3 + s_6*x26
     y_f_1 = c_6*x24 - s_6*x_e_1
-    del x24
     y_f_2 = c_6*x25 - s_6*x_e_2
-    del x25
     y_f_3 = c_6*x26 - s_6*x_e_3
-    del c_6, s_6, x26
     x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1
-    del y_e_1, z_e_1
     z_f_1 = x27
     x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2
-    del y_e_2, z_e_2
     z_f_2 = x28
     x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3
-    del y_e_3, z_e_3
     z_f_3 = x29
     p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1
-    del p_e_1, x27, x_e_1
+    del p_d_3, x23, x_d_3, x24, x25, c_6, s_6, x26, y_e_1, z_e_1, y_e_2, z_e_2, y_e_3, z_e_3, p_e_1, x27, x_e_1
     p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2
-    del p_e_2, x28, x_e_2
     p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3
-    del p_e_3, x29, x_e_3
     pose_1_1 = x_f_1
-    del x_f_1
     pose_1_2 = y_f_1
-    del y_f_1
     pose_1_3 = z_f_1
-    del z_f_1
     pose_1_4 = p_f_1
-    del p_f_1
     pose_2_1 = x_f_2
-    del x_f_2
     pose_2_2 = y_f_2
-    del y_f_2
     pose_2_3 = z_f_2
-    del z_f_2
     pose_2_4 = p_f_2
-    del p_f_2
     pose_3_1 = x_f_3
-    del x_f_3
     pose_3_2 = y_f_3
-    del y_f_3
+    del p_e_2, x28, x_e_2, p_e_3, x29, x_e_3, x_f_1, y_f_1, z_f_1, p_f_1, x_f_2, y_f_2, z_f_2, p_f_2, x_f_3, y_f_3
     pose_3_3 = z_f_3
-    del z_f_3
     pose_3_4 = p_f_3
-    del p_f_3
     pose_4_1 = 0.0
     pose_4_2 = 0.0
     pose_4_3 = 0.0
@@ -421,22 +367,16 @@ def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos
     x3 = c_1*s_2
     x_b_2 = cos_alpha_1*x3 + x2
     x_b_3 = s_2*sin_alpha_1
-    del s_2
     y_b_1 = -cos_alpha_1*x2 - x3
-    del x2, x3
     y_b_2 = cos_alpha_1*x0 - x1
-    del x0, x1
     y_b_3 = c_2*sin_alpha_1
-    del c_2
     x4 = s_1*sin_alpha_1
     z_b_1 = x4
     x5 = c_1*sin_alpha_1
     z_b_2 = -x5
     z_b_3 = cos_alpha_1
     p_b_1 = a_1*c_1 + offset_2*x4
-    del c_1, x4
     p_b_2 = a_1*s_1 - offset_2*x5
-    del s_1, x5
     p_b_3 = cos_alpha_1*offset_2 + offset_1
     x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1
     x_c_1 = c_3*x_b_1 + s_3*x6
@@ -445,26 +385,18 @@ def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos
     x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3
     x_c_3 = c_3*x_b_3 + s_3*x8
     y_c_1 = c_3*x6 - s_3*x_b_1
-    del x6
     y_c_2 = c_3*x7 - s_3*x_b_2
-    del x7
     y_c_3 = c_3*x8 - s_3*x_b_3
-    del c_3, s_3, x8
     x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1
-    del y_b_1
+    del s_2, x2, x3, x0, x1, c_2, c_1, x4, s_1, x5, x6, x7, c_3, s_3, x8, y_b_1
     z_c_1 = x9
     x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2
-    del y_b_2
     z_c_2 = x10
     x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3
-    del y_b_3
     z_c_3 = x11
     p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1
-    del x9, x_b_1
     p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2
-    del x10, x_b_2
     p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3
-    del x11, x_b_3
     x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1
     x_d_1 = c_4*x_c_1 + s_4*x12
     x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2
@@ -472,26 +404,18 @@ def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos
     x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3
     x_d_3 = c_4*x_c_3 + s_4*x14
     y_d_1 = c_4*x12 - s_4*x_c_1
-    del x12
     y_d_2 = c_4*x13 - s_4*x_c_2
-    del x13
     y_d_3 = c_4*x14 - s_4*x_c_3
-    del c_4, s_4, x14
     x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1
-    del y_c_1
     z_d_1 = x15
     x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2
-    del y_c_2
     z_d_2 = x16
     x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3
-    del y_c_3
+    del y_b_2, y_b_3, x9, x_b_1, x10, x_b_2, x11, x_b_3, x12, x13, c_4, s_4, x14, y_c_1, y_c_2, y_c_3
     z_d_3 = x17
     p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1
-    del x15, x_c_1
     p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2
-    del x16, x_c_2
     p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3
-    del x17, x_c_3
     x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1
     x_e_1 = c_5*x_d_1 + s_5*x18
     x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2
@@ -499,111 +423,77 @@ def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos
     x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3
     x_e_3 = c_5*x_d_3 + s_5*x20
     y_e_1 = c_5*x18 - s_5*x_d_1
-    del x18
     y_e_2 = c_5*x19 - s_5*x_d_2
-    del x19
     y_e_3 = c_5*x20 - s_5*x_d_3
-    del c_5, s_5, x20
     x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1
-    del y_d_1
     z_e_1 = x21
     x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2
-    del y_d_2
     z_e_2 = x22
     x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3
-    del y_d_3
     z_e_3 = x23
     p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1
-    del x21, x_d_1
+    del x15, x_c_1, x16, x_c_2, x17, x_c_3, x18, x19, c_5, s_5, x20, y_d_1, y_d_2, y_d_3, x21, x_d_1
     p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2
-    del x22, x_d_2
     p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3
-    del x23, x_d_3
     x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1
-    del y_e_1
     z_f_1 = x24
     x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2
-    del y_e_2
     z_f_2 = x25
     x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3
-    del y_e_3
     z_f_3 = x26
     p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1
-    del x24, x_e_1
     p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2
-    del x25, x_e_2
     p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3
-    del x26, x_e_3
     jacobian_1_1 = 0.0
     jacobian_1_2 = z_b_1
     jacobian_1_3 = z_c_1
     jacobian_1_4 = z_d_1
     jacobian_1_5 = z_e_1
     jacobian_1_6 = z_f_1
-    del z_f_1
     jacobian_2_1 = 0.0
     jacobian_2_2 = z_b_2
     jacobian_2_3 = z_c_2
     jacobian_2_4 = z_d_2
     jacobian_2_5 = z_e_2
     jacobian_2_6 = z_f_2
-    del z_f_2
     jacobian_3_1 = 1.0
     jacobian_3_2 = z_b_3
     jacobian_3_3 = z_c_3
     jacobian_3_4 = z_d_3
     jacobian_3_5 = z_e_3
     jacobian_3_6 = z_f_3
-    del z_f_3
+    del x22, x_d_2, x23, x_d_3, y_e_1, y_e_2, y_e_3, x24, x_e_1, x25, x_e_2, x26, x_e_3, z_f_1, z_f_2, z_f_3
     jacobian_4_1 = -p_f_2
     x29 = p_f_3 - p_b_3
-    del p_b_3
     x30 = p_f_2 - p_b_2
-    del p_b_2
     jacobian_4_2 = x29*z_b_2 - x30*z_b_3
     x31 = p_f_3 - p_c_3
-    del p_c_3
     x32 = p_f_2 - p_c_2
-    del p_c_2
     jacobian_4_3 = x31*z_c_2 - x32*z_c_3
     x33 = p_f_3 - p_d_3
-    del p_d_3
     x34 = p_f_2 - p_d_2
-    del p_d_2
     jacobian_4_4 = x33*z_d_2 - x34*z_d_3
     x35 = p_f_3 - p_e_3
-    del p_e_3, p_f_3
     x36 = p_f_2 - p_e_2
-    del p_e_2, p_f_2
     jacobian_4_5 = x35*z_e_2 - x36*z_e_3
     jacobian_4_6 = 0.0
     jacobian_5_1 = p_f_1
     x38 = p_f_1 - p_b_1
-    del p_b_1
     jacobian_5_2 = x38*z_b_3 - x29*z_b_1
-    del x29, z_b_3
     x39 = p_f_1 - p_c_1
-    del p_c_1
     jacobian_5_3 = x39*z_c_3 - x31*z_c_1
-    del x31, z_c_3
+    del p_b_3, p_b_2, p_c_3, p_c_2, p_d_3, p_d_2, p_e_3, p_f_3, p_e_2, p_f_2, p_b_1, x29, z_b_3, p_c_1, x31, z_c_3
     x40 = p_f_1 - p_d_1
-    del p_d_1
     jacobian_5_4 = x40*z_d_3 - x33*z_d_1
-    del x33, z_d_3
     x41 = p_f_1 - p_e_1
-    del p_e_1, p_f_1
     jacobian_5_5 = x41*z_e_3 - x35*z_e_1
-    del x35, z_e_3
     jacobian_5_6 = 0.0
     jacobian_6_1 = 0.0
     jacobian_6_2 = x30*z_b_1 - x38*z_b_2
-    del x30, x38, z_b_1, z_b_2
     jacobian_6_3 = x32*z_c_1 - x39*z_c_2
-    del x32, x39, z_c_1, z_c_2
     jacobian_6_4 = x34*z_d_1 - x40*z_d_2
-    del x34, x40, z_d_1, z_d_2
+    del p_d_1, x33, z_d_3, p_e_1, p_f_1, x35, z_e_3, x30, x38, z_b_1, z_b_2, x32, x39, z_c_1, z_c_2, x34, x40, z_d_1, z_d_2
     jacobian_6_5 = x36*z_e_1 - x41*z_e_2
-    del x36, x41, z_e_1, z_e_2
     jacobian_6_6 = 0.0
     return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_1_4, jacobian_1_5, jacobian_1_6, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_2_4, jacobian_2_5, jacobian_2_6, jacobian_3_1, jacobian_3_2, jacobian_3_3, jacobian_3_4, jacobian_3_5, jacobian_3_6, jacobian_4_1, jacobian_4_2, jacobian_4_3, jacobian_4_4, jacobian_4_5, jacobian_4_6, jacobian_5_1, jacobian_5_2, jacobian_5_3, jacobian_5_4, jacobian_5_5, jacobian_5_6, jacobian_6_1, jacobian_6_2, jacobian_6_3, jacobian_6_4, jacobian_6_5, jacobian_6_6)
 
@@ -663,7 +553,6 @@ def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pos
     S7v_1 = pose_1_3*x1 - pose_1_2*x0
     S7v_2 = pose_2_3*x1 - pose_2_2*x0
     S7v_3 = pose_3_3*x1 - pose_3_2*x0
-    del x0, x1
     end_1 = a67*pose_1_1 + pose_1_4
     end_2 = a67*pose_2_1 + pose_2_4
     end_3 = a67*pose_3_1 + pose_3_4
@@ -671,13 +560,10 @@ def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pos
     x2 = (end_1*end_1) + (end_2*end_2)
     level_length = xp.sqrt(x2)
     size = xp.sqrt((end_3*end_3) + x2)
-    del x2
     skewed = sine > tolerance
     apart = level_length > size*tolerance
-    del size
     divisor = xp.where(skewed, sine, 1.0)
     x3 = 1.0/divisor
-    del divisor
     x4 = S7v_2*x3
     a71v_1 = x4
     x5 = S7v_1*x3
@@ -685,29 +571,19 @@ def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pos
     a71v_3 = 0.0
     x6 = xp.where(apart, 1.0/level_length, 1.0)
     chosen_1 = xp.where(skewed, a71v_1, xp.where(apart, -end_1*x6, pose_1_1))
-    del a71v_1
     chosen_2 = xp.where(skewed, a71v_2, xp.where(apart, -end_2*x6, pose_2_1))
-    del a71v_2, x6
     chosen_3 = xp.where(skewed, a71v_3, xp.where(apart, 0.0, pose_3_1))
-    del a71v_3
     deviation = 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + xp.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + xp.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + xp.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     good = (deviation <= 1.0/1000.0) & (xp.abs(alpha67) + xp.abs(end_1) + xp.abs(end_2) + xp.abs(end_3) + xp.abs(tolerance) <= largest) & (volume > 0.0)
-    del deviation, volume
     S7 = xp.where(good, xp.where(skewed, x3*(-end_1*x5 - end_2*x4), 0.0), xp.nan)
-    del x4
     theta7 = xp.where(good, xp.where((~(apart)) & (~(skewed)), 0.0, xp.atan2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), xp.nan)
-    del chosen_3
     a71 = xp.where(good, xp.where(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), xp.where(apart, level_length, 0.0)), xp.nan)
-    del level_length
     alpha71 = xp.where(good, xp.where(skewed, xp.atan2(sine, S7v_3), xp.where(S7v_3 > 0.0, 0.0, 3.141592653589793)), xp.nan)
-    del sine
     S1 = xp.where(good, xp.where(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), xp.nan)
-    del S7v_1, S7v_2, S7v_3, end_1, end_2, end_3, x3, x5
+    del x0, x1, x2, size, divisor, a71v_1, a71v_2, x6, a71v_3, deviation, volume, x4, chosen_3, level_length, sine, S7v_1, S7v_2, S7v_3, end_1, end_2, end_3, x3, x5
     gamma1 = xp.where(good, xp.atan2(-chosen_2, chosen_1), xp.nan)
-    del chosen_1, chosen_2
     status = xp.where(~(good), 3.0, xp.where(skewed, 0.0, xp.where(apart, 1.0, 2.0)))
-    del apart, good, skewed
     return (S7, theta7, a71, alpha71, S1, gamma1, status)
 
 

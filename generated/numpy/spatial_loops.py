@@ -83,25 +83,19 @@ def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, 
     x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1
     Y_4 = -x2
     x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1
-    del x1
     Z_4 = x3
     D = Z_4*cos_alpha_1 - cos_alpha_2
-    del Z_4
     r = sin_alpha_1*xp.sqrt((X_4*X_4) + (Y_4*Y_4))
     size = xp.abs(r)
-    del r
     square = (size - D)*(D + size)
     root = xp.where(square > 0.0, xp.sqrt(square), 0.0)
-    del square
     middle = xp.atan2(X_4*sin_alpha_1, Y_4*sin_alpha_1)
-    del X_4, Y_4
     half = xp.atan2(root, -D)
     theta_1_a = half + middle
     cos_theta_1_a = xp.cos(theta_1_a)
     sin_theta_1_a = xp.sin(theta_1_a)
     row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2
     x4 = sin_alpha_1*x3
-    del x3
     row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4
     x5 = sin_alpha_1*sin_theta_1_a
     x6 = cos_alpha_1*sin_alpha_4
@@ -110,100 +104,70 @@ def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, 
     column_a_1 = cos_theta_4*x5 - sin_theta_4*x8
     x9 = cos_alpha_1*cos_alpha_4
     column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7)
-    del x5, x7, x8
     x11 = -a_3*cos_theta_4 - a_4
     x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4
     vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1
     x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4
     x14 = sin_alpha_1*x13
     x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11
-    del cos_theta_1_a, sin_theta_1_a
     vector_a_2 = cos_alpha_1*x15 + x14
     x16 = cos_alpha_1*x13
-    del x13
     vector_a_3 = x16 - sin_alpha_1*x15
-    del x15
     theta_2_a = xp.atan2(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2)
-    del row_a_1, row_a_2
+    del x1, Z_4, r, square, X_4, Y_4, x3, x5, x7, x8, cos_theta_1_a, sin_theta_1_a, x13, x15, row_a_1, row_a_2
     theta_3_a = xp.atan2(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2)
-    del column_a_1, column_a_2
     cos_theta_2_a = xp.cos(theta_2_a)
     sin_theta_2_a = xp.sin(theta_2_a)
     x17 = 1.0/sin_alpha_1
     x18 = 1.0/sin_theta_2_a
     S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2)
-    del vector_a_2
     x20 = 1.0/sin_alpha_2
     S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a)
-    del cos_theta_2_a, vector_a_1, x18
     theta_1_b = middle - half
-    del half, middle
     cos_theta_1_b = xp.cos(theta_1_b)
     sin_theta_1_b = xp.sin(theta_1_b)
     row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2
     row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4
-    del x0, x2, x4
     x21 = sin_alpha_1*sin_theta_1_b
     x22 = cos_theta_1_b*sin_alpha_1
     x23 = -cos_alpha_4*x22 - x6
-    del x6
     column_b_1 = cos_theta_4*x21 - sin_theta_4*x23
     column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22)
-    del x21, x22, x23, x9
+    del column_a_1, column_a_2, vector_a_2, cos_theta_2_a, vector_a_1, x18, half, middle, x0, x2, x4, x6, x21, x22, x23, x9
     vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1
     x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11
-    del cos_theta_1_b, sin_theta_1_b, x11, x12
     vector_b_2 = cos_alpha_1*x24 + x14
-    del x14
     vector_b_3 = x16 - sin_alpha_1*x24
-    del x16, x24
     theta_2_b = xp.atan2(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2)
-    del row_b_1, row_b_2
     theta_3_b = xp.atan2(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2)
-    del column_b_1, column_b_2
     cos_theta_2_b = xp.cos(theta_2_b)
     sin_theta_2_b = xp.sin(theta_2_b)
     x25 = 1.0/sin_theta_2_b
     S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2)
-    del vector_b_2, x17
     S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b)
-    del cos_theta_2_b, vector_b_1, x20, x25
+    del cos_theta_1_b, sin_theta_1_b, x11, x12, x14, x16, x24, row_b_1, row_b_2, column_b_1, column_b_2, vector_b_2, x17, cos_theta_2_b, vector_b_1, x20, x25
     total = 0.015625*xp.abs(S_4) + 0.015625*xp.abs(a_1) + 0.015625*xp.abs(a_2) + 0.015625*xp.abs(a_3) + 0.015625*xp.abs(a_4) + 0.015625*xp.abs(cos_alpha_1) + 0.015625*xp.abs(cos_alpha_2) + 0.015625*xp.abs(cos_alpha_3) + 0.015625*xp.abs(cos_alpha_4) + 0.015625*xp.abs(cos_theta_4) + 0.015625*xp.abs(sin_alpha_1) + 0.015625*xp.abs(sin_alpha_2) + 0.015625*xp.abs(sin_alpha_3) + 0.015625*xp.abs(sin_alpha_4) + 0.015625*xp.abs(sin_theta_4)
-    del cos_alpha_3, cos_alpha_4, cos_theta_4, sin_alpha_3, sin_alpha_4, sin_theta_4
     good = total <= largest
-    del total
     closes = xp.abs(D) <= 4.0*eps + size
-    del D
     x26 = sin_alpha_1*sin_alpha_2
-    del sin_alpha_1, sin_alpha_2
     x27 = 8.0*eps
     determined = (xp.abs(sin_theta_2_a*x26) > x27) & (xp.abs(sin_theta_2_b*x26) > x27)
-    del sin_theta_2_a, sin_theta_2_b, x26, x27
     there = (closes) & (good)
     theta_1_1 = xp.where(there, theta_1_a, xp.nan)
-    del theta_1_a
     theta_1_2 = xp.where(there, theta_2_a, xp.nan)
-    del theta_2_a
+    del cos_alpha_3, cos_alpha_4, cos_theta_4, sin_alpha_3, sin_alpha_4, sin_theta_4, total, D, sin_alpha_1, sin_alpha_2, sin_theta_2_a, sin_theta_2_b, x26, x27, theta_1_a, theta_2_a
     theta_1_3 = xp.where(there, theta_3_a, xp.nan)
-    del theta_3_a
     theta_2_1 = xp.where(there, theta_1_b, xp.nan)
-    del theta_1_b
     theta_2_2 = xp.where(there, theta_2_b, xp.nan)
-    del theta_2_b
     theta_2_3 = xp.where(there, theta_3_b, xp.nan)
-    del theta_3_b
     S_1_1 = xp.where((determined) & (there), S_1_a, xp.nan)
     S_1_2 = xp.where((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, xp.nan)
-    del S_1_a, vector_a_3
     S_1_3 = xp.where((determined) & (there), S_3_a, xp.nan)
-    del S_3_a
     S_2_1 = xp.where((determined) & (there), S_1_b, xp.nan)
     S_2_2 = xp.where((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, xp.nan)
-    del S_1_b, cos_alpha_1, cos_alpha_2, vector_b_3
     S_2_3 = xp.where((determined) & (there), S_3_b, xp.nan)
-    del S_3_b, there
     status = xp.where(~(good), 4.0, xp.where(~(closes), 2.0, xp.where(~(determined), 3.0, xp.where(root <= 4.0*eps**0.5*size, 1.0, 0.0))))
-    del closes, determined, good, root, size
+    del theta_3_a, theta_1_b, theta_2_b, theta_3_b, S_1_a, vector_a_3, S_3_a, S_1_b, cos_alpha_1, cos_alpha_2, vector_b_3, S_3_b, there, closes, determined, good, root, size
     return (theta_1_1, theta_1_2, theta_1_3, theta_2_1, theta_2_2, theta_2_3, S_1_1, S_1_2, S_1_3, S_2_1, S_2_2, S_2_3, status)
 
 
@@ -266,15 +230,11 @@ def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     x2 = cos_alpha_4*cos_alpha_5
     Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5
     X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5
-    del cos_alpha_4, sin_theta_5
     x3 = S_3*X_5
     Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5
-    del cos_alpha_5, sin_alpha_4, x2
     Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1)
-    del cos_theta_5, sin_alpha_5, x0, x1, x3
     x4 = cos_alpha_1*cos_alpha_2
     pair_1_1_1 = Z_5*x4 - cos_alpha_3
-    del cos_alpha_3
     x5 = sin_alpha_1*sin_alpha_2
     x6 = Z_5*x5
     pair_1_1_2 = -x6
@@ -295,30 +255,21 @@ def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     x14 = Z_5*a_1
     x15 = cos_alpha_1*sin_alpha_2
     x16 = Z_5*a_2
-    del Z_5
     pair_2_1_1 = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16
-    del sin_alpha_3
     pair_2_1_2 = -Z0_5*x5 - x14*x15 - x16*x7
-    del Z0_5, x14, x15, x16, x5
+    del cos_alpha_4, sin_theta_5, cos_alpha_5, sin_alpha_4, x2, cos_theta_5, sin_alpha_5, x0, x1, x3, cos_alpha_3, Z_5, sin_alpha_3, Z0_5, x14, x15, x16, x5
     pair_2_1_3 = S_2*x6
-    del x6
     x17 = Y_5*x4
-    del x4
     x18 = sin_alpha_1*x9
     pair_2_2_1 = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18
-    del x12, x7
     x19 = Y0_5*sin_alpha_2
-    del Y0_5
     pair_2_2_2 = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18
-    del x17, x18
     pair_2_2_3 = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10
     x20 = sin_alpha_1*x11
     pair_2_3_1 = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20
-    del sin_alpha_1, x8
     pair_2_3_2 = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20
-    del X0_5, X_5, cos_alpha_1, sin_alpha_2, x10, x20, x9
+    del x6, x4, x12, x7, Y0_5, x17, x18, sin_alpha_1, x8, X0_5, X_5, cos_alpha_1, sin_alpha_2, x10, x20, x9
     pair_2_3_3 = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19
-    del Y_5, cos_alpha_2, x11, x13, x19
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -387,58 +338,42 @@ def _loop_rrrcc_back(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1
     x3 = cos_theta_1*x0 + sin_theta_1*x2
     x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1
-    del x1
     x5 = cos_theta_1*x2 - sin_theta_1*x0
-    del x0, x2
     x6 = cos_alpha_1*x5 + sin_alpha_1*x4
     row_1 = cos_theta_2*x3 + sin_theta_2*x6
     row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5)
-    del x3, x4, x5, x6
     x7 = sin_alpha_2*sin_theta_2
     x8 = cos_theta_2*sin_alpha_2
     x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1
     x10 = cos_theta_1*x7 - sin_theta_1*x9
     x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8
-    del x8
     x12 = cos_theta_1*x9 + sin_theta_1*x7
-    del x7, x9
     x13 = cos_alpha_5*x12 - sin_alpha_5*x11
     column_1 = cos_theta_5*x10 - sin_theta_5*x13
     column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12)
-    del cos_alpha_4, sin_alpha_4, x10, x11, x12, x13
+    del x1, x0, x2, x3, x4, x5, x6, x8, x7, x9, cos_alpha_4, sin_alpha_4, x10, x11, x12, x13
     x14 = -a_4*cos_theta_5 - a_5
-    del cos_theta_5
     x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5
     x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1
     x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5
-    del cos_alpha_5, sin_alpha_5, sin_theta_5
     x18 = cos_theta_1*x15 - sin_theta_1*x14
-    del cos_theta_1, sin_theta_1, x14, x15
     x19 = cos_alpha_1*x18 + sin_alpha_1*x17
     vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2
     x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18
-    del cos_alpha_1, sin_alpha_1, x17, x18
     x21 = cos_theta_2*x19 - sin_theta_2*x16
-    del cos_theta_2, sin_theta_2, x16, x19
+    del cos_theta_5, cos_alpha_5, sin_alpha_5, sin_theta_5, cos_theta_1, sin_theta_1, x14, x15, cos_alpha_1, sin_alpha_1, x17, x18, cos_theta_2, sin_theta_2, x16, x19
     vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20
     vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21
-    del cos_alpha_2, sin_alpha_2, x20, x21
     theta_3 = xp.atan2(row_1*sin_alpha_3, -row_2*sin_alpha_3)
-    del row_1, row_2
     theta_4 = xp.atan2(column_1*sin_alpha_3, column_2*sin_alpha_3)
-    del column_1, column_2
     cos_theta_3 = xp.cos(theta_3)
     sin_theta_3 = xp.sin(theta_3)
     S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3
-    del cos_theta_3, sin_alpha_3, sin_theta_3, vector_1, vector_2
     angles_1 = theta_3
-    del theta_3
     angles_2 = theta_4
-    del theta_4
     offsets_1 = vector_3 - S_4*cos_alpha_3
-    del cos_alpha_3, vector_3
+    del cos_alpha_2, sin_alpha_2, x20, x21, row_1, row_2, column_1, column_2, cos_theta_3, sin_alpha_3, sin_theta_3, vector_1, vector_2, theta_3, theta_4, cos_alpha_3, vector_3
     offsets_2 = S_4
-    del S_4
     return (angles_1, angles_2, offsets_1, offsets_2)
 
 
@@ -484,21 +419,16 @@ def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     # 83 add, 144 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
-    del square
     x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
     part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
     part_2 = x0*x1
-    del x1
     part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
-    del x0
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
-    del part_2
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    del part_1
     p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1
     p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2
     p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3
@@ -525,40 +455,29 @@ def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10
     x11 = p_12_2*q_12_3 - p_12_3*q_12_2
     x12 = p_12_3*q_12_1 - p_12_1*q_12_3
-    del p_12_3, q_12_3
     x13 = p_12_1*q_12_2 - p_12_2*q_12_1
-    del p_12_1, p_12_2, q_12_1, q_12_2
     x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11)
     pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2
-    del v_12_1, v_12_2, v_12_3, x2
     pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3
-    del x3
+    del square, x1, x0, part_2, part_1, p_12_3, q_12_3, p_12_1, p_12_2, q_12_1, q_12_2, v_12_1, v_12_2, v_12_3, x2, x3
     pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4
-    del x14, x4
     x15 = rotation_2_1_3*v_34_3
     x16 = rotation_2_2_3*v_34_3
-    del v_34_3
     x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12
     x18 = part_3*x17
     x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13)
-    del x13
     pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6
     x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2
     x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2
     pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8
     x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2
     x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2
-    del v_34_1, v_34_2
     pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9
-    del x18
     x25 = -part_3*x17
-    del part_3, x17
     pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16
-    del x15, x16, x5, x6
     pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20
-    del x20, x21, x7, x8
+    del x14, x4, v_34_3, x13, v_34_1, v_34_2, x18, part_3, x17, x15, x16, x5, x6, x20, x21, x7, x8
     pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22
-    del x10, x11, x12, x19, x22, x23, x25, x9
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -604,21 +523,16 @@ def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     # 73 add, 134 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
-    del square
     x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
     part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
     part_2 = x0*x1
-    del x1
     part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
-    del x0
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
-    del part_2
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    del part_1
     x2 = rotation_2_3_3*rotation_3_3_3
     pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3
     x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
@@ -652,29 +566,20 @@ def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x23 = part_3*rotation_1_3_3
     x24 = x21*x23
     x25 = x22*x23
-    del x23
     pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5
-    del v_12_3, v_34_3, x7
     pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9
-    del x11
     pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25
-    del v_34_1, v_34_2, x15, x24, x25
     x26 = part_3*x20
     x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22)
     pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27
-    del x17, x5
+    del square, x1, x0, part_2, part_1, x23, v_12_3, v_34_3, x7, x11, v_34_1, v_34_2, x15, x24, x25, x17, x5
     pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3
-    del x18, x9
     pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4
-    del x13, x19, x20, x27
     x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22)
-    del part_3
     pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8
-    del v_12_1, v_12_2, x2, x21, x22, x6, x8
     pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3
-    del x10, x12, x3
+    del x18, x9, x13, x19, x20, x27, part_3, v_12_1, v_12_2, x2, x21, x22, x6, x8, x10, x12, x3
     pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4
-    del x14, x16, x26, x28, x4
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -720,21 +625,16 @@ def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     # 81 add, 149 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
-    del square
     x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
     part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
     part_2 = x0*x1
-    del x1
     part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
-    del x0
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
-    del part_2
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    del part_1
     x2 = rotation_1_3_3*rotation_2_3_3
     pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3
     pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3)
@@ -748,11 +648,8 @@ def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
     pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7
     pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3
-    del x3
     pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5
-    del x4, x5
     pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7
-    del x6, x7
     x8 = p_2*q_3 - p_3*q_2
     x9 = p_1*q_3 - p_3*q_1
     x11 = p_1*q_2 - p_2*q_1
@@ -761,7 +658,6 @@ def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x14 = rotation_2_3_3*x11
     x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8
     pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9
-    del v_34_1, v_34_2, v_34_3, x14, x2
     x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9
     x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9
     x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9
@@ -769,32 +665,25 @@ def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8
     x21 = part_3*rotation_1_3_3
     pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20)
-    del x16
+    del square, x1, x0, part_2, part_1, x3, x4, x5, x6, x7, v_34_1, v_34_2, v_34_3, x14, x2, x16
     x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8
     x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8
     x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8
-    del x8, x9
     pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20)
-    del v_12_3, x21, x22
     x26 = part_3*rotation_1_3_1
     x27 = part_3*rotation_1_3_2
     x28 = rotation_2_2_3*x15
     pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28
-    del x12
     x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20
     x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20
     pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30
     x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20
     x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20
-    del x19, x20
     pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32
-    del x27
     pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28
-    del x11, x13, x15, x28
     pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30
-    del x17, x18, x29, x30
+    del x8, x9, v_12_3, x21, x22, x12, x19, x20, x27, x11, x13, x15, x28, x17, x18, x29, x30
     pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32
-    del part_3, v_12_1, v_12_2, x23, x24, x26, x31, x32
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -840,21 +729,16 @@ def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     # 116 add, 210 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
-    del square
     x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
     part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
     part_2 = x0*x1
-    del x1
     part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
-    del x0
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
-    del part_2
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    del part_1
     p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1
     p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2
     p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3
@@ -882,62 +766,44 @@ def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x14 = q_1*x13
     x15 = q_2*x13
     x16 = q_3*x13
-    del x13
     x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1
     pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2)
-    del x5
     x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2
     x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2
     pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7))
     x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2
     x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2
     pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9))
-    del x14, x15, x16, x17
     x22 = q_2*vector_2_3 - q_3*vector_2_2
     x23 = q_3*vector_2_1 - q_1*vector_2_3
     x24 = p_12_2*v_12_3 - p_12_3*v_12_2
-    del v_12_2
     x25 = p_12_1*v_12_3 - p_12_3*v_12_1
-    del v_12_1, v_12_3
     x26 = rotation_2_3_3*x12 - q_3*x11
-    del x11, x12
+    del square, x1, x0, part_2, part_1, x13, x5, x14, x15, x16, x17, v_12_2, v_12_1, v_12_3, x11, x12
     x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3
-    del v_34_3
     x28 = q_2*rotation_4_3_3
     x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3
     x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2
     x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2
-    del p_12_3
     x32 = q_2*x2 - q_3*x6
-    del x2, x6
     pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24
     x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2
     x34 = q_2*x33 - q_3*x18
-    del x18
     x35 = q_3*x19 - q_1*x33
-    del x19, x33
     x36 = q_3*x7 - q_1*x3
-    del x7
     x37 = q_2*x3 - q_3*x8
-    del x3, x8
     pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37)
     x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2
-    del v_34_1, v_34_2
     x39 = q_2*x38 - q_3*x20
-    del x20
     x40 = q_3*x21 - q_1*x38
-    del x21, x38
     x41 = q_3*x9 - q_1*x4
-    del x9
+    del v_34_3, p_12_3, x2, x6, x18, x19, x33, x7, x3, x8, v_34_1, v_34_2, x20, x21, x38, x9
     x42 = q_2*x4 - q_3*x10
-    del x10, x4
     pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42)
     pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27
-    del x22, x23, x24, x25, x26, x27, x28, x30, x32
     pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35
-    del x34, x35, x36, x37
     pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40
-    del p_12_1, p_12_2, part_3, x29, x31, x39, x40, x41, x42
+    del x10, x4, x22, x23, x24, x25, x26, x27, x28, x30, x32, x34, x35, x36, x37, p_12_1, p_12_2, part_3, x29, x31, x39, x40, x41, x42
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -983,21 +849,16 @@ def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     # 146 add, 251 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
-    del square
     x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
     part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
     part_2 = x0*x1
-    del x1
     part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
-    del x0
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
-    del part_2
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    del part_1
     p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1
     p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2
     p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3
@@ -1013,11 +874,8 @@ def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
     pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6
     pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2
-    del x2
     pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4
-    del x3, x4
     pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6
-    del x5, x6
     x7 = q_1*v_34_2 - q_2*v_34_1
     x8 = p_12_3*rotation_2_3_3
     x9 = p_12_2*v_12_1 - p_12_1*v_12_2
@@ -1025,12 +883,9 @@ def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1
     x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3
     pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2)
-    del x8
     x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2
     x14 = q_2*v_34_3 - q_3*v_34_2
-    del v_34_2
     x15 = q_1*v_34_3 - q_3*v_34_1
-    del v_34_1, v_34_3
     x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2
     x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2
     x19 = p_12_3*rotation_4_3_3
@@ -1041,52 +896,41 @@ def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1
     x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1
     pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24)
-    del x11, x19, x9
+    del square, x1, x0, part_2, part_1, x2, x3, x4, x5, x6, x8, v_34_2, v_34_1, v_34_3, x11, x19, x9
     x26 = rotation_2_1_3*x7
     x27 = rotation_2_2_3*x7
-    del x7
     x28 = p_12_2*v_12_3 - p_12_3*v_12_2
-    del v_12_2
     x30 = q_3*rotation_2_1_3
     x31 = p_12_1*v_12_3 - p_12_3*v_12_1
-    del v_12_1, v_12_3
     x32 = q_3*rotation_2_2_3
     x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32
     x34 = vector_2_3*x30 - vector_2_1*x10
-    del x10
     x35 = p_12_1*rotation_4_3_3
     x36 = p_12_2*rotation_4_3_3
     x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2
     x38 = rotation_2_1_3*x12
     x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3
-    del p_12_3
     x40 = rotation_2_2_3*x12
-    del x12
     pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30
     x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15
     x42 = vector_2_2*x13 - vector_2_3*x17
     x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15
     x44 = vector_2_3*x18 - vector_2_1*x13
-    del x13
     x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21
     x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21
     pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28
     x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14
     x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14
-    del x14, x15
     x49 = vector_2_2*x22 - vector_2_3*x23
     x50 = vector_2_3*x24 - vector_2_1*x22
-    del x22
     x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21
     x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21
-    del x20, x21
     pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28
     pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33
-    del x26, x27, x30, x32, x33, x34, x38, x40
+    del x7, v_12_2, v_12_1, v_12_3, x10, p_12_3, x12, x13, x14, x15, x22, x20, x21, x26, x27, x30, x32, x33, x34, x38, x40
     pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42
-    del x17, x18, x41, x42, x43, x44, x45, x46
     pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49
-    del p_12_1, p_12_2, part_3, x23, x24, x28, x31, x35, x36, x37, x39, x47, x48, x49, x50, x51, x52
+    del x17, x18, x41, x42, x43, x44, x45, x46, p_12_1, p_12_2, part_3, x23, x24, x28, x31, x35, x36, x37, x39, x47, x48, x49, x50, x51, x52
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -1132,21 +976,16 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     # 132 add, 238 mul, 1 div
     square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
     x0 = 1.0/square
-    del square
     x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
     part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
     part_2 = x0*x1
-    del x1
     part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
-    del x0
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
-    del part_2
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    del part_1
     pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3
     pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3)
     pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3)
@@ -1159,11 +998,8 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
     pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6
     pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2
-    del x2
     pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4
-    del x3, x4
     pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6
-    del x5, x6
     x7 = q_1*v_34_2 - q_2*v_34_1
     x8 = p_3*rotation_2_3_3
     x9 = p_3*vector_2_2 - p_2*vector_2_3
@@ -1181,14 +1017,12 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x21 = rotation_2_2_3*x18
     x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3
     pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8
-    del x10, x7, x8
     x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2
     x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2
     x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2
     x26 = q_2*v_34_3 - q_3*v_34_2
-    del v_34_2
     x27 = q_1*v_34_3 - q_3*v_34_1
-    del v_34_1, v_34_3
+    del square, x1, x0, part_2, part_1, x2, x3, x4, x5, x6, x10, x7, x8, v_34_2, v_34_1, v_34_3
     x29 = p_3*rotation_4_3_3
     x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3
     x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3
@@ -1201,11 +1035,8 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31
     x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31
     pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9
-    del v_12_3, x11, x13, x15, x16, x17, x20, x26, x27, x29, x9
     x40 = p_2*x14 - p_3*x12
-    del x12
     x41 = p_3*q_3*rotation_2_1_3 - p_1*x14
-    del x14
     x42 = p_3*rotation_1_3_2
     x43 = p_1*rotation_1_3_1
     x44 = p_2*rotation_1_3_2
@@ -1214,28 +1045,21 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x47 = x45 - x46
     pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41
     x48 = p_2*x23 - p_3*x24
-    del x24
     x49 = p_3*x25 - p_1*x23
-    del x23, x25
+    del v_12_3, x11, x13, x15, x16, x17, x20, x26, x27, x29, x9, x12, x14, x24, x23, x25
     x50 = p_3*rotation_1_3_1
     x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31
     pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49
     x52 = p_2*x34 - p_3*x35
-    del x35
     x53 = p_3*x36 - p_1*x34
-    del x34, x36
     x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31
-    del x30, x31
     pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53
-    del x47
     x55 = -x43 - x44
-    del x43, x44
     pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41
-    del x18, x19, x21, x22, x40, x41, x45, x46
+    del x35, x34, x36, x30, x31, x47, x43, x44, x18, x19, x21, x22, x40, x41, x45, x46
     pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49
-    del x32, x33, x48, x49, x51
     pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53
-    del part_3, v_12_1, v_12_2, x38, x39, x42, x50, x52, x53, x54, x55
+    del x32, x33, x48, x49, x51, part_3, v_12_1, v_12_2, x38, x39, x42, x50, x52, x53, x54, x55
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 

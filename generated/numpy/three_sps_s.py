@@ -50,35 +50,25 @@ def _sps_legs(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, ma
     x3 = 0.5*base_radius
     x4 = x2*x3
     x5 = 0.5*platform_radius*x2
-    del x2
     x6 = matrix_1_1*x5
     span_1_1 = x6 - x1 - x4
     x7 = 0.5*matrix_2_2*platform_radius
     x8 = matrix_2_1*x5
     span_1_2 = x3 + x8 - x7
-    del x3
     x9 = matrix_3_2*platform_radius
     x10 = 0.5*x9
     x11 = matrix_3_1*x5
-    del x5
     span_1_3 = height + x11 - x10
     span_2_1 = x0
-    del x0
     span_2_2 = matrix_2_2*platform_radius - base_radius
     span_2_3 = height + x9
-    del x9
     span_3_1 = x4 - x1 - x6
-    del x1, x4, x6
     span_3_2 = 0.5*base_radius - x7 - x8
-    del x7, x8
     span_3_3 = height - x10 - x11
-    del x10, x11
     legs_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
-    del span_1_1, span_1_2, span_1_3
     legs_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
-    del span_2_1, span_2_2, span_2_3
+    del x2, x3, x5, x0, x9, x1, x4, x6, x7, x8, x10, x11, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3
     legs_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
-    del span_3_1, span_3_2, span_3_3
     return (legs_1, legs_2, legs_3)
 
 
@@ -122,67 +112,47 @@ def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quat
     # 32 add, 48 mul, 1 div, 5 sqrt
     unit_length = xp.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
     x0 = 1.0/unit_length
-    del unit_length
     unit_1 = quaternion_1*x0
     unit_2 = quaternion_2*x0
     unit_3 = quaternion_3*x0
     unit_4 = quaternion_4*x0
-    del x0
     x1 = (unit_2*unit_2)
     x2 = (unit_3*unit_3)
     x3 = (unit_1*unit_1) - (unit_4*unit_4)
     matrix_1_1 = x1 + x3 - x2
     x4 = 2.0*unit_1
-    del unit_1
     x5 = unit_4*x4
     matrix_1_2 = 2.0*unit_2*unit_3 - x5
     matrix_2_1 = 2.0*unit_2*unit_3 + x5
-    del x5
     matrix_2_2 = x2 + x3 - x1
-    del x1, x2, x3
     matrix_3_1 = 2.0*unit_2*unit_4 - unit_3*x4
     matrix_3_2 = unit_2*x4 + 2.0*unit_3*unit_4
-    del unit_2, unit_3, unit_4, x4
     x6 = matrix_1_2*platform_radius
-    del matrix_1_2
     x7 = 0.5*x6
     x8 = 1.7320508075688772
     x9 = 0.5*base_radius
     x10 = x8*x9
     x11 = 0.5*platform_radius*x8
-    del x8
     x12 = matrix_1_1*x11
-    del matrix_1_1
     span_1_1 = x12 - x10 - x7
     x13 = 0.5*matrix_2_2*platform_radius
     x14 = matrix_2_1*x11
-    del matrix_2_1
     span_1_2 = x14 + x9 - x13
-    del x9
+    del unit_length, x0, unit_1, x5, x1, x2, x3, unit_2, unit_3, unit_4, x4, matrix_1_2, x8, matrix_1_1, matrix_2_1, x9
     x15 = matrix_3_2*platform_radius
-    del matrix_3_2
     x16 = 0.5*x15
     x17 = matrix_3_1*x11
-    del matrix_3_1, x11
     span_1_3 = height + x17 - x16
     span_2_1 = x6
-    del x6
     span_2_2 = matrix_2_2*platform_radius - base_radius
-    del matrix_2_2
     span_2_3 = height + x15
-    del x15
     span_3_1 = x10 - x12 - x7
-    del x10, x12, x7
     span_3_2 = 0.5*base_radius - x13 - x14
-    del x13, x14
     span_3_3 = height - x16 - x17
-    del x16, x17
     legs_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
-    del span_1_1, span_1_2, span_1_3
+    del matrix_3_2, matrix_3_1, x11, x6, matrix_2_2, x15, x10, x12, x7, x13, x14, x16, x17, span_1_1, span_1_2, span_1_3
     legs_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
-    del span_2_1, span_2_2, span_2_3
     legs_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
-    del span_3_1, span_3_2, span_3_3
     return (legs_1, legs_2, legs_3)
 
 
@@ -232,7 +202,6 @@ def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2
     x3 = 0.5*base_radius
     x4 = x2*x3
     x5 = 0.5*platform_radius*x2
-    del x2
     x6 = matrix_1_1*x5
     span_1_1 = x6 - x1 - x4
     x7 = matrix_2_2*platform_radius
@@ -243,67 +212,44 @@ def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2
     x11 = matrix_3_2*platform_radius
     x12 = 0.5*x11
     x13 = matrix_3_1*x5
-    del x5
     x14 = x13 - x12
     span_1_3 = height + x14
     leg_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
-    del span_1_1, span_1_2, span_1_3
     span_2_1 = x0
     span_2_2 = matrix_2_2*platform_radius - base_radius
     span_2_3 = height + x11
     leg_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
-    del span_2_1, span_2_2, span_2_3
     x15 = x1 + x6
     span_3_1 = x4 - x15
     x16 = x8 + x9
-    del x8, x9
     span_3_2 = 0.5*base_radius - x16
     x17 = x12 + x13
-    del x12, x13
     span_3_3 = height - x17
     leg_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
-    del span_3_1, span_3_2, span_3_3
     row_1_1 = height*x10 - x14*x3
     x18 = x6 - x1
-    del x1, x6
+    del x2, x5, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3, x8, x9, x12, x13, span_3_1, span_3_2, span_3_3, x1, x6
     row_1_2 = -height*x18 - x14*x4
-    del x14
     row_1_3 = x10*x4 + x18*x3
-    del x10, x18
     row_2_1 = base_radius*x11 + height*x7
-    del x11, x7
     row_2_2 = -height*x0
     row_2_3 = -base_radius*x0
-    del x0
     row_3_1 = x17*x3 - height*x16
     row_3_2 = height*x15 - x17*x4
-    del x17
     row_3_3 = x16*x4 - x15*x3
-    del x15, x16, x3, x4
     x22 = 1.0/leg_1
-    del leg_1
     jacobian_1_1 = row_1_1*x22
-    del row_1_1
     jacobian_1_2 = row_1_2*x22
-    del row_1_2
     jacobian_1_3 = row_1_3*x22
-    del row_1_3, x22
+    del x14, x10, x18, x11, x7, x0, x17, x15, x16, x3, x4, leg_1, row_1_1, row_1_2, row_1_3, x22
     x23 = 1.0/leg_2
-    del leg_2
     jacobian_2_1 = row_2_1*x23
-    del row_2_1
     jacobian_2_2 = row_2_2*x23
-    del row_2_2
     jacobian_2_3 = row_2_3*x23
-    del row_2_3, x23
     x24 = 1.0/leg_3
-    del leg_3
     jacobian_3_1 = row_3_1*x24
-    del row_3_1
     jacobian_3_2 = row_3_2*x24
-    del row_3_2
     jacobian_3_3 = row_3_3*x24
-    del row_3_3, x24
     return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_3_1, jacobian_3_2, jacobian_3_3)
 
 
@@ -351,7 +297,6 @@ def _sps_singularity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     x2 = matrix_3_1*x1
     x3 = x2 - x0
     x4 = 1.0/size
-    del size
     x5 = base_radius*x4
     x6 = 0.5*x5
     x7 = 0.5*matrix_2_2
@@ -363,29 +308,19 @@ def _sps_singularity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_
     x12 = x11 - x10
     x13 = height*x4
     x14 = x1*x5
-    del x1
     row_1_2 = -x12*x13 - x14*x3
-    del x3
     row_1_3 = x12*x6 + x14*x9
-    del x12, x9
     row_2_1 = matrix_2_2*x13 + matrix_3_2*x5
     row_2_2 = -matrix_1_2*x13
     row_2_3 = -matrix_1_2*x5
-    del x5
     x15 = -x0 - x2
-    del x0, x2
     x16 = -x7 - x8
-    del x7, x8
     row_3_1 = height*x16*x4 - x15*x6
-    del x4
     x17 = -x10 - x11
-    del x10, x11
     row_3_2 = x14*x15 - x13*x17
-    del x13, x15
     row_3_3 = x17*x6 - x14*x16
-    del x14, x16, x17, x6
+    del size, x1, x3, x12, x9, x5, x0, x2, x7, x8, x4, x10, x11, x13, x15, x14, x16, x17, x6
     determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1)
-    del row_1_1, row_1_2, row_1_3, row_2_1, row_2_2, row_2_3, row_3_1, row_3_2, row_3_3
     return (determinant,)
 
 
@@ -433,28 +368,18 @@ def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, he
     square_1 = (legs_1*legs_1)*x0
     square_2 = (legs_2*legs_2)*x0
     square_3 = (legs_3*legs_3)*x0
-    del x0
     x1 = 1.0/base_radius
     ratio = platform_radius*x1
     eta = height*x1
-    del x1
     K = (eta*eta) + (ratio*ratio) + 1.0
-    del eta
     x2 = square_1 + square_3
     x3 = 1.0/(3.0*ratio)
-    del ratio
     a = x3*(3.0*K - square_2 - x2)
-    del K
     Z_re = x3*(2.0*square_2 - x2)
-    del square_2, x2
     Z_im = 1.7320508075688772*x3*(square_1 - square_3)
-    del square_1, square_3, x3
     cos_sum = a
-    del a
     Z_1 = Z_re
-    del Z_re
     Z_2 = Z_im
-    del Z_im
     return (cos_sum, Z_1, Z_2)
 
 
@@ -508,84 +433,56 @@ def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, 
     square_1 = (legs_1*legs_1)*x0
     square_2 = (legs_2*legs_2)*x0
     square_3 = (legs_3*legs_3)*x0
-    del x0
     x1 = 1.0/base_radius
     ratio = platform_radius*x1
     eta = height*x1
-    del x1
     x2 = (eta*eta)
     K = (ratio*ratio) + x2 + 1.0
     x3 = square_1 + square_3
     x4 = 1.0/(3.0*ratio)
-    del ratio
     a = x4*(3.0*K - square_2 - x3)
-    del K
     Z_re = x4*(2.0*square_2 - x3)
-    del square_2, x3
     Z_im = 1.7320508075688772*x4*(square_1 - square_3)
-    del square_1, square_3, x4
     z = xp.sqrt((Z_im*Z_im) + (Z_re*Z_re))
     x5 = xp.where(z > 0.0, 1.0/z, 1.0)
     cosine = xp.where(z > 0.0, Z_re*x5, 1.0)
-    del Z_re
     sine = xp.where(z > 0.0, Z_im*x5, 0.0)
-    del Z_im, x5
     c3 = cosine*(4.0*(cosine*cosine) - 3.0)
-    del cosine
     s3 = sine*(3.0 - 4.0*(sine*sine))
-    del sine
     x6 = 4.0*x2
     base = x6 + 1.0
     x7 = 1.0/base
-    del base
     beta = x6*x7
-    del x6
+    del x0, x1, ratio, K, square_2, x3, square_1, square_3, x4, Z_re, Z_im, x5, cosine, sine, base, x6
     mu = x7*z
-    del x7
     least = beta/10000000.0
     b_0 = z - 8.0*a*c3*x2
-    del c3, x2
     b_1 = -12.0*beta
     b_2 = 4.0*z - 12.0*mu
     b_3 = 16.0*beta
     b_4 = 16.0*xp.where(least < mu, mu, least)
-    del least
     x8 = 1.0 - beta
-    del beta
     x9 = (eta*eta*eta*eta)*(s3*s3)
-    del eta
     octic_1 = (b_0*b_0) - 64.0*x9*(4.0*(x8*x8) - (a*a))
-    del a
     x10 = 2.0*b_0
     octic_2 = b_1*x10 + 512.0*mu*x8*x9
-    del x8
     octic_3 = (b_1*b_1) + b_2*x10 - 256.0*(mu*mu)*x9
-    del mu, x9
     x11 = 2.0*b_1
     octic_4 = b_2*x11 + b_3*x10
     octic_5 = (b_2*b_2) + b_3*x11 + b_4*x10
-    del x10
     x12 = 2.0*b_2
     octic_6 = b_3*x12 + b_4*x11
-    del x11
     octic_7 = (b_3*b_3) + b_4*x12
-    del x12
     octic_8 = 2.0*b_3*b_4
     octic_9 = (b_4*b_4)
     quartic_1 = b_0
-    del b_0
     quartic_2 = b_1
-    del b_1
     quartic_3 = b_2
-    del b_2
+    del x7, c3, x2, least, beta, eta, a, x8, mu, x9, x10, x11, x12, b_0, b_1, b_2
     quartic_4 = b_3
-    del b_3
     quartic_5 = b_4
-    del b_4
     phase_sine = s3
-    del s3
     size = z
-    del z
     return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, quartic_1, quartic_2, quartic_3, quartic_4, quartic_5, phase_sine, size)
 
 
@@ -637,74 +534,51 @@ def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, 
     square_1 = (legs_1*legs_1)*x0
     square_2 = (legs_2*legs_2)*x0
     square_3 = (legs_3*legs_3)*x0
-    del x0
     x1 = 1.0/base_radius
     ratio = platform_radius*x1
     eta = height*x1
-    del x1
     x2 = 1.0/(3.0*ratio)
-    del ratio
     Z_re = x2*(2.0*square_2 - square_1 - square_3)
-    del square_2
     Z_im = 1.7320508075688772*x2*(square_1 - square_3)
-    del square_1, square_3, x2
     z = xp.sqrt((Z_im*Z_im) + (Z_re*Z_re))
     x3 = xp.where(z > 0.0, 1.0/z, 1.0)
     cosine = xp.where(z > 0.0, Z_re*x3, 1.0)
-    del Z_re
     sine = xp.where(z > 0.0, Z_im*x3, 0.0)
-    del Z_im, x3
     x4 = 4.0*(eta*eta)
     base = x4 + 1.0
     x5 = 1.0/base
-    del base
     beta = x4*x5
-    del x4
     mu = x5*z
-    del x5
     x6 = beta + mu*root
-    del beta, mu
     rho = xp.where(x6 < 0.0, 0.0, xp.where(x6 > 1.0, 1.0, x6))
-    del x6
+    del x0, x1, ratio, square_2, square_1, square_3, x2, Z_re, Z_im, x3, base, x4, x5, beta, mu, x6
     x7 = 1.0/rho
     x8 = 0.25*z
     x11 = root + x7*x8
     along = xp.where(((rho > (eps*eps)) | (root < -1.0)) & ((rho <= (eps*eps)) | (x11 < -1.0)), -1.0, xp.where(((rho > (eps*eps)) | (root > 1.0)) & ((rho <= (eps*eps)) | (x11 > 1.0)), 1.0, root + xp.where(rho > (eps*eps), x8*xp.where(rho > (eps*eps), x7, 1.0), 0.0)))
-    del x11, x7, x8
     across = sign*xp.sqrt((1.0 - along)*(along + 1.0))
     W_re = along*cosine - across*sine
     W_im = across*cosine + along*sine
-    del across, along
     w_outer = xp.sqrt(0.5*xp.abs(W_re) + 0.5)
     w_inner = 0.5*xp.abs(W_im)/w_outer
     w_re = xp.where(W_re < 0.0, w_inner, w_outer)
     w_size = xp.where(W_re < 0.0, w_outer, w_inner)
-    del w_inner, w_outer
     w_im = xp.where(W_im < 0.0, -w_size, w_size)
-    del w_size
     x9 = 2.0*rho
     lift_re = cosine*z - W_re*x9
-    del W_re, cosine
     lift_im = sine*z - W_im*x9
-    del W_im, sine, x9, z
     v_re = lift_re*w_re - lift_im*w_im
     v_im = lift_im*w_re + lift_re*w_im
-    del lift_im, lift_re
+    del x11, x7, x8, across, along, w_inner, w_outer, w_size, W_re, cosine, W_im, sine, x9, z, lift_im, lift_re
     v_length = xp.sqrt((v_im*v_im) + (v_re*v_re))
     known = v_length > 0.0
     x10 = xp.sqrt(1.0 - rho)
     v_factor = x10*xp.where(eta < 0.0, -1.0, 1.0)*xp.where(known, 1.0/v_length, 1.0)
-    del eta, v_length
     w_factor = xp.sqrt(rho)
-    del rho
     quaternion_1 = xp.where(known, v_factor*v_re, x10)
-    del known, v_re, x10
     quaternion_2 = w_factor*w_re
-    del w_re
     quaternion_3 = w_factor*w_im
-    del w_factor, w_im
     quaternion_4 = v_factor*v_im
-    del v_factor, v_im
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4)
 
 
@@ -757,23 +631,18 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     x0 = 1.0/base_radius
     ratio = platform_radius*x0
     eta = height*x0
-    del x0
     x1 = 1.0/(base_radius*base_radius)
     target_1 = (legs_1*legs_1)*x1
     target_2 = (legs_2*legs_2)*x1
     target_3 = (legs_3*legs_3)*x1
-    del x1
     scale = (eta*eta) + (ratio*ratio) + target_1/3.0 + target_2/3.0 + target_3/3.0 + 1.0
     settled = 16.0*(eps*eps)*(scale*scale)
-    del scale
     start_length = xp.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
     x2 = 1.0/start_length
-    del start_length
     start_1 = quaternion_1*x2
     start_2 = quaternion_2*x2
     start_3 = quaternion_3*x2
     start_4 = quaternion_4*x2
-    del x2
     x3 = (start_2*start_2)
     x4 = (start_3*start_3)
     x5 = (start_1*start_1) - (start_4*start_4)
@@ -782,45 +651,31 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     x7 = start_4*x6
     matrix_0_1_2 = 2.0*start_2*start_3 - x7
     matrix_0_2_1 = 2.0*start_2*start_3 + x7
-    del x7
     matrix_0_2_2 = x4 + x5 - x3
-    del x3, x4, x5
     matrix_0_3_1 = 2.0*start_2*start_4 - start_3*x6
     matrix_0_3_2 = start_2*x6 + 2.0*start_3*start_4
-    del x6
     x8 = matrix_0_1_2*ratio
-    del matrix_0_1_2
     x9 = 0.5*x8
     x10 = 1.7320508075688772
     x11 = 0.5*x10
     x12 = ratio*x11
     x13 = matrix_0_1_1*x12
-    del matrix_0_1_1
     arm_0_1_1 = x13 - x9
     x14 = matrix_0_2_2*ratio
-    del matrix_0_2_2
     x15 = 0.5*x14
     x16 = matrix_0_2_1*x12
-    del matrix_0_2_1
     arm_0_1_2 = x16 - x15
     x17 = matrix_0_3_2*ratio
-    del matrix_0_3_2
     x18 = 0.5*x17
     x19 = matrix_0_3_1*x12
-    del matrix_0_3_1
+    del x0, x1, scale, start_length, x2, x7, x3, x4, x5, x6, matrix_0_1_2, matrix_0_1_1, matrix_0_2_2, matrix_0_2_1, matrix_0_3_2, matrix_0_3_1
     arm_0_1_3 = x19 - x18
     arm_0_2_1 = x8
-    del x8
     arm_0_2_2 = x14
-    del x14
     arm_0_2_3 = x17
-    del x17
     arm_0_3_1 = -x13 - x9
-    del x13, x9
     arm_0_3_2 = -x15 - x16
-    del x15, x16
     arm_0_3_3 = -x18 - x19
-    del x18, x19
     span_0_1_1 = arm_0_1_1 - x11
     span_0_1_2 = arm_0_1_2 + 0.5
     span_0_1_3 = arm_0_1_3 + eta
@@ -831,17 +686,12 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_0_3_2 = arm_0_3_2 + 0.5
     span_0_3_3 = arm_0_3_3 + eta
     x21 = -0.5*target_1
-    del target_1
     missing_0_1 = -0.5*(span_0_1_1*span_0_1_1) - 0.5*(span_0_1_2*span_0_1_2) - 0.5*(span_0_1_3*span_0_1_3) - x21
-    del span_0_1_1, span_0_1_2, span_0_1_3
     x22 = -0.5*target_2
-    del target_2
     missing_0_2 = -0.5*(span_0_2_1*span_0_2_1) - 0.5*(span_0_2_2*span_0_2_2) - 0.5*(span_0_2_3*span_0_2_3) - x22
-    del span_0_2_1, span_0_2_2, span_0_2_3
+    del x8, x14, x17, x13, x9, x15, x16, x18, x19, target_1, span_0_1_1, span_0_1_2, span_0_1_3, target_2, span_0_2_1, span_0_2_2, span_0_2_3
     x23 = -0.5*target_3
-    del target_3
     missing_0_3 = -0.5*(span_0_3_1*span_0_3_1) - 0.5*(span_0_3_2*span_0_3_2) - 0.5*(span_0_3_3*span_0_3_3) - x23
-    del span_0_3_1, span_0_3_2, span_0_3_3
     merit_0 = (missing_0_1*missing_0_1) + (missing_0_2*missing_0_2) + (missing_0_3*missing_0_3)
     row_1_1_1 = arm_0_1_2*eta - 0.5*arm_0_1_3
     row_1_1_2 = -arm_0_1_1*eta - arm_0_1_3*x11
@@ -857,34 +707,22 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     cross_1_1_3 = row_1_2_1*row_1_3_2 - row_1_2_2*row_1_3_1
     cross_1_2_1 = row_1_1_3*row_1_3_2 - row_1_1_2*row_1_3_3
     cross_1_2_2 = row_1_1_1*row_1_3_3 - row_1_1_3*row_1_3_1
-    del row_1_3_3
     cross_1_2_3 = row_1_1_2*row_1_3_1 - row_1_1_1*row_1_3_2
-    del row_1_3_1, row_1_3_2
     cross_1_3_1 = row_1_1_2*row_1_2_3 - row_1_1_3*row_1_2_2
     cross_1_3_2 = row_1_1_3*row_1_2_1 - row_1_1_1*row_1_2_3
-    del row_1_2_3
     cross_1_3_3 = row_1_1_1*row_1_2_2 - row_1_1_2*row_1_2_1
-    del row_1_2_1, row_1_2_2
     determinant_1 = cross_1_1_1*row_1_1_1 + cross_1_1_2*row_1_1_2 + cross_1_1_3*row_1_1_3
-    del row_1_1_1, row_1_1_2, row_1_1_3
     solved_1_1 = cross_1_1_1*missing_0_1 + cross_1_2_1*missing_0_2 + cross_1_3_1*missing_0_3
-    del cross_1_1_1, cross_1_2_1, cross_1_3_1
+    del target_3, span_0_3_1, span_0_3_2, span_0_3_3, row_1_3_3, row_1_3_1, row_1_3_2, row_1_2_3, row_1_2_1, row_1_2_2, row_1_1_1, row_1_1_2, row_1_1_3, cross_1_1_1, cross_1_2_1, cross_1_3_1
     solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3
-    del cross_1_1_2, cross_1_2_2, cross_1_3_2
     solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3
-    del cross_1_1_3, cross_1_2_3, cross_1_3_3
     solved_size_1 = xp.sqrt((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3))
     far_1 = solved_size_1 > trust*xp.abs(determinant_1)
     factor_1 = xp.where(far_1, trust*xp.where(determinant_1 < 0.0, -1.0, 1.0)*xp.where(solved_size_1 > 0.0, 1.0/solved_size_1, 1.0), xp.where(far_1, 1.0, 1.0/determinant_1))
-    del determinant_1, far_1
     x24 = xp.where(solved_size_1 > 0.0, factor_1, 0.0)
-    del factor_1, solved_size_1
     turn_1_1 = solved_1_1*x24
-    del solved_1_1
     turn_1_2 = solved_1_2*x24
-    del solved_1_2
     turn_1_3 = solved_1_3*x24
-    del solved_1_3, x24
     x25 = 0.5*turn_1_1
     x26 = 0.5*turn_1_2
     x27 = 0.5*turn_1_3
@@ -892,18 +730,13 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     moved_1_2 = start_1*x25 + start_2 + start_4*x26 - start_3*x27
     moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25
     moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26
-    del x25, x26, x27
+    del cross_1_1_2, cross_1_2_2, cross_1_3_2, cross_1_1_3, cross_1_2_3, cross_1_3_3, determinant_1, far_1, factor_1, solved_size_1, solved_1_1, solved_1_2, solved_1_3, x24, x25, x26, x27
     unit_1_length = xp.sqrt((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4))
     x28 = 1.0/unit_1_length
-    del unit_1_length
     unit_1_1 = moved_1_1*x28
-    del moved_1_1
     unit_1_2 = moved_1_2*x28
-    del moved_1_2
     unit_1_3 = moved_1_3*x28
-    del moved_1_3
     unit_1_4 = moved_1_4*x28
-    del moved_1_4, x28
     x29 = (unit_1_2*unit_1_2)
     x30 = (unit_1_3*unit_1_3)
     x31 = (unit_1_1*unit_1_1) - (unit_1_4*unit_1_4)
@@ -912,42 +745,28 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     x33 = unit_1_4*x32
     matrix_1_1_2 = 2.0*unit_1_2*unit_1_3 - x33
     matrix_1_2_1 = 2.0*unit_1_2*unit_1_3 + x33
-    del x33
     matrix_1_2_2 = x30 + x31 - x29
-    del x29, x30, x31
     matrix_1_3_1 = 2.0*unit_1_2*unit_1_4 - unit_1_3*x32
     matrix_1_3_2 = unit_1_2*x32 + 2.0*unit_1_3*unit_1_4
-    del x32
     x34 = matrix_1_1_2*ratio
-    del matrix_1_1_2
     x35 = 0.5*x34
     x36 = matrix_1_1_1*x12
-    del matrix_1_1_1
     arm_1_1_1 = x36 - x35
     x37 = matrix_1_2_2*ratio
-    del matrix_1_2_2
     x38 = 0.5*x37
     x39 = matrix_1_2_1*x12
-    del matrix_1_2_1
     arm_1_1_2 = x39 - x38
     x40 = matrix_1_3_2*ratio
-    del matrix_1_3_2
+    del unit_1_length, moved_1_1, moved_1_2, moved_1_3, moved_1_4, x28, x33, x29, x30, x31, x32, matrix_1_1_2, matrix_1_1_1, matrix_1_2_2, matrix_1_2_1, matrix_1_3_2
     x41 = 0.5*x40
     x42 = matrix_1_3_1*x12
-    del matrix_1_3_1
     arm_1_1_3 = x42 - x41
     arm_1_2_1 = x34
-    del x34
     arm_1_2_2 = x37
-    del x37
     arm_1_2_3 = x40
-    del x40
     arm_1_3_1 = -x35 - x36
-    del x35, x36
     arm_1_3_2 = -x38 - x39
-    del x38, x39
     arm_1_3_3 = -x41 - x42
-    del x41, x42
     span_1_1_1 = arm_1_1_1 - x11
     span_1_1_2 = arm_1_1_2 + 0.5
     span_1_1_3 = arm_1_1_3 + eta
@@ -958,52 +777,33 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_1_3_2 = arm_1_3_2 + 0.5
     span_1_3_3 = arm_1_3_3 + eta
     missing_1_1 = -0.5*(span_1_1_1*span_1_1_1) - 0.5*(span_1_1_2*span_1_1_2) - 0.5*(span_1_1_3*span_1_1_3) - x21
-    del span_1_1_1, span_1_1_2, span_1_1_3
     missing_1_2 = -0.5*(span_1_2_1*span_1_2_1) - 0.5*(span_1_2_2*span_1_2_2) - 0.5*(span_1_2_3*span_1_2_3) - x22
-    del span_1_2_1, span_1_2_2, span_1_2_3
+    del matrix_1_3_1, x34, x37, x40, x35, x36, x38, x39, x41, x42, span_1_1_1, span_1_1_2, span_1_1_3, span_1_2_1, span_1_2_2, span_1_2_3
     missing_1_3 = -0.5*(span_1_3_1*span_1_3_1) - 0.5*(span_1_3_2*span_1_3_2) - 0.5*(span_1_3_3*span_1_3_3) - x23
-    del span_1_3_1, span_1_3_2, span_1_3_3
     merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3)
     done_1 = merit_0 <= settled
     better_1 = (~(done_1)) & (merit_1 < merit_0)
     now_1_1 = xp.where(better_1, unit_1_1, start_1)
-    del start_1, unit_1_1
     now_1_2 = xp.where(better_1, unit_1_2, start_2)
-    del start_2, unit_1_2
     now_1_3 = xp.where(better_1, unit_1_3, start_3)
-    del start_3, unit_1_3
     now_1_4 = xp.where(better_1, unit_1_4, start_4)
-    del start_4, unit_1_4
     taken_1_1_1 = xp.where(better_1, arm_1_1_1, arm_0_1_1)
-    del arm_0_1_1, arm_1_1_1
     taken_1_1_2 = xp.where(better_1, arm_1_1_2, arm_0_1_2)
-    del arm_0_1_2, arm_1_1_2
     taken_1_1_3 = xp.where(better_1, arm_1_1_3, arm_0_1_3)
-    del arm_0_1_3, arm_1_1_3
+    del span_1_3_1, span_1_3_2, span_1_3_3, start_1, unit_1_1, start_2, unit_1_2, start_3, unit_1_3, start_4, unit_1_4, arm_0_1_1, arm_1_1_1, arm_0_1_2, arm_1_1_2, arm_0_1_3, arm_1_1_3
     taken_1_2_1 = xp.where(better_1, arm_1_2_1, arm_0_2_1)
-    del arm_0_2_1, arm_1_2_1
     taken_1_2_2 = xp.where(better_1, arm_1_2_2, arm_0_2_2)
-    del arm_0_2_2, arm_1_2_2
     taken_1_2_3 = xp.where(better_1, arm_1_2_3, arm_0_2_3)
-    del arm_0_2_3, arm_1_2_3
     taken_1_3_1 = xp.where(better_1, arm_1_3_1, arm_0_3_1)
-    del arm_0_3_1, arm_1_3_1
     taken_1_3_2 = xp.where(better_1, arm_1_3_2, arm_0_3_2)
-    del arm_0_3_2, arm_1_3_2
     taken_1_3_3 = xp.where(better_1, arm_1_3_3, arm_0_3_3)
-    del arm_0_3_3, arm_1_3_3
     left_1_1 = xp.where(better_1, missing_1_1, missing_0_1)
-    del missing_0_1, missing_1_1
     left_1_2 = xp.where(better_1, missing_1_2, missing_0_2)
-    del missing_0_2, missing_1_2
+    del arm_0_2_1, arm_1_2_1, arm_0_2_2, arm_1_2_2, arm_0_2_3, arm_1_2_3, arm_0_3_1, arm_1_3_1, arm_0_3_2, arm_1_3_2, arm_0_3_3, arm_1_3_3, missing_0_1, missing_1_1, missing_0_2, missing_1_2
     left_1_3 = xp.where(better_1, missing_1_3, missing_0_3)
-    del missing_0_3, missing_1_3
     merit_taken_1 = xp.where(better_1, merit_1, merit_0)
-    del merit_0, merit_1
     turned_by_1 = xp.sqrt((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3))
-    del turn_1_1, turn_1_2, turn_1_3
     trust_1 = xp.where(better_1, 2.0*trust, xp.where(done_1, trust, 0.25*xp.where(trust > turned_by_1, turned_by_1, trust)))
-    del better_1, done_1, turned_by_1
     row_2_1_1 = eta*taken_1_1_2 - 0.5*taken_1_1_3
     row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11
     row_2_1_3 = 0.5*taken_1_1_1 + taken_1_1_2*x11
@@ -1018,34 +818,23 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     cross_2_1_3 = row_2_2_1*row_2_3_2 - row_2_2_2*row_2_3_1
     cross_2_2_1 = row_2_1_3*row_2_3_2 - row_2_1_2*row_2_3_3
     cross_2_2_2 = row_2_1_1*row_2_3_3 - row_2_1_3*row_2_3_1
-    del row_2_3_3
     cross_2_2_3 = row_2_1_2*row_2_3_1 - row_2_1_1*row_2_3_2
-    del row_2_3_1, row_2_3_2
     cross_2_3_1 = row_2_1_2*row_2_2_3 - row_2_1_3*row_2_2_2
     cross_2_3_2 = row_2_1_3*row_2_2_1 - row_2_1_1*row_2_2_3
-    del row_2_2_3
     cross_2_3_3 = row_2_1_1*row_2_2_2 - row_2_1_2*row_2_2_1
-    del row_2_2_1, row_2_2_2
+    del missing_0_3, missing_1_3, merit_0, merit_1, turn_1_1, turn_1_2, turn_1_3, better_1, done_1, turned_by_1, row_2_3_3, row_2_3_1, row_2_3_2, row_2_2_3, row_2_2_1, row_2_2_2
     determinant_2 = cross_2_1_1*row_2_1_1 + cross_2_1_2*row_2_1_2 + cross_2_1_3*row_2_1_3
-    del row_2_1_1, row_2_1_2, row_2_1_3
     solved_2_1 = cross_2_1_1*left_1_1 + cross_2_2_1*left_1_2 + cross_2_3_1*left_1_3
-    del cross_2_1_1, cross_2_2_1, cross_2_3_1
     solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3
-    del cross_2_1_2, cross_2_2_2, cross_2_3_2
     solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3
-    del cross_2_1_3, cross_2_2_3, cross_2_3_3
     solved_size_2 = xp.sqrt((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3))
     far_2 = solved_size_2 > trust_1*xp.abs(determinant_2)
     factor_2 = xp.where(far_2, trust_1*xp.where(determinant_2 < 0.0, -1.0, 1.0)*xp.where(solved_size_2 > 0.0, 1.0/solved_size_2, 1.0), xp.where(far_2, 1.0, 1.0/determinant_2))
-    del determinant_2, far_2
     x43 = xp.where(solved_size_2 > 0.0, factor_2, 0.0)
-    del factor_2, solved_size_2
+    del row_2_1_1, row_2_1_2, row_2_1_3, cross_2_1_1, cross_2_2_1, cross_2_3_1, cross_2_1_2, cross_2_2_2, cross_2_3_2, cross_2_1_3, cross_2_2_3, cross_2_3_3, determinant_2, far_2, factor_2, solved_size_2
     turn_2_1 = solved_2_1*x43
-    del solved_2_1
     turn_2_2 = solved_2_2*x43
-    del solved_2_2
     turn_2_3 = solved_2_3*x43
-    del solved_2_3, x43
     x44 = 0.5*turn_2_1
     x45 = 0.5*turn_2_2
     x46 = 0.5*turn_2_3
@@ -1053,18 +842,12 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     moved_2_2 = now_1_1*x44 + now_1_2 + now_1_4*x45 - now_1_3*x46
     moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44
     moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45
-    del x44, x45, x46
     unit_2_length = xp.sqrt((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4))
     x47 = 1.0/unit_2_length
-    del unit_2_length
     unit_2_1 = moved_2_1*x47
-    del moved_2_1
     unit_2_2 = moved_2_2*x47
-    del moved_2_2
     unit_2_3 = moved_2_3*x47
-    del moved_2_3
     unit_2_4 = moved_2_4*x47
-    del moved_2_4, x47
     x48 = (unit_2_2*unit_2_2)
     x49 = (unit_2_3*unit_2_3)
     x50 = (unit_2_1*unit_2_1) - (unit_2_4*unit_2_4)
@@ -1073,42 +856,29 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     x52 = unit_2_4*x51
     matrix_2_1_2 = 2.0*unit_2_2*unit_2_3 - x52
     matrix_2_2_1 = 2.0*unit_2_2*unit_2_3 + x52
-    del x52
     matrix_2_2_2 = x49 + x50 - x48
-    del x48, x49, x50
+    del solved_2_1, solved_2_2, solved_2_3, x43, x44, x45, x46, unit_2_length, moved_2_1, moved_2_2, moved_2_3, moved_2_4, x47, x52, x48, x49, x50
     matrix_2_3_1 = 2.0*unit_2_2*unit_2_4 - unit_2_3*x51
     matrix_2_3_2 = unit_2_2*x51 + 2.0*unit_2_3*unit_2_4
-    del x51
     x53 = matrix_2_1_2*ratio
-    del matrix_2_1_2
     x54 = 0.5*x53
     x55 = matrix_2_1_1*x12
-    del matrix_2_1_1
     arm_2_1_1 = x55 - x54
     x56 = matrix_2_2_2*ratio
-    del matrix_2_2_2
     x57 = 0.5*x56
     x58 = matrix_2_2_1*x12
-    del matrix_2_2_1
     arm_2_1_2 = x58 - x57
     x59 = matrix_2_3_2*ratio
-    del matrix_2_3_2
     x60 = 0.5*x59
     x61 = matrix_2_3_1*x12
-    del matrix_2_3_1
     arm_2_1_3 = x61 - x60
     arm_2_2_1 = x53
-    del x53
     arm_2_2_2 = x56
-    del x56
     arm_2_2_3 = x59
-    del x59
     arm_2_3_1 = -x54 - x55
-    del x54, x55
     arm_2_3_2 = -x57 - x58
-    del x57, x58
     arm_2_3_3 = -x60 - x61
-    del x60, x61
+    del x51, matrix_2_1_2, matrix_2_1_1, matrix_2_2_2, matrix_2_2_1, matrix_2_3_2, matrix_2_3_1, x53, x56, x59, x54, x55, x57, x58, x60, x61
     span_2_1_1 = arm_2_1_1 - x11
     span_2_1_2 = arm_2_1_2 + 0.5
     span_2_1_3 = arm_2_1_3 + eta
@@ -1119,52 +889,33 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_2_3_2 = arm_2_3_2 + 0.5
     span_2_3_3 = arm_2_3_3 + eta
     missing_2_1 = -0.5*(span_2_1_1*span_2_1_1) - 0.5*(span_2_1_2*span_2_1_2) - 0.5*(span_2_1_3*span_2_1_3) - x21
-    del span_2_1_1, span_2_1_2, span_2_1_3
     missing_2_2 = -0.5*(span_2_2_1*span_2_2_1) - 0.5*(span_2_2_2*span_2_2_2) - 0.5*(span_2_2_3*span_2_2_3) - x22
-    del span_2_2_1, span_2_2_2, span_2_2_3
     missing_2_3 = -0.5*(span_2_3_1*span_2_3_1) - 0.5*(span_2_3_2*span_2_3_2) - 0.5*(span_2_3_3*span_2_3_3) - x23
-    del span_2_3_1, span_2_3_2, span_2_3_3
     merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3)
     done_2 = merit_taken_1 <= settled
     better_2 = (~(done_2)) & (merit_2 < merit_taken_1)
     now_2_1 = xp.where(better_2, unit_2_1, now_1_1)
-    del now_1_1, unit_2_1
     now_2_2 = xp.where(better_2, unit_2_2, now_1_2)
-    del now_1_2, unit_2_2
     now_2_3 = xp.where(better_2, unit_2_3, now_1_3)
-    del now_1_3, unit_2_3
     now_2_4 = xp.where(better_2, unit_2_4, now_1_4)
-    del now_1_4, unit_2_4
+    del span_2_1_1, span_2_1_2, span_2_1_3, span_2_2_1, span_2_2_2, span_2_2_3, span_2_3_1, span_2_3_2, span_2_3_3, now_1_1, unit_2_1, now_1_2, unit_2_2, now_1_3, unit_2_3, now_1_4, unit_2_4
     taken_2_1_1 = xp.where(better_2, arm_2_1_1, taken_1_1_1)
-    del arm_2_1_1, taken_1_1_1
     taken_2_1_2 = xp.where(better_2, arm_2_1_2, taken_1_1_2)
-    del arm_2_1_2, taken_1_1_2
     taken_2_1_3 = xp.where(better_2, arm_2_1_3, taken_1_1_3)
-    del arm_2_1_3, taken_1_1_3
     taken_2_2_1 = xp.where(better_2, arm_2_2_1, taken_1_2_1)
-    del arm_2_2_1, taken_1_2_1
     taken_2_2_2 = xp.where(better_2, arm_2_2_2, taken_1_2_2)
-    del arm_2_2_2, taken_1_2_2
     taken_2_2_3 = xp.where(better_2, arm_2_2_3, taken_1_2_3)
-    del arm_2_2_3, taken_1_2_3
     taken_2_3_1 = xp.where(better_2, arm_2_3_1, taken_1_3_1)
-    del arm_2_3_1, taken_1_3_1
     taken_2_3_2 = xp.where(better_2, arm_2_3_2, taken_1_3_2)
-    del arm_2_3_2, taken_1_3_2
+    del arm_2_1_1, taken_1_1_1, arm_2_1_2, taken_1_1_2, arm_2_1_3, taken_1_1_3, arm_2_2_1, taken_1_2_1, arm_2_2_2, taken_1_2_2, arm_2_2_3, taken_1_2_3, arm_2_3_1, taken_1_3_1, arm_2_3_2, taken_1_3_2
     taken_2_3_3 = xp.where(better_2, arm_2_3_3, taken_1_3_3)
-    del arm_2_3_3, taken_1_3_3
     left_2_1 = xp.where(better_2, missing_2_1, left_1_1)
-    del left_1_1, missing_2_1
     left_2_2 = xp.where(better_2, missing_2_2, left_1_2)
-    del left_1_2, missing_2_2
     left_2_3 = xp.where(better_2, missing_2_3, left_1_3)
-    del left_1_3, missing_2_3
     merit_taken_2 = xp.where(better_2, merit_2, merit_taken_1)
-    del merit_2, merit_taken_1
     turned_by_2 = xp.sqrt((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3))
-    del turn_2_1, turn_2_2, turn_2_3
     trust_2 = xp.where(better_2, 2.0*trust_1, xp.where(done_2, trust_1, 0.25*xp.where(trust_1 > turned_by_2, turned_by_2, trust_1)))
-    del better_2, done_2, trust_1, turned_by_2
+    del arm_2_3_3, taken_1_3_3, left_1_1, missing_2_1, left_1_2, missing_2_2, left_1_3, missing_2_3, merit_2, merit_taken_1, turn_2_1, turn_2_2, turn_2_3, better_2, done_2, trust_1, turned_by_2
     row_3_1_1 = eta*taken_2_1_2 - 0.5*taken_2_1_3
     row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11
     row_3_1_3 = 0.5*taken_2_1_1 + taken_2_1_2*x11
@@ -1179,34 +930,22 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     cross_3_1_3 = row_3_2_1*row_3_3_2 - row_3_2_2*row_3_3_1
     cross_3_2_1 = row_3_1_3*row_3_3_2 - row_3_1_2*row_3_3_3
     cross_3_2_2 = row_3_1_1*row_3_3_3 - row_3_1_3*row_3_3_1
-    del row_3_3_3
     cross_3_2_3 = row_3_1_2*row_3_3_1 - row_3_1_1*row_3_3_2
-    del row_3_3_1, row_3_3_2
     cross_3_3_1 = row_3_1_2*row_3_2_3 - row_3_1_3*row_3_2_2
     cross_3_3_2 = row_3_1_3*row_3_2_1 - row_3_1_1*row_3_2_3
-    del row_3_2_3
     cross_3_3_3 = row_3_1_1*row_3_2_2 - row_3_1_2*row_3_2_1
-    del row_3_2_1, row_3_2_2
     determinant_3 = cross_3_1_1*row_3_1_1 + cross_3_1_2*row_3_1_2 + cross_3_1_3*row_3_1_3
-    del row_3_1_1, row_3_1_2, row_3_1_3
     solved_3_1 = cross_3_1_1*left_2_1 + cross_3_2_1*left_2_2 + cross_3_3_1*left_2_3
-    del cross_3_1_1, cross_3_2_1, cross_3_3_1
     solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3
-    del cross_3_1_2, cross_3_2_2, cross_3_3_2
     solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3
-    del cross_3_1_3, cross_3_2_3, cross_3_3_3
+    del row_3_3_3, row_3_3_1, row_3_3_2, row_3_2_3, row_3_2_1, row_3_2_2, row_3_1_1, row_3_1_2, row_3_1_3, cross_3_1_1, cross_3_2_1, cross_3_3_1, cross_3_1_2, cross_3_2_2, cross_3_3_2, cross_3_1_3, cross_3_2_3, cross_3_3_3
     solved_size_3 = xp.sqrt((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3))
     far_3 = solved_size_3 > trust_2*xp.abs(determinant_3)
     factor_3 = xp.where(far_3, trust_2*xp.where(determinant_3 < 0.0, -1.0, 1.0)*xp.where(solved_size_3 > 0.0, 1.0/solved_size_3, 1.0), xp.where(far_3, 1.0, 1.0/determinant_3))
-    del determinant_3, far_3
     x62 = xp.where(solved_size_3 > 0.0, factor_3, 0.0)
-    del factor_3, solved_size_3
     turn_3_1 = solved_3_1*x62
-    del solved_3_1
     turn_3_2 = solved_3_2*x62
-    del solved_3_2
     turn_3_3 = solved_3_3*x62
-    del solved_3_3, x62
     x63 = 0.5*turn_3_1
     x64 = 0.5*turn_3_2
     x65 = 0.5*turn_3_3
@@ -1214,18 +953,13 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     moved_3_2 = now_2_1*x63 + now_2_2 + now_2_4*x64 - now_2_3*x65
     moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63
     moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64
-    del x63, x64, x65
     unit_3_length = xp.sqrt((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4))
     x66 = 1.0/unit_3_length
-    del unit_3_length
     unit_3_1 = moved_3_1*x66
-    del moved_3_1
     unit_3_2 = moved_3_2*x66
-    del moved_3_2
     unit_3_3 = moved_3_3*x66
-    del moved_3_3
     unit_3_4 = moved_3_4*x66
-    del moved_3_4, x66
+    del determinant_3, far_3, factor_3, solved_size_3, solved_3_1, solved_3_2, solved_3_3, x62, x63, x64, x65, unit_3_length, moved_3_1, moved_3_2, moved_3_3, moved_3_4, x66
     x67 = (unit_3_2*unit_3_2)
     x68 = (unit_3_3*unit_3_3)
     x69 = (unit_3_1*unit_3_1) - (unit_3_4*unit_3_4)
@@ -1234,42 +968,28 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     x71 = unit_3_4*x70
     matrix_3_1_2 = 2.0*unit_3_2*unit_3_3 - x71
     matrix_3_2_1 = 2.0*unit_3_2*unit_3_3 + x71
-    del x71
     matrix_3_2_2 = x68 + x69 - x67
-    del x67, x68, x69
     matrix_3_3_1 = 2.0*unit_3_2*unit_3_4 - unit_3_3*x70
     matrix_3_3_2 = unit_3_2*x70 + 2.0*unit_3_3*unit_3_4
-    del x70
     x72 = matrix_3_1_2*ratio
-    del matrix_3_1_2
     x73 = 0.5*x72
     x74 = matrix_3_1_1*x12
-    del matrix_3_1_1
     arm_3_1_1 = x74 - x73
     x75 = matrix_3_2_2*ratio
-    del matrix_3_2_2
     x76 = 0.5*x75
     x77 = matrix_3_2_1*x12
-    del matrix_3_2_1
     arm_3_1_2 = x77 - x76
     x78 = matrix_3_3_2*ratio
-    del matrix_3_3_2
     x79 = 0.5*x78
     x80 = matrix_3_3_1*x12
-    del matrix_3_3_1
     arm_3_1_3 = x80 - x79
     arm_3_2_1 = x72
-    del x72
     arm_3_2_2 = x75
-    del x75
     arm_3_2_3 = x78
-    del x78
     arm_3_3_1 = -x73 - x74
-    del x73, x74
+    del x71, x67, x68, x69, x70, matrix_3_1_2, matrix_3_1_1, matrix_3_2_2, matrix_3_2_1, matrix_3_3_2, matrix_3_3_1, x72, x75, x78, x73, x74
     arm_3_3_2 = -x76 - x77
-    del x76, x77
     arm_3_3_3 = -x79 - x80
-    del x79, x80
     span_3_1_1 = arm_3_1_1 - x11
     span_3_1_2 = arm_3_1_2 + 0.5
     span_3_1_3 = arm_3_1_3 + eta
@@ -1280,100 +1000,64 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_3_3_2 = arm_3_3_2 + 0.5
     span_3_3_3 = arm_3_3_3 + eta
     missing_3_1 = -0.5*(span_3_1_1*span_3_1_1) - 0.5*(span_3_1_2*span_3_1_2) - 0.5*(span_3_1_3*span_3_1_3) - x21
-    del span_3_1_1, span_3_1_2, span_3_1_3
     missing_3_2 = -0.5*(span_3_2_1*span_3_2_1) - 0.5*(span_3_2_2*span_3_2_2) - 0.5*(span_3_2_3*span_3_2_3) - x22
-    del span_3_2_1, span_3_2_2, span_3_2_3
     missing_3_3 = -0.5*(span_3_3_1*span_3_3_1) - 0.5*(span_3_3_2*span_3_3_2) - 0.5*(span_3_3_3*span_3_3_3) - x23
-    del span_3_3_1, span_3_3_2, span_3_3_3
     merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3)
     done_3 = merit_taken_2 <= settled
     better_3 = (~(done_3)) & (merit_3 < merit_taken_2)
     now_3_1 = xp.where(better_3, unit_3_1, now_2_1)
-    del now_2_1, unit_3_1
     now_3_2 = xp.where(better_3, unit_3_2, now_2_2)
-    del now_2_2, unit_3_2
+    del x76, x77, x79, x80, span_3_1_1, span_3_1_2, span_3_1_3, span_3_2_1, span_3_2_2, span_3_2_3, span_3_3_1, span_3_3_2, span_3_3_3, now_2_1, unit_3_1, now_2_2, unit_3_2
     now_3_3 = xp.where(better_3, unit_3_3, now_2_3)
-    del now_2_3, unit_3_3
     now_3_4 = xp.where(better_3, unit_3_4, now_2_4)
-    del now_2_4, unit_3_4
     taken_3_1_1 = xp.where(better_3, arm_3_1_1, taken_2_1_1)
-    del arm_3_1_1, taken_2_1_1
     taken_3_1_2 = xp.where(better_3, arm_3_1_2, taken_2_1_2)
-    del arm_3_1_2, taken_2_1_2
     taken_3_1_3 = xp.where(better_3, arm_3_1_3, taken_2_1_3)
-    del arm_3_1_3, taken_2_1_3
     taken_3_2_1 = xp.where(better_3, arm_3_2_1, taken_2_2_1)
-    del arm_3_2_1, taken_2_2_1
     taken_3_2_2 = xp.where(better_3, arm_3_2_2, taken_2_2_2)
-    del arm_3_2_2, taken_2_2_2
     taken_3_2_3 = xp.where(better_3, arm_3_2_3, taken_2_2_3)
-    del arm_3_2_3, taken_2_2_3
+    del now_2_3, unit_3_3, now_2_4, unit_3_4, arm_3_1_1, taken_2_1_1, arm_3_1_2, taken_2_1_2, arm_3_1_3, taken_2_1_3, arm_3_2_1, taken_2_2_1, arm_3_2_2, taken_2_2_2, arm_3_2_3, taken_2_2_3
     taken_3_3_1 = xp.where(better_3, arm_3_3_1, taken_2_3_1)
-    del arm_3_3_1, taken_2_3_1
     taken_3_3_2 = xp.where(better_3, arm_3_3_2, taken_2_3_2)
-    del arm_3_3_2, taken_2_3_2
     taken_3_3_3 = xp.where(better_3, arm_3_3_3, taken_2_3_3)
-    del arm_3_3_3, taken_2_3_3
     left_3_1 = xp.where(better_3, missing_3_1, left_2_1)
-    del left_2_1, missing_3_1
     left_3_2 = xp.where(better_3, missing_3_2, left_2_2)
-    del left_2_2, missing_3_2
     left_3_3 = xp.where(better_3, missing_3_3, left_2_3)
-    del left_2_3, missing_3_3
     merit_taken_3 = xp.where(better_3, merit_3, merit_taken_2)
-    del merit_3, merit_taken_2
     turned_by_3 = xp.sqrt((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3))
-    del turn_3_1, turn_3_2, turn_3_3
+    del arm_3_3_1, taken_2_3_1, arm_3_3_2, taken_2_3_2, arm_3_3_3, taken_2_3_3, left_2_1, missing_3_1, left_2_2, missing_3_2, left_2_3, missing_3_3, merit_3, merit_taken_2, turn_3_1, turn_3_2, turn_3_3
     trust_3 = xp.where(better_3, 2.0*trust_2, xp.where(done_3, trust_2, 0.25*xp.where(trust_2 > turned_by_3, turned_by_3, trust_2)))
-    del better_3, done_3, trust_2, turned_by_3
     row_4_1_1 = eta*taken_3_1_2 - 0.5*taken_3_1_3
     row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11
-    del taken_3_1_3
     row_4_1_3 = 0.5*taken_3_1_1 + taken_3_1_2*x11
-    del taken_3_1_1, taken_3_1_2
     row_4_2_1 = eta*taken_3_2_2 + taken_3_2_3
-    del taken_3_2_2, taken_3_2_3
     row_4_2_2 = -eta*taken_3_2_1
     row_4_2_3 = -taken_3_2_1
-    del taken_3_2_1
     row_4_3_1 = eta*taken_3_3_2 - 0.5*taken_3_3_3
     row_4_3_2 = 0.5*taken_3_3_3*x10 - eta*taken_3_3_1
-    del taken_3_3_3, x10
     row_4_3_3 = 0.5*taken_3_3_1 - taken_3_3_2*x11
-    del taken_3_3_1, taken_3_3_2
     cross_4_1_1 = row_4_2_2*row_4_3_3 - row_4_2_3*row_4_3_2
     cross_4_1_2 = row_4_2_3*row_4_3_1 - row_4_2_1*row_4_3_3
     cross_4_1_3 = row_4_2_1*row_4_3_2 - row_4_2_2*row_4_3_1
     cross_4_2_1 = row_4_1_3*row_4_3_2 - row_4_1_2*row_4_3_3
     cross_4_2_2 = row_4_1_1*row_4_3_3 - row_4_1_3*row_4_3_1
-    del row_4_3_3
     cross_4_2_3 = row_4_1_2*row_4_3_1 - row_4_1_1*row_4_3_2
-    del row_4_3_1, row_4_3_2
+    del better_3, done_3, trust_2, turned_by_3, taken_3_1_3, taken_3_1_1, taken_3_1_2, taken_3_2_2, taken_3_2_3, taken_3_2_1, taken_3_3_3, x10, taken_3_3_1, taken_3_3_2, row_4_3_3, row_4_3_1, row_4_3_2
     cross_4_3_1 = row_4_1_2*row_4_2_3 - row_4_1_3*row_4_2_2
     cross_4_3_2 = row_4_1_3*row_4_2_1 - row_4_1_1*row_4_2_3
-    del row_4_2_3
     cross_4_3_3 = row_4_1_1*row_4_2_2 - row_4_1_2*row_4_2_1
-    del row_4_2_1, row_4_2_2
     determinant_4 = cross_4_1_1*row_4_1_1 + cross_4_1_2*row_4_1_2 + cross_4_1_3*row_4_1_3
-    del row_4_1_1, row_4_1_2, row_4_1_3
     solved_4_1 = cross_4_1_1*left_3_1 + cross_4_2_1*left_3_2 + cross_4_3_1*left_3_3
-    del cross_4_1_1, cross_4_2_1, cross_4_3_1
     solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3
-    del cross_4_1_2, cross_4_2_2, cross_4_3_2
     solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3
-    del cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3
+    del row_4_2_3, row_4_2_1, row_4_2_2, row_4_1_1, row_4_1_2, row_4_1_3, cross_4_1_1, cross_4_2_1, cross_4_3_1, cross_4_1_2, cross_4_2_2, cross_4_3_2, cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3
     solved_size_4 = xp.sqrt((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3))
     far_4 = solved_size_4 > trust_3*xp.abs(determinant_4)
     factor_4 = xp.where(far_4, trust_3*xp.where(determinant_4 < 0.0, -1.0, 1.0)*xp.where(solved_size_4 > 0.0, 1.0/solved_size_4, 1.0), xp.where(far_4, 1.0, 1.0/determinant_4))
-    del determinant_4, far_4
     x81 = xp.where(solved_size_4 > 0.0, factor_4, 0.0)
-    del factor_4, solved_size_4
     turn_4_1 = solved_4_1*x81
-    del solved_4_1
     turn_4_2 = solved_4_2*x81
-    del solved_4_2
     turn_4_3 = solved_4_3*x81
-    del solved_4_3, x81
     x82 = 0.5*turn_4_1
     x83 = 0.5*turn_4_2
     x84 = 0.5*turn_4_3
@@ -1381,18 +1065,13 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     moved_4_2 = now_3_1*x82 + now_3_2 + now_3_4*x83 - now_3_3*x84
     moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82
     moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83
-    del x82, x83, x84
     unit_4_length = xp.sqrt((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4))
     x85 = 1.0/unit_4_length
-    del unit_4_length
     unit_4_1 = moved_4_1*x85
-    del moved_4_1
     unit_4_2 = moved_4_2*x85
-    del moved_4_2
     unit_4_3 = moved_4_3*x85
-    del moved_4_3
     unit_4_4 = moved_4_4*x85
-    del moved_4_4, x85
+    del determinant_4, far_4, factor_4, solved_size_4, solved_4_1, solved_4_2, solved_4_3, x81, x82, x83, x84, unit_4_length, moved_4_1, moved_4_2, moved_4_3, moved_4_4, x85
     x86 = (unit_4_2*unit_4_2)
     x87 = (unit_4_3*unit_4_3)
     x88 = (unit_4_1*unit_4_1) - (unit_4_4*unit_4_4)
@@ -1401,94 +1080,57 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     x90 = unit_4_4*x89
     matrix_4_1_2 = 2.0*unit_4_2*unit_4_3 - x90
     matrix_4_2_1 = 2.0*unit_4_2*unit_4_3 + x90
-    del x90
     matrix_4_2_2 = x87 + x88 - x86
-    del x86, x87, x88
     matrix_4_3_1 = 2.0*unit_4_2*unit_4_4 - unit_4_3*x89
     matrix_4_3_2 = unit_4_2*x89 + 2.0*unit_4_3*unit_4_4
-    del x89
     x91 = matrix_4_1_2*ratio
-    del matrix_4_1_2
     x92 = 0.5*x91
     x93 = matrix_4_1_1*x12
-    del matrix_4_1_1
     arm_4_1_1 = x93 - x92
     x94 = matrix_4_2_2*ratio
-    del matrix_4_2_2
     x95 = 0.5*x94
     x96 = matrix_4_2_1*x12
-    del matrix_4_2_1
     arm_4_1_2 = x96 - x95
     x97 = matrix_4_3_2*ratio
-    del matrix_4_3_2, ratio
     x98 = 0.5*x97
     x99 = matrix_4_3_1*x12
-    del matrix_4_3_1, x12
     arm_4_1_3 = x99 - x98
     arm_4_2_1 = x91
-    del x91
     arm_4_2_2 = x94
-    del x94
     arm_4_2_3 = x97
-    del x97
+    del x90, x86, x87, x88, x89, matrix_4_1_2, matrix_4_1_1, matrix_4_2_2, matrix_4_2_1, matrix_4_3_2, ratio, matrix_4_3_1, x12, x91, x94, x97
     arm_4_3_1 = -x92 - x93
-    del x92, x93
     arm_4_3_2 = -x95 - x96
-    del x95, x96
     arm_4_3_3 = -x98 - x99
-    del x98, x99
     span_4_1_1 = arm_4_1_1 - x11
-    del arm_4_1_1
     span_4_1_2 = arm_4_1_2 + 0.5
-    del arm_4_1_2
     span_4_1_3 = arm_4_1_3 + eta
-    del arm_4_1_3
     span_4_2_1 = arm_4_2_1
-    del arm_4_2_1
     span_4_2_2 = arm_4_2_2 - 1.0
-    del arm_4_2_2
     span_4_2_3 = arm_4_2_3 + eta
-    del arm_4_2_3
     span_4_3_1 = arm_4_3_1 + x11
-    del arm_4_3_1, x11
     span_4_3_2 = arm_4_3_2 + 0.5
-    del arm_4_3_2
     span_4_3_3 = arm_4_3_3 + eta
-    del arm_4_3_3, eta
+    del x92, x93, x95, x96, x98, x99, arm_4_1_1, arm_4_1_2, arm_4_1_3, arm_4_2_1, arm_4_2_2, arm_4_2_3, arm_4_3_1, x11, arm_4_3_2, arm_4_3_3, eta
     missing_4_1 = -0.5*(span_4_1_1*span_4_1_1) - 0.5*(span_4_1_2*span_4_1_2) - 0.5*(span_4_1_3*span_4_1_3) - x21
-    del span_4_1_1, span_4_1_2, span_4_1_3, x21
     missing_4_2 = -0.5*(span_4_2_1*span_4_2_1) - 0.5*(span_4_2_2*span_4_2_2) - 0.5*(span_4_2_3*span_4_2_3) - x22
-    del span_4_2_1, span_4_2_2, span_4_2_3, x22
     missing_4_3 = -0.5*(span_4_3_1*span_4_3_1) - 0.5*(span_4_3_2*span_4_3_2) - 0.5*(span_4_3_3*span_4_3_3) - x23
-    del span_4_3_1, span_4_3_2, span_4_3_3, x23
     merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3)
-    del missing_4_1, missing_4_2, missing_4_3
     done_4 = merit_taken_3 <= settled
-    del settled
+    del span_4_1_1, span_4_1_2, span_4_1_3, x21, span_4_2_1, span_4_2_2, span_4_2_3, x22, span_4_3_1, span_4_3_2, span_4_3_3, x23, missing_4_1, missing_4_2, missing_4_3, settled
     better_4 = (~(done_4)) & (merit_4 < merit_taken_3)
-    del merit_4, merit_taken_3
     now_4_1 = xp.where(better_4, unit_4_1, now_3_1)
-    del now_3_1, unit_4_1
     now_4_2 = xp.where(better_4, unit_4_2, now_3_2)
-    del now_3_2, unit_4_2
     now_4_3 = xp.where(better_4, unit_4_3, now_3_3)
-    del now_3_3, unit_4_3
     now_4_4 = xp.where(better_4, unit_4_4, now_3_4)
-    del now_3_4, unit_4_4
     turned_by_4 = xp.sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3))
-    del turn_4_1, turn_4_2, turn_4_3
     trust_4 = xp.where(better_4, 2.0*trust_3, xp.where(done_4, trust_3, 0.25*xp.where(trust_3 > turned_by_4, turned_by_4, trust_3)))
-    del better_4, done_4, trust_3, turned_by_4
+    del merit_4, merit_taken_3, now_3_1, unit_4_1, now_3_2, unit_4_2, now_3_3, unit_4_3, now_3_4, unit_4_4, turn_4_1, turn_4_2, turn_4_3, better_4, done_4, trust_3, turned_by_4
     polished_1 = now_4_1
-    del now_4_1
     polished_2 = now_4_2
-    del now_4_2
     polished_3 = now_4_3
-    del now_4_3
     polished_4 = now_4_4
-    del now_4_4
     radius = trust_4
-    del trust_4
     return (polished_1, polished_2, polished_3, polished_4, radius)
 
 

@@ -75,10 +75,8 @@ def _tricept_point(xp, pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
     beta = pose_2
     sa = xp.sin(alpha)
     ca = xp.cos(alpha)
-    del alpha
     sb = xp.sin(beta)
     cb = xp.cos(beta)
-    del beta
     rotation__1_1 = cb
     rotation__1_2 = -sa*sb
     rotation__1_3 = ca*sb
@@ -86,34 +84,22 @@ def _tricept_point(xp, pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
     rotation__2_2 = ca
     rotation__2_3 = sa
     rotation__3_1 = -sb
-    del sb
     rotation__3_2 = -cb*sa
-    del sa
     rotation__3_3 = ca*cb
-    del ca, cb
     x0 = pose_3 + q_z
     point_1 = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0
     point_2 = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0
     point_3 = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0
-    del x0
     rotation_1_1 = rotation__1_1
-    del rotation__1_1
     rotation_1_2 = rotation__1_2
-    del rotation__1_2
     rotation_1_3 = rotation__1_3
-    del rotation__1_3
     rotation_2_1 = rotation__2_1
-    del rotation__2_1
     rotation_2_2 = rotation__2_2
-    del rotation__2_2
     rotation_2_3 = rotation__2_3
-    del rotation__2_3
     rotation_3_1 = rotation__3_1
-    del rotation__3_1
     rotation_3_2 = rotation__3_2
-    del rotation__3_2
     rotation_3_3 = rotation__3_3
-    del rotation__3_3
+    del alpha, beta, sb, sa, ca, cb, x0, rotation__1_1, rotation__1_2, rotation__1_3, rotation__2_1, rotation__2_2, rotation__2_3, rotation__3_1, rotation__3_2, rotation__3_3
     return (point_1, point_2, point_3, rotation_1_1, rotation_1_2, rotation_1_3, rotation_2_1, rotation_2_2, rotation_2_3, rotation_3_1, rotation_3_2, rotation_3_3)
 
 
@@ -157,56 +143,38 @@ def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
     beta = pose_2
     sa = xp.sin(alpha)
     ca = xp.cos(alpha)
-    del alpha
     sb = xp.sin(beta)
     cb = xp.cos(beta)
-    del beta
     x0 = ca*pose_3
     x1 = sb*x0
     rod_a_1 = cb*r + x1 - R
     x2 = pose_3*sa
     rod_a_2 = x2
     x3 = cb*x0
-    del x0
     rod_a_3 = x3 - r*sb
     x4 = 0.5*cb
-    del cb
     x5 = 0.5*sb
     x6 = 1.7320508075688772
     x7 = sa*x6
-    del sa
     x8 = x5*x7
     x9 = 0.5*R
     x10 = x1 + x9
-    del x1
     rod_b_1 = r*(-x4 - x8) + x10
     x11 = x6*x9
-    del x9
     x12 = 0.5*ca*r*x6
-    del ca, x6
     rod_b_2 = x12 + x2 - x11
     x13 = x4*x7
-    del x7
     rod_b_3 = r*(0.5*sb - x13) + x3
-    del sb
     rod_c_1 = r*(x8 - x4) + x10
-    del x10, x4, x8
     rod_c_2 = x11 + x2 - x12
-    del x11, x12, x2
+    del alpha, beta, x0, cb, sa, x1, x9, ca, x6, x7, sb, x10, x4, x8, x11, x12, x2
     rod_c_3 = r*(x13 + x5) + x3
-    del x13, x3, x5
     rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    del rod_a_1, rod_a_2, rod_a_3
     rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    del rod_c_1, rod_c_2, rod_c_3
     legs_1 = rod_length_1
-    del rod_length_1
     legs_2 = rod_length_2
-    del rod_length_2
     legs_3 = rod_length_3
-    del rod_length_3
     return (legs_1, legs_2, legs_3)
 
 
@@ -266,47 +234,35 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     level = xp.sqrt(level_squared)
     x0 = xp.abs(q_x)
     g_squared = (level - x0)*(level + x0)
-    del level
     x1 = 16.0*eps
     g_band = x1*(level_squared + (q_x*q_x))
     u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
     x2 = (point_2*point_2)
     u_band = g_band + x1*((q_y*q_y) + x2)
-    del x1
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
-    del g_band, u_band
     g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
-    del g_squared
     u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
-    del u_squared
     whole = (g*g) + x2
-    del x2
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
     by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
-    del level_squared
     by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
     valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
-    del whole, x0
     x3 = g*point_1
     x4 = point_3*q_x
     sb_plus = xp.where(free_beta, 0.0, by_level*(x3 - x4))
     x5 = g*point_3
     cb_plus = xp.where(free_beta, 1.0, by_level*(point_1*q_x + x5))
     sb_minus = xp.where(free_beta, 0.0, by_level*(-x3 - x4))
-    del x3, x4
     cb_minus = xp.where(free_beta, 1.0, by_level*(point_1*q_x - x5))
-    del by_level, x5
     x6 = g*q_y
     sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - x6))
     x7 = g*u
-    del g
     ca_plus = xp.where(free_alpha, 1.0, by_whole*(point_2*q_y + x7))
     sa_minus = xp.where(free_alpha, 0.0, by_whole*(point_2*u + x6))
-    del x6
+    del level, x1, g_band, u_band, g_squared, u_squared, x2, level_squared, whole, x0, x3, x4, by_level, x5, g, x6
     ca_minus = xp.where(free_alpha, 1.0, by_whole*(point_2*q_y - x7))
-    del by_whole, x7
     beta_plus = xp.atan2(sb_plus, cb_plus)
     beta_minus = xp.atan2(sb_minus, cb_minus)
     alpha_plus = xp.atan2(sa_plus, ca_plus)
@@ -321,7 +277,6 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     rod_ax_2 = x13
     x14 = -r*sb_plus
     x15 = cb_plus*x9
-    del x9
     rod_ax_3 = x14 + x15
     x16 = 0.5*cb_plus
     x17 = 0.5*sb_plus
@@ -330,7 +285,6 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     x20 = x17*x19
     x21 = 0.5*R
     x22 = x10 + x21
-    del x10
     rod_ay_1 = r*(-x16 - x20) + x22
     x23 = x18*x21
     x25 = 0.5*r*x18
@@ -341,21 +295,14 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     x29 = x16*x19
     rod_ay_3 = r*(-x28 - x29) + x15
     rod_az_1 = r*(x20 - x16) + x22
-    del x20, x22
     x30 = x23 - x26
-    del x26
     rod_az_2 = x13 + x30
-    del x13
     rod_az_3 = r*(x17 + x29) + x15
-    del x15, x29
     rods_a_length_1 = xp.sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3))
-    del rod_ax_1, rod_ax_2, rod_ax_3
     rods_a_length_2 = xp.sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3))
-    del rod_ay_1, rod_ay_2, rod_ay_3
+    del by_whole, x7, x9, x10, x20, x22, x26, x13, x15, x29, rod_ax_1, rod_ax_2, rod_ax_3, rod_ay_1, rod_ay_2, rod_ay_3
     rods_a_length_3 = xp.sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3))
-    del rod_az_1, rod_az_2, rod_az_3
     z_b = x8
-    del x8
     x31 = ca_minus*z_b
     x32 = sb_minus*x31
     x33 = cb_minus*r - R
@@ -364,137 +311,87 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     rod_bx_2 = x34
     x35 = -r*sb_minus
     x36 = cb_minus*x31
-    del x31
     rod_bx_3 = x35 + x36
     x37 = 0.5*cb_minus
     x38 = 0.5*sb_minus
     x39 = sa_minus*x18
-    del x18
     x40 = x38*x39
     x41 = x21 + x32
-    del x32
     rod_by_1 = r*(-x37 - x40) + x41
     x42 = ca_minus*x25
-    del x25
     x43 = x42 - x23
     rod_by_2 = x34 + x43
     x44 = -0.5*sb_minus
     x45 = x37*x39
     rod_by_3 = r*(-x44 - x45) + x36
     rod_bz_1 = r*(x40 - x37) + x41
-    del x40, x41
     x46 = x23 - x42
-    del x23, x42
     rod_bz_2 = x34 + x46
-    del x34
     rod_bz_3 = r*(x38 + x45) + x36
-    del x36, x45
     rods_b_length_1 = xp.sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3))
-    del rod_bx_1, rod_bx_2, rod_bx_3
+    del rod_az_1, rod_az_2, rod_az_3, x8, x31, x18, x32, x25, x40, x41, x23, x42, x34, x36, x45, rod_bx_1, rod_bx_2, rod_bx_3
     rods_b_length_2 = xp.sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3))
-    del rod_by_1, rod_by_2, rod_by_3
     rods_b_length_3 = xp.sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3))
-    del rod_bz_1, rod_bz_2, rod_bz_3
     x47 = -q_z - u
-    del u
     z_c = x47
     x48 = ca_minus*z_c
-    del ca_minus
     x49 = sb_plus*x48
-    del sb_plus
     rod_cx_1 = x12 + x49
-    del x12
     x50 = sa_minus*z_c
-    del sa_minus
     rod_cx_2 = -x50
     x51 = cb_plus*x48
-    del cb_plus, x48
     rod_cx_3 = x14 + x51
-    del x14
     x52 = x17*x39
     x53 = x21 + x49
-    del x49
     rod_cy_1 = r*(x52 - x16) + x53
     rod_cy_2 = -x46 - x50
-    del x46
+    del rod_by_1, rod_by_2, rod_by_3, rod_bz_1, rod_bz_2, rod_bz_3, u, ca_minus, sb_plus, x12, sa_minus, cb_plus, x48, x14, x49, x46
     x54 = x16*x39
-    del x39
     rod_cy_3 = r*(x17 + x54) + x51
-    del x17
     rod_cz_1 = r*(-x16 - x52) + x53
-    del x16, x52, x53
     rod_cz_2 = -x43 - x50
-    del x43, x50
     rod_cz_3 = r*(-x28 - x54) + x51
-    del x28, x51, x54
     rods_c_length_1 = xp.sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3))
-    del rod_cx_1, rod_cx_2, rod_cx_3
     rods_c_length_2 = xp.sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3))
-    del rod_cy_1, rod_cy_2, rod_cy_3
+    del x39, x17, x16, x52, x53, x43, x50, x28, x51, x54, rod_cx_1, rod_cx_2, rod_cx_3, rod_cy_1, rod_cy_2, rod_cy_3
     rods_c_length_3 = xp.sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3))
-    del rod_cz_1, rod_cz_2, rod_cz_3
     z_d = x47
-    del x47
     x55 = ca_plus*z_d
-    del ca_plus
     x56 = sb_minus*x55
-    del sb_minus
     rod_dx_1 = x33 + x56
-    del x33
     x57 = sa_plus*z_d
-    del sa_plus
     rod_dx_2 = -x57
     x58 = cb_minus*x55
-    del cb_minus, x55
     rod_dx_3 = x35 + x58
-    del x35
     x59 = x19*x38
     x60 = x21 + x56
-    del x21, x56
     rod_dy_1 = r*(x59 - x37) + x60
     rod_dy_2 = -x30 - x57
-    del x30
     x61 = x19*x37
-    del x19
     rod_dy_3 = r*(x38 + x61) + x58
-    del x38
+    del rod_cz_1, rod_cz_2, rod_cz_3, x47, ca_plus, sb_minus, x33, sa_plus, cb_minus, x55, x35, x21, x56, x30, x19, x38
     rod_dz_1 = r*(-x37 - x59) + x60
-    del x37, x59, x60
     rod_dz_2 = -x27 - x57
-    del x27, x57
     rod_dz_3 = r*(-x44 - x61) + x58
-    del x44, x58, x61
     rods_d_length_1 = xp.sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3))
-    del rod_dx_1, rod_dx_2, rod_dx_3
     rods_d_length_2 = xp.sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3))
-    del rod_dy_1, rod_dy_2, rod_dy_3
     rods_d_length_3 = xp.sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3))
-    del rod_dz_1, rod_dz_2, rod_dz_3
+    del x37, x59, x60, x27, x57, x44, x58, x61, rod_dx_1, rod_dx_2, rod_dx_3, rod_dy_1, rod_dy_2, rod_dy_3, rod_dz_1, rod_dz_2, rod_dz_3
     there = (valid) & (~(no_root))
     poses_1_1 = xp.where(there, alpha_plus, xp.nan)
     x62 = xp.where(there, beta_plus, xp.nan)
-    del beta_plus
     poses_1_2 = x62
     poses_1_3 = xp.where(there, z_a, xp.nan)
-    del z_a
     poses_2_1 = xp.where(there, alpha_minus, xp.nan)
     x63 = xp.where(there, beta_minus, xp.nan)
-    del beta_minus
     poses_2_2 = x63
     poses_2_3 = xp.where(there, z_b, xp.nan)
-    del z_b
     poses_3_1 = xp.where(there, -alpha_minus, xp.nan)
-    del alpha_minus
     poses_3_2 = x62
-    del x62
     poses_3_3 = xp.where(there, z_c, xp.nan)
-    del z_c
     poses_4_1 = xp.where(there, -alpha_plus, xp.nan)
-    del alpha_plus
     poses_4_2 = x63
-    del x63
     poses_4_3 = xp.where(there, z_d, xp.nan)
-    del z_d
     legs_1_1 = xp.where(there, rods_a_length_1, xp.nan)
     legs_1_2 = xp.where(there, rods_a_length_2, xp.nan)
     legs_1_3 = xp.where(there, rods_a_length_3, xp.nan)
@@ -507,15 +404,11 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     legs_4_1 = xp.where(there, rods_d_length_1, xp.nan)
     legs_4_2 = xp.where(there, rods_d_length_2, xp.nan)
     legs_4_3 = xp.where(there, rods_d_length_3, xp.nan)
-    del there
     status_1 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_a_length_1 > longest) | (rods_a_length_2 > longest) | (rods_a_length_3 > longest) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest), 1.0, 0.0)))))
-    del rods_a_length_1, rods_a_length_2, rods_a_length_3
     status_2 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_b_length_1 > longest) | (rods_b_length_2 > longest) | (rods_b_length_3 > longest) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest), 1.0, 0.0)))))
-    del rods_b_length_1, rods_b_length_2, rods_b_length_3
+    del beta_plus, z_a, beta_minus, z_b, alpha_minus, x62, z_c, alpha_plus, x63, z_d, there, rods_a_length_1, rods_a_length_2, rods_a_length_3, rods_b_length_1, rods_b_length_2, rods_b_length_3
     status_3 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_c_length_1 > longest) | (rods_c_length_2 > longest) | (rods_c_length_3 > longest) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest), 1.0, 0.0)))))
-    del rods_c_length_1, rods_c_length_2, rods_c_length_3
     status_4 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_d_length_1 > longest) | (rods_d_length_2 > longest) | (rods_d_length_3 > longest) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest), 1.0, 0.0)))))
-    del double_root, free_alpha, free_beta, no_root, rods_d_length_1, rods_d_length_2, rods_d_length_3, valid
     return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_2_3, poses_3_1, poses_3_2, poses_3_3, poses_4_1, poses_4_2, poses_4_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
 
 
@@ -575,44 +468,32 @@ def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, 
     level = xp.sqrt(level_squared)
     x0 = xp.abs(q_x)
     g_squared = (level - x0)*(level + x0)
-    del level
     x1 = 16.0*eps
     g_band = x1*(level_squared + (q_x*q_x))
     u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
     x2 = (point_2*point_2)
     u_band = g_band + x1*((q_y*q_y) + x2)
-    del x1
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
-    del g_band, u_band
     g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
-    del g_squared
     u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
-    del u_squared
     whole = (g*g) + x2
-    del x2
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
     by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
-    del level_squared
     by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
     valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
-    del whole, x0
     sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
     ca_plus = xp.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
-    del by_whole
     sb_plus = xp.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
     cb_plus = xp.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
-    del by_level, g
     z = u - q_z
-    del u
     x3 = ca_plus*z
     x4 = sb_plus*x3
     rod_a_1 = cb_plus*r + x4 - R
     x5 = sa_plus*z
     rod_a_2 = x5
     x6 = cb_plus*x3
-    del x3
     rod_a_3 = x6 - r*sb_plus
     x7 = 0.5*cb_plus
     x8 = 0.5*sb_plus
@@ -621,41 +502,29 @@ def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, 
     x11 = x10*x8
     x12 = 0.5*R
     x13 = x12 + x4
-    del x4
+    del level, x1, g_band, u_band, g_squared, u_squared, x2, level_squared, whole, x0, by_whole, by_level, g, u, x3, x4
     rod_b_1 = r*(-x11 - x7) + x13
     x14 = x12*x9
-    del x12
     x15 = 0.5*ca_plus*r*x9
-    del x9
     rod_b_2 = x15 + x5 - x14
     x16 = x10*x7
-    del x10
     rod_b_3 = r*(0.5*sb_plus - x16) + x6
     rod_c_1 = r*(x11 - x7) + x13
-    del x11, x13, x7
     rod_c_2 = x14 + x5 - x15
-    del x14, x15, x5
     rod_c_3 = r*(x16 + x8) + x6
-    del x16, x6, x8
     rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    del rod_a_1, rod_a_2, rod_a_3
     rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del rod_b_1, rod_b_2, rod_b_3
+    del x12, x9, x10, x11, x13, x7, x14, x15, x5, x16, x6, x8, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    del rod_c_1, rod_c_2, rod_c_3
     there = (valid) & (~(no_root))
     pose_1 = xp.where(there, xp.atan2(sa_plus, ca_plus), xp.nan)
-    del ca_plus, sa_plus
     pose_2 = xp.where(there, xp.atan2(sb_plus, cb_plus), xp.nan)
-    del cb_plus, sb_plus
     pose_3 = xp.where(there, z, xp.nan)
-    del z
     legs_1 = xp.where(there, rod_length_1, xp.nan)
     legs_2 = xp.where(there, rod_length_2, xp.nan)
     legs_3 = xp.where(there, rod_length_3, xp.nan)
-    del there
     status = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))
-    del double_root, free_alpha, free_beta, no_root, rod_length_1, rod_length_2, rod_length_3, valid
+    del rod_c_1, rod_c_2, rod_c_3, ca_plus, sa_plus, cb_plus, sb_plus, z, there, double_root, free_alpha, free_beta, no_root, rod_length_1, rod_length_2, rod_length_3, valid
     return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status)
 
 
@@ -703,7 +572,6 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     square_b = (legs_2*legs_2)
     square_c = (legs_3*legs_3)
     third_of_sum = square_a/3.0 + square_b/3.0 + square_c/3.0
-    del square_a, square_b, square_c
     x0 = (r*r)
     c1 = (R*R) + x0 - third_of_sum
     c2 = 1.7320508075688772*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0
@@ -713,26 +581,18 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x4 = xp.abs(r)
     x5 = 0.25*x4
     x86 = 0.0625*x0
-    del x0
     start_height = xp.where(start_squared > x86, xp.sqrt(start_squared), x5)
-    del start_squared
     x6 = 0.5/(R*start_height)
-    del start_height
     first_sa = -c2*x6
     start_sa = xp.where(xp.abs(first_sa) <= 0.875, first_sa, xp.where(first_sa > 0.0, 0.875, -0.875))
-    del first_sa
     start_ca = xp.sqrt(1.0 - (start_sa*start_sa))
     first_sb = -c3*x6
-    del x6
     start_sb = xp.where(xp.abs(first_sb) <= 0.875, first_sb, xp.where(first_sb > 0.0, 0.875, -0.875))
-    del first_sb
     start_cb = xp.sqrt(1.0 - (start_sb*start_sb))
     x7 = x3*(start_ca + start_cb)
     tilted_squared = x7 - c1
     start_z = xp.where(tilted_squared > x86, xp.sqrt(tilted_squared), x5)
-    del tilted_squared, x5, x86
     L1_1 = c1 + (start_z*start_z) - x7
-    del x7
     x8 = 2.0*start_z
     x9 = r*start_sb
     x10 = R*(x8 + x9)
@@ -743,17 +603,13 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     W1_1_1 = x12
     W1_1_2 = R*x9
     W1_1_3 = x8
-    del x8
     W1_2_1 = start_ca*x10
-    del x10
     W1_2_2 = start_cb*x12
-    del x12
+    del square_a, square_b, square_c, x0, start_squared, start_height, first_sa, x6, first_sb, tilted_squared, x5, x86, x7, x8, x10, x12
     x13 = R*start_sa
     W1_2_3 = 2.0*x13
     W1_3_1 = x13*(r - x11)
-    del x11, x13
     W1_3_2 = R*(2.0*start_ca*start_cb*start_z - x9)
-    del x9
     x14 = 2.0*start_ca
     W1_3_3 = R*start_sb*x14
     adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2
@@ -761,52 +617,34 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2
     adjugate1_2_1 = W1_2_3*W1_3_1 - W1_2_1*W1_3_3
     adjugate1_2_2 = W1_1_1*W1_3_3 - W1_1_3*W1_3_1
-    del W1_3_3
     adjugate1_2_3 = W1_1_3*W1_2_1 - W1_1_1*W1_2_3
-    del W1_2_3
     adjugate1_3_1 = W1_2_1*W1_3_2 - W1_2_2*W1_3_1
     adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2
-    del W1_3_1, W1_3_2
     adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1
-    del W1_2_1, W1_2_2
     determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1
-    del W1_1_1, W1_1_2, W1_1_3
     inverse1 = xp.where(determinant1 == 0.0, 1.0, 1.0/determinant1)
-    del determinant1
     move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3)
-    del adjugate1_1_1, adjugate1_1_2, adjugate1_1_3
+    del x11, x13, x9, W1_3_3, W1_2_3, W1_3_1, W1_3_2, W1_2_1, W1_2_2, W1_1_1, W1_1_2, W1_1_3, determinant1, adjugate1_1_1, adjugate1_1_2, adjugate1_1_3
     move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3)
-    del adjugate1_2_1, adjugate1_2_2, adjugate1_2_3
     move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3)
-    del L1_1, L1_2, L1_3, adjugate1_3_1, adjugate1_3_2, adjugate1_3_3, inverse1
     half_a1 = xp.where(xp.abs(move1_1) <= 1.0, 0.5*move1_1, 0.5*xp.where(move1_1 > 0.0, 1.0, -1.0))
-    del move1_1
     half_b1 = xp.where(xp.abs(move1_2) <= 1.0, 0.5*move1_2, 0.5*xp.where(move1_2 > 0.0, 1.0, -1.0))
-    del move1_2
     x15 = -0.5*start_z
     down1 = xp.where(move1_3 > x15, move1_3, x15)
-    del move1_3, x15
     x16 = (half_a1*half_a1)
     by_a1 = 1.0/(x16 + 1.0)
     turn_a1 = by_a1*(1.0 - x16)
-    del x16
     x17 = by_a1*half_a1
-    del by_a1, half_a1
+    del adjugate1_2_1, adjugate1_2_2, adjugate1_2_3, L1_1, L1_2, L1_3, adjugate1_3_1, adjugate1_3_2, adjugate1_3_3, inverse1, move1_1, move1_2, move1_3, x15, x16, by_a1, half_a1
     sa1 = start_sa*turn_a1 + x14*x17
-    del x14
     ca1 = start_ca*turn_a1 - 2.0*start_sa*x17
-    del start_ca, start_sa, turn_a1, x17
     x18 = (half_b1*half_b1)
     by_b1 = 1.0/(x18 + 1.0)
     turn_b1 = by_b1*(1.0 - x18)
-    del x18
     x19 = 2.0*by_b1*half_b1
-    del by_b1, half_b1
     sb1 = start_cb*x19 + start_sb*turn_b1
     cb1 = start_cb*turn_b1 - start_sb*x19
-    del start_cb, start_sb, turn_b1, x19
     z1 = down1 + start_z
-    del down1, start_z
     L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1)
     x20 = 2.0*z1
     x21 = r*sb1
@@ -819,15 +657,12 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     W2_1_2 = R*x21
     W2_1_3 = x20
     W2_2_1 = ca1*x22
-    del x22
     W2_2_2 = cb1*x24
-    del x24
+    del x14, start_ca, start_sa, turn_a1, x17, x18, by_b1, half_b1, start_cb, start_sb, turn_b1, x19, down1, start_z, x22, x24
     x25 = R*sa1
     W2_2_3 = 2.0*x25
     W2_3_1 = x25*(r - x23)
-    del x23, x25
     W2_3_2 = R*(ca1*cb1*x20 - x21)
-    del x20, x21
     x26 = 2.0*ca1
     W2_3_3 = R*sb1*x26
     adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2
@@ -835,52 +670,34 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2
     adjugate2_2_1 = W2_2_3*W2_3_1 - W2_2_1*W2_3_3
     adjugate2_2_2 = W2_1_1*W2_3_3 - W2_1_3*W2_3_1
-    del W2_3_3
     adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3
-    del W2_2_3
     adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1
     adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2
-    del W2_3_1, W2_3_2
     adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1
-    del W2_2_1, W2_2_2
     determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1
-    del W2_1_1, W2_1_2, W2_1_3
     inverse2 = xp.where(determinant2 == 0.0, 1.0, 1.0/determinant2)
-    del determinant2
     move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3)
-    del adjugate2_1_1, adjugate2_1_2, adjugate2_1_3
+    del x23, x25, x20, x21, W2_3_3, W2_2_3, W2_3_1, W2_3_2, W2_2_1, W2_2_2, W2_1_1, W2_1_2, W2_1_3, determinant2, adjugate2_1_1, adjugate2_1_2, adjugate2_1_3
     move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3)
-    del adjugate2_2_1, adjugate2_2_2, adjugate2_2_3
     move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3)
-    del L2_1, L2_2, L2_3, adjugate2_3_1, adjugate2_3_2, adjugate2_3_3, inverse2
     half_a2 = xp.where(xp.abs(move2_1) <= 1.0, 0.5*move2_1, 0.5*xp.where(move2_1 > 0.0, 1.0, -1.0))
-    del move2_1
     half_b2 = xp.where(xp.abs(move2_2) <= 1.0, 0.5*move2_2, 0.5*xp.where(move2_2 > 0.0, 1.0, -1.0))
-    del move2_2
     x27 = -0.5*z1
     down2 = xp.where(move2_3 > x27, move2_3, x27)
-    del move2_3, x27
     x28 = (half_a2*half_a2)
     by_a2 = 1.0/(x28 + 1.0)
     turn_a2 = by_a2*(1.0 - x28)
-    del x28
     x29 = by_a2*half_a2
-    del by_a2, half_a2
+    del adjugate2_2_1, adjugate2_2_2, adjugate2_2_3, L2_1, L2_2, L2_3, adjugate2_3_1, adjugate2_3_2, adjugate2_3_3, inverse2, move2_1, move2_2, move2_3, x27, x28, by_a2, half_a2
     sa2 = sa1*turn_a2 + x26*x29
-    del x26
     ca2 = ca1*turn_a2 - 2.0*sa1*x29
-    del ca1, sa1, turn_a2, x29
     x30 = (half_b2*half_b2)
     by_b2 = 1.0/(x30 + 1.0)
     turn_b2 = by_b2*(1.0 - x30)
-    del x30
     x31 = 2.0*by_b2*half_b2
-    del by_b2, half_b2
     sb2 = cb1*x31 + sb1*turn_b2
     cb2 = cb1*turn_b2 - sb1*x31
-    del cb1, sb1, turn_b2, x31
     z2 = down2 + z1
-    del down2, z1
     L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2)
     x32 = 2.0*z2
     x33 = r*sb2
@@ -893,15 +710,12 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     W3_1_2 = R*x33
     W3_1_3 = x32
     W3_2_1 = ca2*x34
-    del x34
     W3_2_2 = cb2*x36
-    del x36
+    del x26, ca1, sa1, turn_a2, x29, x30, by_b2, half_b2, cb1, sb1, turn_b2, x31, down2, z1, x34, x36
     x37 = R*sa2
     W3_2_3 = 2.0*x37
     W3_3_1 = x37*(r - x35)
-    del x35, x37
     W3_3_2 = R*(ca2*cb2*x32 - x33)
-    del x32, x33
     x38 = 2.0*ca2
     W3_3_3 = R*sb2*x38
     adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2
@@ -909,52 +723,34 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2
     adjugate3_2_1 = W3_2_3*W3_3_1 - W3_2_1*W3_3_3
     adjugate3_2_2 = W3_1_1*W3_3_3 - W3_1_3*W3_3_1
-    del W3_3_3
     adjugate3_2_3 = W3_1_3*W3_2_1 - W3_1_1*W3_2_3
-    del W3_2_3
     adjugate3_3_1 = W3_2_1*W3_3_2 - W3_2_2*W3_3_1
     adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2
-    del W3_3_1, W3_3_2
     adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1
-    del W3_2_1, W3_2_2
     determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1
-    del W3_1_1, W3_1_2, W3_1_3
     inverse3 = xp.where(determinant3 == 0.0, 1.0, 1.0/determinant3)
-    del determinant3
     move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3)
-    del adjugate3_1_1, adjugate3_1_2, adjugate3_1_3
+    del x35, x37, x32, x33, W3_3_3, W3_2_3, W3_3_1, W3_3_2, W3_2_1, W3_2_2, W3_1_1, W3_1_2, W3_1_3, determinant3, adjugate3_1_1, adjugate3_1_2, adjugate3_1_3
     move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3)
-    del adjugate3_2_1, adjugate3_2_2, adjugate3_2_3
     move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3)
-    del L3_1, L3_2, L3_3, adjugate3_3_1, adjugate3_3_2, adjugate3_3_3, inverse3
     half_a3 = xp.where(xp.abs(move3_1) <= 1.0, 0.5*move3_1, 0.5*xp.where(move3_1 > 0.0, 1.0, -1.0))
-    del move3_1
     half_b3 = xp.where(xp.abs(move3_2) <= 1.0, 0.5*move3_2, 0.5*xp.where(move3_2 > 0.0, 1.0, -1.0))
-    del move3_2
     x39 = -0.5*z2
     down3 = xp.where(move3_3 > x39, move3_3, x39)
-    del move3_3, x39
     x40 = (half_a3*half_a3)
     by_a3 = 1.0/(x40 + 1.0)
     turn_a3 = by_a3*(1.0 - x40)
-    del x40
     x41 = by_a3*half_a3
-    del by_a3, half_a3
+    del adjugate3_2_1, adjugate3_2_2, adjugate3_2_3, L3_1, L3_2, L3_3, adjugate3_3_1, adjugate3_3_2, adjugate3_3_3, inverse3, move3_1, move3_2, move3_3, x39, x40, by_a3, half_a3
     sa3 = sa2*turn_a3 + x38*x41
-    del x38
     ca3 = ca2*turn_a3 - 2.0*sa2*x41
-    del ca2, sa2, turn_a3, x41
     x42 = (half_b3*half_b3)
     by_b3 = 1.0/(x42 + 1.0)
     turn_b3 = by_b3*(1.0 - x42)
-    del x42
     x43 = 2.0*by_b3*half_b3
-    del by_b3, half_b3
     sb3 = cb2*x43 + sb2*turn_b3
     cb3 = cb2*turn_b3 - sb2*x43
-    del cb2, sb2, turn_b3, x43
     z3 = down3 + z2
-    del down3, z2
     L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3)
     x44 = 2.0*z3
     x45 = r*sb3
@@ -967,15 +763,12 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     W4_1_2 = R*x45
     W4_1_3 = x44
     W4_2_1 = ca3*x46
-    del x46
     W4_2_2 = cb3*x48
-    del x48
+    del x38, ca2, sa2, turn_a3, x41, x42, by_b3, half_b3, cb2, sb2, turn_b3, x43, down3, z2, x46, x48
     x49 = R*sa3
     W4_2_3 = 2.0*x49
     W4_3_1 = x49*(r - x47)
-    del x47, x49
     W4_3_2 = R*(ca3*cb3*x44 - x45)
-    del x44, x45
     x50 = 2.0*ca3
     W4_3_3 = R*sb3*x50
     adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2
@@ -983,52 +776,34 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2
     adjugate4_2_1 = W4_2_3*W4_3_1 - W4_2_1*W4_3_3
     adjugate4_2_2 = W4_1_1*W4_3_3 - W4_1_3*W4_3_1
-    del W4_3_3
     adjugate4_2_3 = W4_1_3*W4_2_1 - W4_1_1*W4_2_3
-    del W4_2_3
     adjugate4_3_1 = W4_2_1*W4_3_2 - W4_2_2*W4_3_1
     adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2
-    del W4_3_1, W4_3_2
     adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1
-    del W4_2_1, W4_2_2
     determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1
-    del W4_1_1, W4_1_2, W4_1_3
     inverse4 = xp.where(determinant4 == 0.0, 1.0, 1.0/determinant4)
-    del determinant4
     move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3)
-    del adjugate4_1_1, adjugate4_1_2, adjugate4_1_3
+    del x47, x49, x44, x45, W4_3_3, W4_2_3, W4_3_1, W4_3_2, W4_2_1, W4_2_2, W4_1_1, W4_1_2, W4_1_3, determinant4, adjugate4_1_1, adjugate4_1_2, adjugate4_1_3
     move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3)
-    del adjugate4_2_1, adjugate4_2_2, adjugate4_2_3
     move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3)
-    del L4_1, L4_2, L4_3, adjugate4_3_1, adjugate4_3_2, adjugate4_3_3, inverse4
     half_a4 = xp.where(xp.abs(move4_1) <= 1.0, 0.5*move4_1, 0.5*xp.where(move4_1 > 0.0, 1.0, -1.0))
-    del move4_1
     half_b4 = xp.where(xp.abs(move4_2) <= 1.0, 0.5*move4_2, 0.5*xp.where(move4_2 > 0.0, 1.0, -1.0))
-    del move4_2
     x51 = -0.5*z3
     down4 = xp.where(move4_3 > x51, move4_3, x51)
-    del move4_3, x51
     x52 = (half_a4*half_a4)
     by_a4 = 1.0/(x52 + 1.0)
     turn_a4 = by_a4*(1.0 - x52)
-    del x52
     x53 = by_a4*half_a4
-    del by_a4, half_a4
+    del adjugate4_2_1, adjugate4_2_2, adjugate4_2_3, L4_1, L4_2, L4_3, adjugate4_3_1, adjugate4_3_2, adjugate4_3_3, inverse4, move4_1, move4_2, move4_3, x51, x52, by_a4, half_a4
     sa4 = sa3*turn_a4 + x50*x53
-    del x50
     ca4 = ca3*turn_a4 - 2.0*sa3*x53
-    del ca3, sa3, turn_a4, x53
     x54 = (half_b4*half_b4)
     by_b4 = 1.0/(x54 + 1.0)
     turn_b4 = by_b4*(1.0 - x54)
-    del x54
     x55 = 2.0*by_b4*half_b4
-    del by_b4, half_b4
     sb4 = cb3*x55 + sb3*turn_b4
     cb4 = cb3*turn_b4 - sb3*x55
-    del cb3, sb3, turn_b4, x55
     z4 = down4 + z3
-    del down4, z3
     L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4)
     x56 = 2.0*z4
     x57 = r*sb4
@@ -1041,15 +816,12 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     W5_1_2 = R*x57
     W5_1_3 = x56
     W5_2_1 = ca4*x58
-    del x58
     W5_2_2 = cb4*x60
-    del x60
+    del x50, ca3, sa3, turn_a4, x53, x54, by_b4, half_b4, cb3, sb3, turn_b4, x55, down4, z3, x58, x60
     x61 = R*sa4
     W5_2_3 = 2.0*x61
     W5_3_1 = x61*(r - x59)
-    del x59, x61
     W5_3_2 = R*(ca4*cb4*x56 - x57)
-    del x56, x57
     x62 = 2.0*ca4
     W5_3_3 = R*sb4*x62
     adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2
@@ -1057,77 +829,52 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2
     adjugate5_2_1 = W5_2_3*W5_3_1 - W5_2_1*W5_3_3
     adjugate5_2_2 = W5_1_1*W5_3_3 - W5_1_3*W5_3_1
-    del W5_3_3
     adjugate5_2_3 = W5_1_3*W5_2_1 - W5_1_1*W5_2_3
-    del W5_2_3
     adjugate5_3_1 = W5_2_1*W5_3_2 - W5_2_2*W5_3_1
     adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2
-    del W5_3_1, W5_3_2
     adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1
-    del W5_2_1, W5_2_2
     determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1
-    del W5_1_1, W5_1_2, W5_1_3
     inverse5 = xp.where(determinant5 == 0.0, 1.0, 1.0/determinant5)
-    del determinant5
     move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3)
-    del adjugate5_1_1, adjugate5_1_2, adjugate5_1_3
+    del x59, x61, x56, x57, W5_3_3, W5_2_3, W5_3_1, W5_3_2, W5_2_1, W5_2_2, W5_1_1, W5_1_2, W5_1_3, determinant5, adjugate5_1_1, adjugate5_1_2, adjugate5_1_3
     move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3)
-    del adjugate5_2_1, adjugate5_2_2, adjugate5_2_3
     move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3)
-    del L5_1, L5_2, L5_3, adjugate5_3_1, adjugate5_3_2, adjugate5_3_3, inverse5
     half_a5 = xp.where(xp.abs(move5_1) <= 1.0, 0.5*move5_1, 0.5*xp.where(move5_1 > 0.0, 1.0, -1.0))
-    del move5_1
     half_b5 = xp.where(xp.abs(move5_2) <= 1.0, 0.5*move5_2, 0.5*xp.where(move5_2 > 0.0, 1.0, -1.0))
-    del move5_2
     x63 = -0.5*z4
     down5 = xp.where(move5_3 > x63, move5_3, x63)
-    del move5_3, x63
     x64 = (half_a5*half_a5)
     by_a5 = 1.0/(x64 + 1.0)
     turn_a5 = by_a5*(1.0 - x64)
-    del x64
     x65 = by_a5*half_a5
-    del by_a5, half_a5
+    del adjugate5_2_1, adjugate5_2_2, adjugate5_2_3, L5_1, L5_2, L5_3, adjugate5_3_1, adjugate5_3_2, adjugate5_3_3, inverse5, move5_1, move5_2, move5_3, x63, x64, by_a5, half_a5
     sa5 = sa4*turn_a5 + x62*x65
-    del x62
     ca5 = ca4*turn_a5 - 2.0*sa4*x65
-    del ca4, sa4, turn_a5, x65
     x66 = (half_b5*half_b5)
     by_b5 = 1.0/(x66 + 1.0)
     turn_b5 = by_b5*(1.0 - x66)
-    del x66
     x67 = 2.0*by_b5*half_b5
-    del by_b5, half_b5
     sb5 = cb4*x67 + sb4*turn_b5
     cb5 = cb4*turn_b5 - sb4*x67
-    del cb4, sb4, turn_b5, x67
     z5 = down5 + z4
-    del down5, z4
     L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5)
-    del c1
     x68 = 2.0*z5
     x69 = r*sb5
     x70 = R*(x68 + x69)
     L6_2 = c2 + sa5*x70
-    del c2
+    del x62, ca4, sa4, turn_a5, x65, x66, by_b5, half_b5, cb4, sb4, turn_b5, x67, down5, z4, c1, c2
     x71 = sb5*x68
     L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3
-    del c3
     x72 = sa5*x3
-    del x3
     W6_1_1 = x72
     W6_1_2 = R*x69
     W6_1_3 = x68
     W6_2_1 = ca5*x70
-    del x70
     W6_2_2 = cb5*x72
-    del x72
     x73 = R*sa5
     W6_2_3 = 2.0*x73
     W6_3_1 = x73*(r - x71)
-    del x71, x73
     W6_3_2 = R*(ca5*cb5*x68 - x69)
-    del x68, x69
     x74 = 2.0*ca5
     W6_3_3 = R*sb5*x74
     adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2
@@ -1135,71 +882,48 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2
     adjugate6_2_1 = W6_2_3*W6_3_1 - W6_2_1*W6_3_3
     adjugate6_2_2 = W6_1_1*W6_3_3 - W6_1_3*W6_3_1
-    del W6_3_3
     adjugate6_2_3 = W6_1_3*W6_2_1 - W6_1_1*W6_2_3
-    del W6_2_3
     adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1
     adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2
-    del W6_3_1, W6_3_2
     adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1
-    del W6_2_1, W6_2_2
     x75 = W6_1_1*adjugate6_1_1
-    del W6_1_1
     x76 = W6_1_2*adjugate6_2_1
-    del W6_1_2
+    del c3, x3, x70, x72, x71, x73, x68, x69, W6_3_3, W6_2_3, W6_3_1, W6_3_2, W6_2_1, W6_2_2, W6_1_1, W6_1_2
     x77 = W6_1_3*adjugate6_3_1
-    del W6_1_3
     determinant6 = x75 + x76 + x77
     inverse6 = xp.where(determinant6 == 0.0, 1.0, 1.0/determinant6)
     move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3)
-    del adjugate6_1_1, adjugate6_1_2, adjugate6_1_3
     move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3)
-    del adjugate6_2_1, adjugate6_2_2, adjugate6_2_3
     move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3)
-    del L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6
     x83 = xp.abs(move6_1)
     half_a6 = xp.where(x83 <= 1.0, 0.5*move6_1, 0.5*xp.where(move6_1 > 0.0, 1.0, -1.0))
-    del move6_1
     x85 = xp.abs(move6_2)
     half_b6 = xp.where(x85 <= 1.0, 0.5*move6_2, 0.5*xp.where(move6_2 > 0.0, 1.0, -1.0))
-    del move6_2
+    del W6_1_3, adjugate6_1_1, adjugate6_1_2, adjugate6_1_3, adjugate6_2_1, adjugate6_2_2, adjugate6_2_3, L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6, move6_1, move6_2
     x78 = -0.5*z5
     down6 = xp.where(move6_3 > x78, move6_3, x78)
-    del x78
     x79 = (half_a6*half_a6)
     by_a6 = 1.0/(x79 + 1.0)
     turn_a6 = by_a6*(1.0 - x79)
-    del x79
     x80 = by_a6*half_a6
-    del by_a6, half_a6
     sa6 = sa5*turn_a6 + x74*x80
-    del x74
     ca6 = ca5*turn_a6 - 2.0*sa5*x80
-    del ca5, sa5, turn_a6, x80
     x81 = (half_b6*half_b6)
     by_b6 = 1.0/(x81 + 1.0)
     turn_b6 = by_b6*(1.0 - x81)
-    del x81
     x82 = 2.0*by_b6*half_b6
-    del by_b6, half_b6
     sb6 = cb5*x82 + sb5*turn_b6
     cb6 = cb5*turn_b6 - sb5*x82
-    del cb5, sb5, turn_b6, x82
+    del x78, x79, by_a6, half_a6, x74, ca5, sa5, turn_a6, x80, x81, by_b6, half_b6, cb5, sb5, turn_b6, x82
     z6 = down6 + z5
-    del down6, z5
     valid = (third_of_sum <= largest) & (x4 + xp.abs(R) + xp.abs(legs_1) + xp.abs(legs_2) + xp.abs(legs_3) <= largest) & (R > 0.0) & (legs_1 > 0.0) & (legs_2 > 0.0) & (legs_3 > 0.0) & (r > 0.0)
-    del third_of_sum, x4
     x84 = 4.0*eps**0.5
     there = (valid) & (x83 <= x84) & (x85 <= x84) & (xp.abs(move6_3) <= x84*z6) & (ca6 > 0.0) & (cb6 > 0.0) & (z6 > 0.0)
-    del move6_3, x83, x84, x85
     pose_1 = xp.where(there, xp.atan2(sa6, ca6), xp.nan)
-    del ca6, sa6
     pose_2 = xp.where(there, xp.atan2(sb6, cb6), xp.nan)
-    del cb6, sb6
     pose_3 = xp.where(there, z6, xp.nan)
-    del z6
     status = xp.where(~(valid), 7.0, xp.where(~(there), 4.0, xp.where(xp.abs(determinant6) <= 16.0*eps*(xp.abs(x75) + xp.abs(x76) + xp.abs(x77)), 5.0, 0.0)))
-    del determinant6, there, valid, x75, x76, x77
+    del down6, z5, third_of_sum, x4, move6_3, x83, x84, x85, ca6, sa6, cb6, sb6, z6, determinant6, there, valid, x75, x76, x77
     return (pose_1, pose_2, pose_3, status)
 
 
@@ -1257,10 +981,8 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     beta = pose_2
     sa = xp.sin(alpha)
     ca = xp.cos(alpha)
-    del alpha
     sb = xp.sin(beta)
     cb = xp.cos(beta)
-    del beta
     x0 = cb*r
     x1 = ca*pose_3
     x2 = sb*x1
@@ -1281,7 +1003,6 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     x15 = r*x14
     x16 = 0.5*R
     x17 = x16 + x2
-    del x2
     x18 = x15 + x17
     rod_b_1 = x18
     x19 = x11*x16
@@ -1292,86 +1013,59 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     x24 = x23 - x19
     rod_b_2 = x24
     x25 = x12*x9
-    del x12
     x26 = 0.5*sb - x25
     x27 = r*x26 + x7
     rod_b_3 = x27
     x28 = x13 - x9
-    del x13, x9
     x29 = r*x28
     x30 = x17 + x29
-    del x17
     rod_c_1 = x30
     x31 = x19 + x4 - x22
-    del x19
     rod_c_2 = x31
     x32 = x10 + x25
-    del x25
     x33 = r*x32 + x7
     rod_c_3 = x33
     rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    del rod_a_1, rod_a_2, rod_a_3
     rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    del rod_c_1, rod_c_2, rod_c_3
+    del alpha, beta, x2, x12, x13, x9, x17, x19, x25, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3, rod_c_1, rod_c_2, rod_c_3
     P_1_1 = R*sb*x4
-    del x4
     P_1_2 = -R*x8
     x34 = ca*cb
     x35 = ca*sb
     P_1_3 = pose_3*(sa*sa) + x3*x35 + x34*x8
     x36 = sa*x21
-    del x21
     P_2_1 = R*(0.5*x11*(x36 - x1) - x10*x23)
-    del x23
     P_2_2 = x16*x27
     P_2_3 = sa*x24 + x18*x35 + x27*x34
     P_3_1 = R*(-x10*(pose_3*sa - x22) - x20*(-x1 - x36))
-    del x22, x36
     P_3_2 = x16*x33
-    del x16
     P_3_3 = sa*x31 + x30*x35 + x33*x34
     by_r_1 = cb*x3 - sb*x8
-    del x8
     by_r_2 = ca*x20*x24 + x14*x18 + x26*x27
-    del x14, x18, x26, x27
     x37 = x20*x31
-    del x20, x31
     by_r_3 = x28*x30 + x32*x33 - ca*x37
-    del x28, x30, x32, x33
+    del x4, x21, x23, x22, x36, x16, x8, x14, x18, x26, x27, x20, x31, x28, x30, x32, x33
     by_R_1 = x3
-    del x3
     x38 = 0.25*R + x1*x10
-    del x1, x10
     by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38
-    del x15, x24
     by_R_3 = -0.5*x29 - x37 - x38
-    del x29, x37, x38
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
     adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3
     adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1
-    del P_3_3
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
-    del P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    del P_2_1, P_2_2
     x39 = P_1_1*adjugate_1_1
-    del P_1_1
     x40 = P_1_2*adjugate_2_1
-    del P_1_2
+    del x3, x1, x10, x15, x24, x29, x37, x38, P_3_3, P_2_3, P_3_1, P_3_2, P_2_1, P_2_2, P_1_1, P_1_2
     x41 = P_1_3*adjugate_3_1
-    del P_1_3
     determinant = x39 + x40 + x41
     determinant_size = xp.abs(x39) + xp.abs(x40) + xp.abs(x41)
-    del x39, x40, x41
     singular = xp.abs(determinant) <= 16.0*determinant_size*eps
-    del determinant_size
     x42 = R*sa
     W33_1_1 = r*x42
     W33_1_2 = R*x5
@@ -1383,10 +1077,8 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     x45 = 2.0*R
     W33_2_3 = sa*x45
     x46 = sb*x43 - r
-    del x43
     W33_3_1 = -x42*x46
     W33_3_2 = R*(2.0*x7 - x5)
-    del x5, x7
     W33_3_3 = x35*x45
     W35_1_1 = -2.0*rod_length_1/3.0
     x47 = 2.0*rod_length_2/3.0
@@ -1396,43 +1088,30 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     x51 = ca + cb
     W35_1_4 = 2.0*r - R*x51
     W35_1_5 = x45 - r*x51
-    del x45, x51
     W35_2_1 = 0.0
     W35_2_2 = x11*x47
     W35_2_3 = -x11*x49
-    del x11
     W35_2_4 = sb*x42
-    del x42
     W35_2_5 = sa*x44
-    del x44
     W35_3_1 = 4.0*rod_length_1/3.0
     W35_3_2 = -x47
-    del x47
     W35_3_3 = -x49
-    del x49
     W35_3_4 = R*(cb - ca)
     W35_3_5 = ca*x46 + x0
-    del x0, x46
+    del P_1_3, x39, x40, x41, determinant_size, x43, x5, x7, x45, x51, x11, x42, x44, x47, x49, x0, x46
     x52 = pose_3 + q_z
     x53 = -ca*q_y - sa*x52
     M33__1_1 = sb*x53
     x54 = ca*x52 - q_y*sa
-    del ca, x52
     M33__1_2 = cb*x54 - q_x*sb
     M33__1_3 = x35
-    del x35
     M33__2_1 = x54
     M33__2_2 = 0.0
     M33__2_3 = sa
-    del sa
     M33__3_1 = cb*x53
-    del x53
     M33__3_2 = -cb*q_x - sb*x54
-    del cb, sb, x54
     M33__3_3 = x34
-    del x34
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
-    del determinant
     point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2)
     point_by_P_1_3 = inverse_determinant*(M33__1_1*adjugate_1_3 + M33__1_2*adjugate_2_3 + M33__1_3*adjugate_3_3)
@@ -1447,95 +1126,62 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     A_1_3 = point_by_P_1_3*rod_length_3
     A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3
     A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
-    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3
     A_2_1 = point_by_P_2_1*rod_length_1
     A_2_2 = point_by_P_2_2*rod_length_2
     A_2_3 = point_by_P_2_3*rod_length_3
     A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3
     A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
-    del point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
+    del ca, x52, x35, sa, x53, cb, sb, x54, x34, determinant, point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
     A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3
     A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    del point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
     M33_1_1 = M33__1_1
-    del M33__1_1
     M33_1_2 = M33__1_2
-    del M33__1_2
     M33_1_3 = M33__1_3
-    del M33__1_3
     M33_2_1 = M33__2_1
-    del M33__2_1
     M33_2_2 = M33__2_2
-    del M33__2_2
     M33_2_3 = M33__2_3
-    del M33__2_3
     M33_3_1 = M33__3_1
-    del M33__3_1
     M33_3_2 = M33__3_2
-    del M33__3_2
     M33_3_3 = M33__3_3
-    del M33__3_3
     x55 = inverse_determinant*rod_length_1
-    del rod_length_1
     M35_1_1 = xp.where(singular, xp.nan, adjugate_1_1*x55)
     x56 = inverse_determinant*rod_length_2
-    del rod_length_2
     M35_1_2 = xp.where(singular, xp.nan, adjugate_1_2*x56)
     x57 = inverse_determinant*rod_length_3
-    del rod_length_3
     M35_1_3 = xp.where(singular, xp.nan, adjugate_1_3*x57)
     M35_1_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3))
     M35_1_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3))
-    del adjugate_1_1, adjugate_1_2, adjugate_1_3
+    del point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, M33__1_1, M33__1_2, M33__1_3, M33__2_1, M33__2_2, M33__2_3, M33__3_1, M33__3_2, M33__3_3, rod_length_1, rod_length_2, rod_length_3, adjugate_1_1, adjugate_1_2, adjugate_1_3
     M35_2_1 = xp.where(singular, xp.nan, adjugate_2_1*x55)
     M35_2_2 = xp.where(singular, xp.nan, adjugate_2_2*x56)
     M35_2_3 = xp.where(singular, xp.nan, adjugate_2_3*x57)
     M35_2_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3))
     M35_2_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3))
-    del adjugate_2_1, adjugate_2_2, adjugate_2_3
     M35_3_1 = xp.where(singular, xp.nan, adjugate_3_1*x55)
-    del x55
     M35_3_2 = xp.where(singular, xp.nan, adjugate_3_2*x56)
-    del x56
     M35_3_3 = xp.where(singular, xp.nan, adjugate_3_3*x57)
-    del x57
     M35_3_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3))
-    del by_r_1, by_r_2, by_r_3
     M35_3_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3))
-    del adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_1, by_R_2, by_R_3, inverse_determinant
+    del adjugate_2_1, adjugate_2_2, adjugate_2_3, x55, x56, x57, by_r_1, by_r_2, by_r_3, adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_1, by_R_2, by_R_3, inverse_determinant
     A35_1_1 = xp.where(singular, xp.nan, A_1_1)
-    del A_1_1
     A35_1_2 = xp.where(singular, xp.nan, A_1_2)
-    del A_1_2
     A35_1_3 = xp.where(singular, xp.nan, A_1_3)
-    del A_1_3
     A35_1_4 = xp.where(singular, xp.nan, A_1_4)
-    del A_1_4
     A35_1_5 = xp.where(singular, xp.nan, A_1_5)
-    del A_1_5
     A35_2_1 = xp.where(singular, xp.nan, A_2_1)
-    del A_2_1
     A35_2_2 = xp.where(singular, xp.nan, A_2_2)
-    del A_2_2
     A35_2_3 = xp.where(singular, xp.nan, A_2_3)
-    del A_2_3
     A35_2_4 = xp.where(singular, xp.nan, A_2_4)
-    del A_2_4
     A35_2_5 = xp.where(singular, xp.nan, A_2_5)
-    del A_2_5
     A35_3_1 = xp.where(singular, xp.nan, A_3_1)
-    del A_3_1
     A35_3_2 = xp.where(singular, xp.nan, A_3_2)
-    del A_3_2
     A35_3_3 = xp.where(singular, xp.nan, A_3_3)
-    del A_3_3
     A35_3_4 = xp.where(singular, xp.nan, A_3_4)
-    del A_3_4
     A35_3_5 = xp.where(singular, xp.nan, A_3_5)
-    del A_3_5, singular
+    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, singular
     return (W33_1_1, W33_1_2, W33_1_3, W33_2_1, W33_2_2, W33_2_3, W33_3_1, W33_3_2, W33_3_3, W35_1_1, W35_1_2, W35_1_3, W35_1_4, W35_1_5, W35_2_1, W35_2_2, W35_2_3, W35_2_4, W35_2_5, W35_3_1, W35_3_2, W35_3_3, W35_3_4, W35_3_5, M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, M33_3_1, M33_3_2, M33_3_3, M35_1_1, M35_1_2, M35_1_3, M35_1_4, M35_1_5, M35_2_1, M35_2_2, M35_2_3, M35_2_4, M35_2_5, M35_3_1, M35_3_2, M35_3_3, M35_3_4, M35_3_5, A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
@@ -1585,10 +1231,8 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     beta = pose_2
     sa = xp.sin(alpha)
     ca = xp.cos(alpha)
-    del alpha
     sb = xp.sin(beta)
     cb = xp.cos(beta)
-    del beta
     x0 = ca*pose_3
     x1 = sb*x0
     x2 = cb*r + x1 - R
@@ -1607,7 +1251,6 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     x12 = r*x11
     x13 = 0.5*R
     x14 = x1 + x13
-    del x1
     x15 = x12 + x14
     rod_b_1 = x15
     x16 = x13*x8
@@ -1618,173 +1261,115 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     x21 = x20 - x16
     rod_b_2 = x21
     x22 = x6*x9
-    del x9
     x23 = 0.5*sb - x22
     x24 = r*x23 + x4
     rod_b_3 = x24
     x25 = x10 - x6
-    del x10, x6
     x26 = r*x25
     x27 = x14 + x26
-    del x14
     rod_c_1 = x27
     x28 = x16 + x3 - x19
-    del x16
     rod_c_2 = x28
     x29 = x22 + x7
-    del x22
     x30 = r*x29 + x4
-    del x4
     rod_c_3 = x30
     rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    del rod_a_1, rod_a_2, rod_a_3
     rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del rod_b_1, rod_b_2, rod_b_3
+    del alpha, beta, x1, x9, x10, x6, x14, x16, x22, x4, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    del rod_c_1, rod_c_2, rod_c_3
     P_1_1 = R*sb*x3
-    del x3
     P_1_2 = -R*x5
     x31 = ca*cb
     x32 = ca*sb
     P_1_3 = pose_3*(sa*sa) + x2*x32 + x31*x5
     x33 = sa*x18
-    del x18
     P_2_1 = R*(0.5*x8*(x33 - x0) - x20*x7)
-    del x20
     P_2_2 = x13*x24
     P_2_3 = sa*x21 + x15*x32 + x24*x31
     P_3_1 = R*(-x17*(-x0 - x33) - x7*(pose_3*sa - x19))
-    del x19, x33
     P_3_2 = x13*x30
-    del x13
     P_3_3 = sa*x28 + x27*x32 + x30*x31
     by_r_1 = cb*x2 - sb*x5
-    del x5
     by_r_2 = ca*x17*x21 + x11*x15 + x23*x24
-    del x11, x15, x23, x24
     x34 = x17*x28
-    del x17, x28
+    del rod_c_1, rod_c_2, rod_c_3, x3, x18, x20, x19, x33, x13, x5, x11, x15, x23, x24, x17, x28
     by_r_3 = x25*x27 + x29*x30 - ca*x34
-    del x25, x27, x29, x30
     by_R_1 = x2
-    del x2
     x35 = 0.25*R + x0*x7
-    del x0, x7
     by_R_2 = 0.5*x21*x8 - 0.5*x12 - x35
-    del x12, x21, x8
     by_R_3 = -0.5*x26 - x34 - x35
-    del x26, x34, x35
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
     adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3
     adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1
-    del P_3_3
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
-    del P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del P_3_1, P_3_2
+    del x25, x27, x29, x30, x2, x0, x7, x12, x21, x8, x26, x34, x35, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    del P_2_1, P_2_2
     x36 = P_1_1*adjugate_1_1
-    del P_1_1
     x37 = P_1_2*adjugate_2_1
-    del P_1_2
     x38 = P_1_3*adjugate_3_1
-    del P_1_3
     determinant = x36 + x37 + x38
     determinant_size = xp.abs(x36) + xp.abs(x37) + xp.abs(x38)
-    del x36, x37, x38
     singular = xp.abs(determinant) <= 16.0*determinant_size*eps
-    del determinant_size
     x39 = pose_3 + q_z
     x40 = -ca*q_y - sa*x39
     M33_1_1 = sb*x40
     x41 = ca*x39 - q_y*sa
-    del ca, x39
     M33_1_2 = cb*x41 - q_x*sb
     M33_1_3 = x32
-    del x32
     M33_2_1 = x41
     M33_2_2 = 0.0
     M33_2_3 = sa
-    del sa
     M33_3_1 = cb*x40
-    del x40
     M33_3_2 = -cb*q_x - sb*x41
-    del cb, sb, x41
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x36, x37, x38, determinant_size, ca, x39, x32, sa, x40, cb, sb, x41
     M33_3_3 = x31
-    del x31
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
-    del determinant
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
     point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3)
-    del M33_1_1, M33_1_2, M33_1_3
     point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1)
     point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2)
     point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3)
-    del M33_2_1, M33_2_2, M33_2_3
     point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1)
-    del adjugate_1_1, adjugate_2_1, adjugate_3_1
     point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2)
-    del adjugate_1_2, adjugate_2_2, adjugate_3_2
     point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3)
-    del M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
+    del x31, determinant, M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
     A_1_1 = point_by_P_1_1*rod_length_1
     A_1_2 = point_by_P_1_2*rod_length_2
     A_1_3 = point_by_P_1_3*rod_length_3
     A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3
     A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
-    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3
     A_2_1 = point_by_P_2_1*rod_length_1
     A_2_2 = point_by_P_2_2*rod_length_2
     A_2_3 = point_by_P_2_3*rod_length_3
     A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3
     A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
-    del point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
-    del rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
-    del rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
-    del rod_length_3
     A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3
-    del by_r_1, by_r_2, by_r_3
     A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    del by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
+    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, rod_length_1, rod_length_2, rod_length_3, by_r_1, by_r_2, by_r_3, by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
     A35_1_1 = xp.where(singular, xp.nan, A_1_1)
-    del A_1_1
     A35_1_2 = xp.where(singular, xp.nan, A_1_2)
-    del A_1_2
     A35_1_3 = xp.where(singular, xp.nan, A_1_3)
-    del A_1_3
     A35_1_4 = xp.where(singular, xp.nan, A_1_4)
-    del A_1_4
     A35_1_5 = xp.where(singular, xp.nan, A_1_5)
-    del A_1_5
     A35_2_1 = xp.where(singular, xp.nan, A_2_1)
-    del A_2_1
     A35_2_2 = xp.where(singular, xp.nan, A_2_2)
-    del A_2_2
     A35_2_3 = xp.where(singular, xp.nan, A_2_3)
-    del A_2_3
     A35_2_4 = xp.where(singular, xp.nan, A_2_4)
-    del A_2_4
     A35_2_5 = xp.where(singular, xp.nan, A_2_5)
-    del A_2_5
     A35_3_1 = xp.where(singular, xp.nan, A_3_1)
-    del A_3_1
     A35_3_2 = xp.where(singular, xp.nan, A_3_2)
-    del A_3_2
     A35_3_3 = xp.where(singular, xp.nan, A_3_3)
-    del A_3_3
     A35_3_4 = xp.where(singular, xp.nan, A_3_4)
-    del A_3_4
     A35_3_5 = xp.where(singular, xp.nan, A_3_5)
-    del A_3_5, singular
+    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, singular
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
@@ -1838,28 +1423,21 @@ def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, l
     x0 = level_squared - (q_x*q_x)
     whole_squared = (point_2*point_2) + x0
     g = xp.sqrt(x0)
-    del x0
     by_b = 1.0/xp.sqrt(level_squared)
-    del level_squared
     sb_point = by_b*point_1
     cb_point = by_b*point_3
     sb_less = by_b*q_x
-    del by_b
     cb_less = xp.sqrt(1.0 - (sb_less*sb_less))
     sb = cb_less*sb_point - cb_point*sb_less
     cb = cb_less*cb_point + sb_less*sb_point
-    del cb_less, cb_point, sb_less, sb_point
     by_a = 1.0/xp.sqrt(whole_squared)
     sa_point = by_a*point_2
     ca_point = by_a*g
     sa_less = by_a*q_y
-    del by_a
     ca_less = xp.sqrt(1.0 - (sa_less*sa_less))
     sa = ca_less*sa_point - ca_point*sa_less
     ca = ca_less*ca_point + sa_less*sa_point
-    del ca_less, ca_point, sa_less, sa_point
     z = xp.sqrt(whole_squared - (q_y*q_y)) - q_z
-    del whole_squared
     lean = sb*z
     x1 = cb*r
     middle = ca*(0.75*r - 0.5*lean) + 0.25*x1
@@ -1870,26 +1448,22 @@ def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, l
     along = ca*lean + x1
     x5 = 2.0*R
     rod_length_1 = xp.sqrt(shared - along*x5)
-    del along
     rod_length_2 = xp.sqrt(shared - x5*(middle + side))
     rod_length_3 = xp.sqrt(shared - x5*(middle - side))
-    del middle, shared, side
+    del x0, level_squared, by_b, cb_less, cb_point, sb_less, sb_point, by_a, ca_less, ca_point, sa_less, sa_point, whole_squared, along, middle, shared, side
     x6 = R*sa
     W33_1_1 = r*x6
     W33_1_2 = R*x3
     x7 = 2.0*z
-    del z
     W33_1_3 = x7
     x8 = x3 + x7
     W33_2_1 = R*ca*x8
     W33_2_2 = x1*x6
     W33_2_3 = sa*x5
     x9 = 2.0*lean - r
-    del lean
     W33_3_1 = -x6*x9
     x10 = ca*cb
     W33_3_2 = R*(x10*x7 - x3)
-    del x3, x7
     x11 = ca*sb
     W33_3_3 = x11*x5
     adjugate_1_1 = W33_2_2*W33_3_3 - W33_2_3*W33_3_2
@@ -1897,102 +1471,71 @@ def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, l
     adjugate_1_3 = W33_1_2*W33_2_3 - W33_1_3*W33_2_2
     adjugate_2_1 = W33_2_3*W33_3_1 - W33_2_1*W33_3_3
     adjugate_2_2 = W33_1_1*W33_3_3 - W33_1_3*W33_3_1
-    del W33_3_3
     adjugate_2_3 = W33_1_3*W33_2_1 - W33_1_1*W33_2_3
-    del W33_2_3
     adjugate_3_1 = W33_2_1*W33_3_2 - W33_2_2*W33_3_1
     adjugate_3_2 = W33_1_2*W33_3_1 - W33_1_1*W33_3_2
-    del W33_3_1, W33_3_2
     adjugate_3_3 = W33_1_1*W33_2_2 - W33_1_2*W33_2_1
-    del W33_2_1, W33_2_2
     inverse_determinant = 1.0/(W33_1_1*adjugate_1_1 + W33_1_2*adjugate_2_1 + W33_1_3*adjugate_3_1)
-    del W33_1_1, W33_1_2, W33_1_3
     M33_1_1 = -point_2*sb
     M33_1_2 = point_3
     M33_1_3 = x11
-    del x11
     M33_2_1 = g
-    del g
     M33_2_2 = 0.0
     M33_2_3 = sa
     M33_3_1 = -cb*point_2
     M33_3_2 = -point_1
     M33_3_3 = x10
-    del x10
+    del z, lean, x3, x7, W33_3_3, W33_2_3, W33_3_1, W33_3_2, W33_2_1, W33_2_2, W33_1_1, W33_1_2, W33_1_3, x11, g, x10
     N_1_1 = M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1
     N_1_2 = M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2
     N_1_3 = M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3
-    del M33_1_1, M33_1_2, M33_1_3
     N_2_1 = M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1
     N_2_2 = M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2
     N_2_3 = M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3
-    del M33_2_1, M33_2_2, M33_2_3
     N_3_1 = M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1
-    del adjugate_1_1, adjugate_2_1, adjugate_3_1
     N_3_2 = M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2
-    del adjugate_1_2, adjugate_2_2, adjugate_3_2
     N_3_3 = M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3
-    del M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3
+    del M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3
     x12 = ca + cb
     W35_radii_1_1 = 2.0*r - R*x12
     W35_radii_1_2 = x5 - r*x12
-    del x12, x5
     W35_radii_2_1 = sb*x6
-    del sb, x6
     W35_radii_2_2 = sa*x8
-    del sa, x8
     W35_radii_3_1 = R*(cb - ca)
-    del cb
     W35_radii_3_2 = ca*x9 + x1
-    del ca, x1, x9
     x13 = 2.0*N_1_1/3.0
     x14 = inverse_determinant*rod_length_1
     A35_1_1 = x14*(x13 - 4.0*N_1_3/3.0)
     x15 = 2.0*x2/3.0
-    del x2
     x16 = N_1_2*x15
     x17 = 2.0*N_1_3/3.0 + x13
-    del x13
     x18 = inverse_determinant*rod_length_2
     A35_1_2 = x18*(x17 - x16)
     x19 = inverse_determinant*rod_length_3
     A35_1_3 = x19*(x16 + x17)
-    del x16, x17
     A35_1_4 = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1)
     A35_1_5 = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2)
-    del N_1_1, N_1_2, N_1_3
+    del x12, x5, sb, x6, sa, x8, cb, ca, x1, x9, x2, x13, x16, x17, N_1_1, N_1_2, N_1_3
     x20 = 2.0*N_2_1/3.0
     A35_2_1 = x14*(x20 - 4.0*N_2_3/3.0)
     x21 = N_2_2*x15
     x22 = 2.0*N_2_3/3.0 + x20
-    del x20
     A35_2_2 = x18*(x22 - x21)
     A35_2_3 = x19*(x21 + x22)
-    del x21, x22
     A35_2_4 = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1)
     A35_2_5 = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2)
-    del N_2_1, N_2_2, N_2_3
     x23 = 2.0*N_3_1/3.0
     A35_3_1 = x14*(x23 - 4.0*N_3_3/3.0)
-    del x14
     x24 = N_3_2*x15
-    del x15
     x25 = 2.0*N_3_3/3.0 + x23
-    del x23
     A35_3_2 = x18*(x25 - x24)
-    del x18
     A35_3_3 = x19*(x24 + x25)
-    del x19, x24, x25
     A35_3_4 = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1)
-    del W35_radii_1_1, W35_radii_2_1, W35_radii_3_1
+    del x20, x21, x22, N_2_1, N_2_2, N_2_3, x14, x15, x23, x18, x19, x24, x25, W35_radii_1_1, W35_radii_2_1, W35_radii_3_1
     A35_3_5 = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2)
-    del N_3_1, N_3_2, N_3_3, W35_radii_1_2, W35_radii_2_2, W35_radii_3_2, inverse_determinant
     legs_1 = rod_length_1
-    del rod_length_1
     legs_2 = rod_length_2
-    del rod_length_2
     legs_3 = rod_length_3
-    del rod_length_3
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5, legs_1, legs_2, legs_3)
 
 
@@ -2050,7 +1593,6 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     level = xp.sqrt(level_squared)
     x0 = xp.abs(q_x)
     g_squared = (level - x0)*(level + x0)
-    del level
     x1 = 16.0*eps
     g_band = x1*(level_squared + (q_x*q_x))
     u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
@@ -2058,28 +1600,19 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     u_band = g_band + x1*((q_y*q_y) + x2)
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
-    del g_band, u_band
     g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
-    del g_squared
     u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
-    del u_squared
     whole = (g*g) + x2
-    del x2
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
     by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
-    del level_squared
     by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
     valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
-    del whole, x0
     sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
     ca_plus = xp.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
-    del by_whole
     sb_plus = xp.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
     cb_plus = xp.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
-    del by_level, g
     z = u - q_z
-    del u
     x3 = ca_plus*z
     x4 = sb_plus*x3
     x5 = cb_plus*r + x4 - R
@@ -2098,7 +1631,6 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     x15 = r*x14
     x16 = 0.5*R
     x17 = x16 + x4
-    del x4
     x18 = x15 + x17
     rod_b_1 = x18
     x19 = x11*x16
@@ -2109,148 +1641,106 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     x24 = x23 - x19
     rod_b_2 = x24
     x25 = x12*x9
-    del x12
     x26 = 0.5*sb_plus - x25
     x27 = r*x26 + x7
     rod_b_3 = x27
     x28 = x13 - x9
-    del x13, x9
+    del level, g_band, u_band, g_squared, u_squared, x2, level_squared, whole, x0, by_whole, by_level, g, u, x4, x12, x13, x9
     x29 = r*x28
     x30 = x17 + x29
-    del x17
     rod_c_1 = x30
     x31 = x19 + x6 - x22
-    del x19
     rod_c_2 = x31
     x32 = x10 + x25
-    del x25
     x33 = r*x32 + x7
-    del x7
     rod_c_3 = x33
     rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    del rod_a_1, rod_a_2, rod_a_3
     rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    del rod_c_1, rod_c_2, rod_c_3
     P_1_1 = R*sb_plus*x6
-    del x6
     P_1_2 = -R*x8
     x34 = ca_plus*cb_plus
     x35 = ca_plus*sb_plus
     P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5
     x36 = sa_plus*x21
-    del x21
     P_2_1 = R*(0.5*x11*(x36 - x3) - x10*x23)
-    del x23
+    del x17, x19, x25, x7, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3, rod_c_1, rod_c_2, rod_c_3, x6, x21, x23
     P_2_2 = x16*x27
     P_2_3 = sa_plus*x24 + x18*x35 + x27*x34
     P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36))
-    del x22, x36
     P_3_2 = x16*x33
-    del x16
     P_3_3 = sa_plus*x31 + x30*x35 + x33*x34
     by_r_1 = cb_plus*x5 - sb_plus*x8
-    del x8
     by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27
-    del x14, x18, x26, x27
     x37 = x20*x31
-    del x20, x31
     by_r_3 = x28*x30 + x32*x33 - ca_plus*x37
-    del x28, x30, x32, x33
     by_R_1 = x5
-    del x5
     x38 = 0.25*R + x10*x3
-    del x10, x3
+    del x22, x36, x16, x8, x14, x18, x26, x27, x20, x31, x28, x30, x32, x33, x5, x10, x3
     by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38
-    del x11, x15, x24
     by_R_3 = -0.5*x29 - x37 - x38
-    del x29, x37, x38
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
     adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3
     adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1
-    del P_3_3
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
-    del P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    del P_2_1, P_2_2
     x39 = P_1_1*adjugate_1_1
-    del P_1_1
     x40 = P_1_2*adjugate_2_1
-    del P_1_2
     x41 = P_1_3*adjugate_3_1
-    del P_1_3
     determinant = x39 + x40 + x41
     determinant_size = xp.abs(x39) + xp.abs(x40) + xp.abs(x41)
-    del x39, x40, x41
+    del x11, x15, x24, x29, x37, x38, P_3_3, P_2_3, P_3_1, P_3_2, P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x39, x40, x41
     singular = xp.abs(determinant) <= determinant_size*x1
-    del determinant_size, x1
     x42 = q_z + z
-    del z
     x43 = -ca_plus*q_y - sa_plus*x42
     M33_1_1 = sb_plus*x43
     x44 = ca_plus*x42 - q_y*sa_plus
-    del ca_plus, x42
     M33_1_2 = cb_plus*x44 - q_x*sb_plus
     M33_1_3 = x35
-    del x35
     M33_2_1 = x44
     M33_2_2 = 0.0
     M33_2_3 = sa_plus
-    del sa_plus
     M33_3_1 = cb_plus*x43
-    del x43
     M33_3_2 = -cb_plus*q_x - sb_plus*x44
-    del cb_plus, sb_plus, x44
     M33_3_3 = x34
-    del x34
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
-    del determinant
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
     point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3)
-    del M33_1_1, M33_1_2, M33_1_3
+    del determinant_size, x1, z, ca_plus, x42, x35, sa_plus, x43, cb_plus, sb_plus, x44, x34, determinant, M33_1_1, M33_1_2, M33_1_3
     point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1)
     point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2)
     point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3)
-    del M33_2_1, M33_2_2, M33_2_3
     point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1)
-    del adjugate_1_1, adjugate_2_1, adjugate_3_1
     point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2)
-    del adjugate_1_2, adjugate_2_2, adjugate_3_2
     point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3)
-    del M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
+    del M33_2_1, M33_2_2, M33_2_3, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
     A_1_1 = point_by_P_1_1*rod_length_1
     A_1_2 = point_by_P_1_2*rod_length_2
     A_1_3 = point_by_P_1_3*rod_length_3
     A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3
     A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
-    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3
     A_2_1 = point_by_P_2_1*rod_length_1
     A_2_2 = point_by_P_2_2*rod_length_2
     A_2_3 = point_by_P_2_3*rod_length_3
     A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3
     A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
-    del point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
     A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3
-    del by_r_1, by_r_2, by_r_3
     A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    del by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
     x45 = 1.0/eps**2.5
     correlation_scale_1 = xp.where(U_x_1_1 > 0.0, 1.0/xp.sqrt(U_x_1_1), x45)
     correlation_scale_2 = xp.where(U_x_2_2 > 0.0, 1.0/xp.sqrt(U_x_2_2), x45)
     correlation_scale_3 = xp.where(U_x_3_3 > 0.0, 1.0/xp.sqrt(U_x_3_3), x45)
     correlation_scale_4 = xp.where(U_x_4_4 > 0.0, 1.0/xp.sqrt(U_x_4_4), x45)
     correlation_scale_5 = xp.where(U_x_5_5 > 0.0, 1.0/xp.sqrt(U_x_5_5), x45)
-    del x45
+    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, by_r_1, by_r_2, by_r_3, by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, x45
     correlation_00 = xp.where(U_x_1_1 > 0.0, 1.0, 0.0)
     correlation_11 = xp.where(U_x_2_2 > 0.0, 1.0, 0.0)
     x46 = correlation_scale_1*correlation_scale_2
@@ -2269,79 +1759,57 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     correlation_32 = U_x_4_3*x51
     correlation_44 = xp.where(U_x_5_5 > 0.0, 1.0, 0.0)
     x52 = correlation_scale_1*correlation_scale_5
-    del correlation_scale_1
     correlation_40 = U_x_5_1*x52
     x53 = correlation_scale_2*correlation_scale_5
-    del correlation_scale_2
     correlation_41 = U_x_5_2*x53
     x54 = correlation_scale_3*correlation_scale_5
-    del correlation_scale_3
     correlation_42 = U_x_5_3*x54
     x55 = correlation_scale_4*correlation_scale_5
-    del correlation_scale_4, correlation_scale_5
     correlation_43 = U_x_5_4*x55
     x78 = 256.0*eps
     pivot_0 = correlation_00 > x78
     pivot_0_inverse = xp.where(pivot_0, 1.0/correlation_00, 0.0)
     x56 = (correlation_10*correlation_10)
     left_0_11 = correlation_11 - pivot_0_inverse*x56
-    del correlation_11
     x58 = correlation_10*pivot_0_inverse
     left_0_21 = correlation_21 - correlation_20*x58
     x59 = (correlation_20*correlation_20)
     left_0_22 = correlation_22 - pivot_0_inverse*x59
-    del correlation_22
     left_0_31 = correlation_31 - correlation_30*x58
     x62 = correlation_20*pivot_0_inverse
     left_0_32 = correlation_32 - correlation_30*x62
     x63 = (correlation_30*correlation_30)
     left_0_33 = correlation_33 - pivot_0_inverse*x63
-    del correlation_33
     left_0_41 = correlation_41 - correlation_40*x58
-    del x58
     left_0_42 = correlation_42 - correlation_40*x62
-    del x62
     left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse
     x67 = (correlation_40*correlation_40)
     left_0_44 = correlation_44 - pivot_0_inverse*x67
-    del correlation_44, pivot_0_inverse
     pivot_1 = left_0_11 > x78
     pivot_1_inverse = xp.where(pivot_1, 1.0/left_0_11, 0.0)
     x68 = (left_0_21*left_0_21)
     left_1_22 = left_0_22 - pivot_1_inverse*x68
-    del left_0_22
     x69 = left_0_21*pivot_1_inverse
-    del left_0_21
     left_1_32 = left_0_32 - left_0_31*x69
-    del left_0_32
     x70 = (left_0_31*left_0_31)
     left_1_33 = left_0_33 - pivot_1_inverse*x70
-    del left_0_33
+    del correlation_scale_1, correlation_scale_2, correlation_scale_3, correlation_scale_4, correlation_scale_5, correlation_11, correlation_22, correlation_33, x58, x62, correlation_44, pivot_0_inverse, left_0_22, left_0_21, left_0_32, left_0_33
     left_1_42 = left_0_42 - left_0_41*x69
-    del left_0_42, x69
     left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse
-    del left_0_31, left_0_43
     x71 = (left_0_41*left_0_41)
-    del left_0_41
     left_1_44 = left_0_44 - pivot_1_inverse*x71
-    del left_0_44, pivot_1_inverse
     pivot_2 = left_1_22 > x78
     pivot_2_inverse = xp.where(pivot_2, 1.0/left_1_22, 0.0)
     x72 = (left_1_32*left_1_32)
     left_2_33 = left_1_33 - pivot_2_inverse*x72
-    del left_1_33
     left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse
-    del left_1_32, left_1_43
     x73 = (left_1_42*left_1_42)
-    del left_1_42
     left_2_44 = left_1_44 - pivot_2_inverse*x73
-    del left_1_44, pivot_2_inverse
     pivot_3 = left_2_33 > x78
     pivot_3_inverse = xp.where(pivot_3, 1.0/left_2_33, 0.0)
     x74 = (left_2_43*left_2_43)
-    del left_2_43
     left_3_44 = left_2_44 - pivot_3_inverse*x74
-    del left_2_44, pivot_3_inverse
+    del left_0_42, x69, left_0_31, left_0_43, left_0_41, left_0_44, pivot_1_inverse, left_1_33, left_1_32, left_1_43, left_1_42, left_1_44, pivot_2_inverse, left_2_43, left_2_44, pivot_3_inverse
     x79 = 512.0*eps
     no_covariance = ((~(pivot_0)) & (x56 > x79)) | ((~(pivot_0)) & (x59 > x79)) | ((~(pivot_0)) & (x63 > x79)) | ((~(pivot_0)) & (x67 > x79)) | ((~(pivot_1)) & (x68 > x79)) | ((~(pivot_1)) & (x70 > x79)) | ((~(pivot_1)) & (x71 > x79)) | ((~(pivot_2)) & (x72 > x79)) | ((~(pivot_2)) & (x73 > x79)) | ((~(pivot_3)) & (x74 > x79)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (xp.abs(U_x_1_2*x46 - correlation_10) > x78) | (xp.abs(U_x_1_3*x47 - correlation_20) > x78) | (xp.abs(U_x_1_4*x49 - correlation_30) > x78) | (xp.abs(U_x_1_5*x52 - correlation_40) > x78) | (xp.abs(U_x_2_3*x48 - correlation_21) > x78) | (xp.abs(U_x_2_4*x50 - correlation_31) > x78) | (xp.abs(U_x_2_5*x53 - correlation_41) > x78) | (xp.abs(U_x_3_4*x51 - correlation_32) > x78) | (xp.abs(U_x_3_5*x54 - correlation_42) > x78) | (xp.abs(U_x_4_5*x55 - correlation_43) > x78) | (correlation_00 < -x78) | (left_0_11 < -x78) | (left_1_22 < -x78) | (left_2_33 < -x78) | (left_3_44 < -x78)
     del correlation_00, correlation_10, correlation_20, correlation_21, correlation_30, correlation_31, correlation_32, correlation_40, correlation_41, correlation_42, correlation_43, left_0_11, left_1_22, left_2_33, left_3_44, pivot_0, pivot_1, pivot_2, pivot_3, x46, x47, x48, x49, x50, x51, x52, x53, x54, x55, x56, x59, x63, x67, x68, x70, x71, x72, x73, x74, x78, x79
@@ -2361,40 +1829,27 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     half_3_4 = A_3_1*U_x_1_4 + A_3_2*U_x_2_4 + A_3_3*U_x_3_4 + A_3_4*U_x_4_4 + A_3_5*U_x_5_4
     half_3_5 = A_3_1*U_x_1_5 + A_3_2*U_x_2_5 + A_3_3*U_x_3_5 + A_3_4*U_x_4_5 + A_3_5*U_x_5_5
     covariance_00 = A_1_1*half_1_1 + A_1_2*half_1_2 + A_1_3*half_1_3 + A_1_4*half_1_4 + A_1_5*half_1_5
-    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5
     covariance_01 = A_2_1*half_1_1 + A_2_2*half_1_2 + A_2_3*half_1_3 + A_2_4*half_1_4 + A_2_5*half_1_5
     covariance_02 = A_3_1*half_1_1 + A_3_2*half_1_2 + A_3_3*half_1_3 + A_3_4*half_1_4 + A_3_5*half_1_5
-    del half_1_1, half_1_2, half_1_3, half_1_4, half_1_5
     covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5
-    del A_2_1, A_2_2, A_2_3, A_2_4, A_2_5
     covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5
-    del half_2_1, half_2_2, half_2_3, half_2_4, half_2_5
+    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, half_1_1, half_1_2, half_1_3, half_1_4, half_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, half_2_1, half_2_2, half_2_3, half_2_4, half_2_5
     covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5
-    del A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, half_3_1, half_3_2, half_3_3, half_3_4, half_3_5
     there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular))
     U_y_1_1 = xp.where(there, covariance_00, xp.nan)
-    del covariance_00
     x75 = xp.where(there, covariance_01, xp.nan)
-    del covariance_01
     U_y_1_2 = x75
     x76 = xp.where(there, covariance_02, xp.nan)
-    del covariance_02
     U_y_1_3 = x76
     U_y_2_1 = x75
-    del x75
     U_y_2_2 = xp.where(there, covariance_11, xp.nan)
-    del covariance_11
     x77 = xp.where(there, covariance_12, xp.nan)
-    del covariance_12
+    del A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, half_3_1, half_3_2, half_3_3, half_3_4, half_3_5, covariance_00, covariance_01, covariance_02, x75, covariance_11, covariance_12
     U_y_2_3 = x77
     U_y_3_1 = x76
-    del x76
     U_y_3_2 = x77
-    del x77
     U_y_3_3 = xp.where(there, covariance_22, xp.nan)
-    del covariance_22, there
     status = xp.where(~(valid), 7.0, xp.where(no_covariance, 6.0, xp.where(no_root, 4.0, xp.where(singular, 5.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))))
-    del double_root, free_alpha, free_beta, no_covariance, no_root, rod_length_1, rod_length_2, rod_length_3, singular, valid
     return (U_y_1_1, U_y_1_2, U_y_1_3, U_y_2_1, U_y_2_2, U_y_2_3, U_y_3_1, U_y_3_2, U_y_3_3, status)
 
 
@@ -2448,10 +1903,8 @@ def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     beta = pose_2
     sa = xp.sin(alpha)
     ca = xp.cos(alpha)
-    del alpha
     sb = xp.sin(beta)
     cb = xp.cos(beta)
-    del beta
     x0 = pose_3*sa
     P_1_1 = R*sb*x0
     x1 = ca*pose_3
@@ -2462,7 +1915,6 @@ def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     x5 = sb*x1
     x6 = ca*sb
     P_1_3 = pose_3*(sa*sa) + x3*x4 + x6*(cb*r + x5 - R)
-    del x3
     x7 = 1.7320508075688772
     x8 = 0.5*x7
     x9 = r*x8
@@ -2470,46 +1922,32 @@ def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     x11 = x0 + x10
     x12 = 0.5*sb
     x13 = sa*x9
-    del x9
     P_2_1 = R*(0.5*x7*(x13 - x1) - x11*x12)
     x14 = 0.5*cb
-    del cb
     x15 = sa*x7
     x16 = x14*x15
     x17 = r*(0.5*sb - x16) + x2
-    del sb
     x18 = 0.5*R
     P_2_2 = x17*x18
     x19 = x18*x7
     x20 = x12*x15
-    del x15
     x21 = x18 + x5
-    del x5
     P_2_3 = sa*(x11 - x19) + x17*x4 + x6*(r*(-x14 - x20) + x21)
-    del x11, x17
     P_3_1 = R*(-x12*(pose_3*sa - x10) - x8*(-x1 - x13))
-    del x1, x13, x8
     x22 = r*(x12 + x16) + x2
-    del x12, x16, x2
+    del alpha, beta, x3, x9, cb, sb, x15, x5, x11, x17, x1, x13, x8, x12, x16, x2
     P_3_2 = x18*x22
-    del x18
     P_3_3 = sa*(x0 + x19 - x10) + x22*x4 + x6*(r*(x20 - x14) + x21)
-    del x0, x10, x14, x19, x20, x21, x22, x4, x6
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3
-    del P_2_3, P_3_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
-    del P_2_1, P_2_2, P_3_1, P_3_2
+    del x18, x0, x10, x14, x19, x20, x21, x22, x4, x6, P_2_3, P_3_3, P_2_1, P_2_2, P_3_1, P_3_2
     determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1
-    del P_1_1, P_1_2, P_1_3, adjugate_1_1, adjugate_2_1, adjugate_3_1
     h = pose_3 + q_z
     det_W33_ = -16.0*determinant*x7/9.0
-    del determinant, x7
     det_W33 = det_W33_
     ratio = 0.125*det_W33_/((R*R)*(pose_3*pose_3*pose_3))
-    del det_W33_
     det_M33 = -h*(ca*h - q_y*sa)
-    del ca, h, sa
     return (det_W33, ratio, det_M33)
 
 

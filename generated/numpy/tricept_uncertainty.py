@@ -100,15 +100,12 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_0_1_11 = turn_1_1*x4 - x9
     by_guide_0_1_12 = moving_1_2*turn_1_3 - moving_1_3*turn_1_2
     by_guide_0_1_13 = moving_1_3*turn_1_1 - x9
-    del x9
     by_guide_0_1_14 = moving_1_1*turn_1_2 - moving_1_2*turn_1_1
     by_guide_0_2_1 = 0.0
     by_guide_0_2_2 = 1.0
     by_guide_0_2_3 = 0.0
     by_guide_0_2_4 = -x7
-    del x7
     by_guide_0_2_5 = x5
-    del x5
     by_guide_0_2_6 = 0.0
     by_guide_0_2_7 = moving_1_1
     by_guide_0_2_8 = turn_2_1
@@ -118,26 +115,21 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_0_2_11 = turn_2_1*x4 - x10
     by_guide_0_2_12 = moving_1_2*turn_2_3 - moving_1_3*turn_2_2
     by_guide_0_2_13 = moving_1_3*turn_2_1 - x10
-    del x10
     by_guide_0_2_14 = moving_1_1*turn_2_2 - moving_1_2*turn_2_1
     by_guide_0_3_1 = 0.0
     by_guide_0_3_2 = 0.0
     by_guide_0_3_3 = 1.0
     by_guide_0_3_4 = x6
-    del x6
     by_guide_0_3_5 = 0.0
     by_guide_0_3_6 = c_beta
     by_guide_0_3_7 = -s_beta*x8
-    del x8
     by_guide_0_3_8 = turn_3_1
     by_guide_0_3_9 = turn_3_2
     by_guide_0_3_10 = turn_3_3
     x11 = moving_1_1*turn_3_3
     by_guide_0_3_11 = turn_3_1*x4 - x11
-    del x4
     by_guide_0_3_12 = moving_1_2*turn_3_3 - moving_1_3*turn_3_2
     by_guide_0_3_13 = moving_1_3*turn_3_1 - x11
-    del x11
     by_guide_0_3_14 = moving_1_1*turn_3_2 - moving_1_2*turn_3_1
     x12 = moving_2_3 + pose_3
     x13 = moving_2_1*turn_1_1 + moving_2_2*turn_1_2 + turn_1_3*x12
@@ -170,15 +162,12 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_1_1_11 = turn_1_1*x12 - x17
     by_guide_1_1_12 = moving_2_2*turn_1_3 - moving_2_3*turn_1_2
     by_guide_1_1_13 = moving_2_3*turn_1_1 - x17
-    del x17
     by_guide_1_1_14 = moving_2_1*turn_1_2 - moving_2_2*turn_1_1
     by_guide_1_2_1 = 0.0
     by_guide_1_2_2 = 1.0
     by_guide_1_2_3 = 0.0
     by_guide_1_2_4 = -x15
-    del x15
     by_guide_1_2_5 = x13
-    del x13
     by_guide_1_2_6 = 0.0
     by_guide_1_2_7 = moving_2_1
     by_guide_1_2_8 = turn_2_1
@@ -188,26 +177,22 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_1_2_11 = turn_2_1*x12 - x18
     by_guide_1_2_12 = moving_2_2*turn_2_3 - moving_2_3*turn_2_2
     by_guide_1_2_13 = moving_2_3*turn_2_1 - x18
-    del x18
     by_guide_1_2_14 = moving_2_1*turn_2_2 - moving_2_2*turn_2_1
     by_guide_1_3_1 = 0.0
     by_guide_1_3_2 = 0.0
     by_guide_1_3_3 = 1.0
     by_guide_1_3_4 = x14
-    del x14
     by_guide_1_3_5 = 0.0
     by_guide_1_3_6 = c_beta
     by_guide_1_3_7 = -s_beta*x16
-    del x16
     by_guide_1_3_8 = turn_3_1
     by_guide_1_3_9 = turn_3_2
     by_guide_1_3_10 = turn_3_3
     x19 = moving_2_1*turn_3_3
     by_guide_1_3_11 = turn_3_1*x12 - x19
-    del x12
     by_guide_1_3_12 = moving_2_2*turn_3_3 - moving_2_3*turn_3_2
     by_guide_1_3_13 = moving_2_3*turn_3_1 - x19
-    del x19
+    del x9, x7, x5, x10, x6, x8, x4, x11, x17, x15, x13, x18, x14, x16, x12, x19
     by_guide_1_3_14 = moving_2_1*turn_3_2 - moving_2_2*turn_3_1
     x20 = moving_3_3 + pose_3
     x21 = moving_3_1*turn_1_1 + moving_3_2*turn_1_2 + turn_1_3*x20
@@ -240,15 +225,12 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_2_1_11 = turn_1_1*x20 - x25
     by_guide_2_1_12 = moving_3_2*turn_1_3 - moving_3_3*turn_1_2
     by_guide_2_1_13 = moving_3_3*turn_1_1 - x25
-    del x25
     by_guide_2_1_14 = moving_3_1*turn_1_2 - moving_3_2*turn_1_1
     by_guide_2_2_1 = 0.0
     by_guide_2_2_2 = 1.0
     by_guide_2_2_3 = 0.0
     by_guide_2_2_4 = -x23
-    del x23
     by_guide_2_2_5 = x21
-    del x21
     by_guide_2_2_6 = 0.0
     by_guide_2_2_7 = moving_3_1
     by_guide_2_2_8 = turn_2_1
@@ -258,26 +240,21 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_2_2_11 = turn_2_1*x20 - x26
     by_guide_2_2_12 = moving_3_2*turn_2_3 - moving_3_3*turn_2_2
     by_guide_2_2_13 = moving_3_3*turn_2_1 - x26
-    del x26
     by_guide_2_2_14 = moving_3_1*turn_2_2 - moving_3_2*turn_2_1
     by_guide_2_3_1 = 0.0
     by_guide_2_3_2 = 0.0
     by_guide_2_3_3 = 1.0
     by_guide_2_3_4 = x22
-    del x22
     by_guide_2_3_5 = 0.0
     by_guide_2_3_6 = c_beta
     by_guide_2_3_7 = -s_beta*x24
-    del x24
     by_guide_2_3_8 = turn_3_1
     by_guide_2_3_9 = turn_3_2
     by_guide_2_3_10 = turn_3_3
     x27 = moving_3_1*turn_3_3
     by_guide_2_3_11 = turn_3_1*x20 - x27
-    del x20
     by_guide_2_3_12 = moving_3_2*turn_3_3 - moving_3_3*turn_3_2
     by_guide_2_3_13 = moving_3_3*turn_3_1 - x27
-    del x27
     by_guide_2_3_14 = moving_3_1*turn_3_2 - moving_3_2*turn_3_1
     x28 = pose_3 + tool_3
     x29 = tool_1*turn_1_1 + tool_2*turn_1_2 + turn_1_3*x28
@@ -287,16 +264,13 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     x31 = tool_1*turn_3_1 + tool_2*turn_3_2 + turn_3_3*x28
     at_3_3 = x31
     by_pose_3_1_1 = -tool_2*x1 - x0*x28
-    del x0
     by_pose_3_1_2 = c_alpha*c_beta*x28 - s_beta*tool_1 - tool_2*x2
     by_pose_3_1_3 = turn_1_3
     by_pose_3_2_1 = c_alpha*x28 - s_alpha*tool_2
     by_pose_3_2_2 = 0.0
     by_pose_3_2_3 = turn_2_3
     by_pose_3_3_1 = -tool_2*x3 - x2*x28
-    del x2, x3
     by_pose_3_3_2 = s_alpha*s_beta*tool_2 - c_beta*tool_1 - x1*x28
-    del x1
     by_pose_3_3_3 = turn_3_3
     by_guide_3_1_1 = 1.0
     by_guide_3_1_2 = 0.0
@@ -305,7 +279,6 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_3_1_5 = -x30
     by_guide_3_1_6 = s_beta
     x32 = -c_alpha*tool_2 - s_alpha*x28
-    del c_alpha, s_alpha
     by_guide_3_1_7 = c_beta*x32
     by_guide_3_1_8 = turn_1_1
     by_guide_3_1_9 = turn_1_2
@@ -314,15 +287,13 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_3_1_11 = turn_1_1*x28 - x33
     by_guide_3_1_12 = tool_2*turn_1_3 - tool_3*turn_1_2
     by_guide_3_1_13 = tool_3*turn_1_1 - x33
-    del x33
     by_guide_3_1_14 = tool_1*turn_1_2 - tool_2*turn_1_1
     by_guide_3_2_1 = 0.0
     by_guide_3_2_2 = 1.0
     by_guide_3_2_3 = 0.0
     by_guide_3_2_4 = -x31
-    del x31
+    del x25, x23, x21, x26, x22, x24, x20, x27, x0, x2, x3, x1, c_alpha, s_alpha, x33, x31
     by_guide_3_2_5 = x29
-    del x29
     by_guide_3_2_6 = 0.0
     by_guide_3_2_7 = tool_1
     by_guide_3_2_8 = turn_2_1
@@ -332,110 +303,76 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     by_guide_3_2_11 = turn_2_1*x28 - x34
     by_guide_3_2_12 = tool_2*turn_2_3 - tool_3*turn_2_2
     by_guide_3_2_13 = tool_3*turn_2_1 - x34
-    del x34
     by_guide_3_2_14 = tool_1*turn_2_2 - tool_2*turn_2_1
     by_guide_3_3_1 = 0.0
     by_guide_3_3_2 = 0.0
     by_guide_3_3_3 = 1.0
     by_guide_3_3_4 = x30
-    del x30
     by_guide_3_3_5 = 0.0
     by_guide_3_3_6 = c_beta
-    del c_beta
     by_guide_3_3_7 = -s_beta*x32
-    del s_beta, x32
     by_guide_3_3_8 = turn_3_1
     by_guide_3_3_9 = turn_3_2
     by_guide_3_3_10 = turn_3_3
     x35 = tool_1*turn_3_3
     by_guide_3_3_11 = turn_3_1*x28 - x35
-    del x28
     by_guide_3_3_12 = tool_2*turn_3_3 - tool_3*turn_3_2
     by_guide_3_3_13 = tool_3*turn_3_1 - x35
-    del x35
     by_guide_3_3_14 = tool_1*turn_3_2 - tool_2*turn_3_1
     leg_0_1 = at_0_1 - fixed_1_1
-    del at_0_1
     leg_0_2 = at_0_2 - fixed_1_2
-    del at_0_2
     leg_0_3 = at_0_3 - fixed_1_3
-    del at_0_3
     leg_1_1 = at_1_1 - fixed_2_1
-    del at_1_1
     leg_1_2 = at_1_2 - fixed_2_2
-    del at_1_2
     leg_1_3 = at_1_3 - fixed_2_3
-    del at_1_3
     leg_2_1 = at_2_1 - fixed_3_1
-    del at_2_1
     leg_2_2 = at_2_2 - fixed_3_2
-    del at_2_2
+    del x29, x34, x30, c_beta, s_beta, x32, x28, x35, at_0_1, at_0_2, at_0_3, at_1_1, at_1_2, at_1_3, at_2_1, at_2_2
     leg_2_3 = at_2_3 - fixed_3_3
-    del at_2_3
     length_0 = xp.sqrt((leg_0_1*leg_0_1) + (leg_0_2*leg_0_2) + (leg_0_3*leg_0_3))
     length_1 = xp.sqrt((leg_1_1*leg_1_1) + (leg_1_2*leg_1_2) + (leg_1_3*leg_1_3))
     length_2 = xp.sqrt((leg_2_1*leg_2_1) + (leg_2_2*leg_2_2) + (leg_2_3*leg_2_3))
     w_1_1 = by_pose_0_1_1*leg_0_1 + by_pose_0_2_1*leg_0_2 + by_pose_0_3_1*leg_0_3
-    del by_pose_0_1_1, by_pose_0_2_1, by_pose_0_3_1
     w_1_2 = by_pose_0_1_2*leg_0_1 + by_pose_0_2_2*leg_0_2 + by_pose_0_3_2*leg_0_3
-    del by_pose_0_1_2, by_pose_0_2_2, by_pose_0_3_2
     w_1_3 = by_pose_0_1_3*leg_0_1 + by_pose_0_2_3*leg_0_2 + by_pose_0_3_3*leg_0_3
-    del by_pose_0_1_3, by_pose_0_2_3, by_pose_0_3_3
     w_2_1 = by_pose_1_1_1*leg_1_1 + by_pose_1_2_1*leg_1_2 + by_pose_1_3_1*leg_1_3
-    del by_pose_1_1_1, by_pose_1_2_1, by_pose_1_3_1
     w_2_2 = by_pose_1_1_2*leg_1_1 + by_pose_1_2_2*leg_1_2 + by_pose_1_3_2*leg_1_3
-    del by_pose_1_1_2, by_pose_1_2_2, by_pose_1_3_2
+    del at_2_3, by_pose_0_1_1, by_pose_0_2_1, by_pose_0_3_1, by_pose_0_1_2, by_pose_0_2_2, by_pose_0_3_2, by_pose_0_1_3, by_pose_0_2_3, by_pose_0_3_3, by_pose_1_1_1, by_pose_1_2_1, by_pose_1_3_1, by_pose_1_1_2, by_pose_1_2_2, by_pose_1_3_2
     w_2_3 = by_pose_1_1_3*leg_1_1 + by_pose_1_2_3*leg_1_2 + by_pose_1_3_3*leg_1_3
-    del by_pose_1_1_3, by_pose_1_2_3, by_pose_1_3_3
     w_3_1 = by_pose_2_1_1*leg_2_1 + by_pose_2_2_1*leg_2_2 + by_pose_2_3_1*leg_2_3
-    del by_pose_2_1_1, by_pose_2_2_1, by_pose_2_3_1
     w_3_2 = by_pose_2_1_2*leg_2_1 + by_pose_2_2_2*leg_2_2 + by_pose_2_3_2*leg_2_3
-    del by_pose_2_1_2, by_pose_2_2_2, by_pose_2_3_2
     w_3_3 = by_pose_2_1_3*leg_2_1 + by_pose_2_2_3*leg_2_2 + by_pose_2_3_3*leg_2_3
-    del by_pose_2_1_3, by_pose_2_2_3, by_pose_2_3_3
     x36 = w_2_2*w_3_3 - w_2_3*w_3_2
     x37 = w_2_3*w_3_1 - w_2_1*w_3_3
     x38 = w_2_1*w_3_2 - w_2_2*w_3_1
     det = w_1_1*x36 + w_1_2*x37 + w_1_3*x38
     adj_1_1 = x36
-    del x36
     adj_1_2 = w_1_3*w_3_2 - w_1_2*w_3_3
     adj_1_3 = w_1_2*w_2_3 - w_1_3*w_2_2
     adj_2_1 = x37
-    del x37
     adj_2_2 = w_1_1*w_3_3 - w_1_3*w_3_1
     adj_2_3 = w_1_3*w_2_1 - w_1_1*w_2_3
     adj_3_1 = x38
-    del x38
     adj_3_2 = w_1_2*w_3_1 - w_1_1*w_3_2
     adj_3_3 = w_1_1*w_2_2 - w_1_2*w_2_1
     x39 = 1.0/det
     gain_1_1 = x39*(adj_1_1*by_pose_3_1_1 + adj_2_1*by_pose_3_1_2 + adj_3_1*by_pose_3_1_3)
     gain_1_2 = x39*(adj_1_2*by_pose_3_1_1 + adj_2_2*by_pose_3_1_2 + adj_3_2*by_pose_3_1_3)
     gain_1_3 = x39*(adj_1_3*by_pose_3_1_1 + adj_2_3*by_pose_3_1_2 + adj_3_3*by_pose_3_1_3)
-    del by_pose_3_1_1, by_pose_3_1_2, by_pose_3_1_3
+    del by_pose_1_1_3, by_pose_1_2_3, by_pose_1_3_3, by_pose_2_1_1, by_pose_2_2_1, by_pose_2_3_1, by_pose_2_1_2, by_pose_2_2_2, by_pose_2_3_2, by_pose_2_1_3, by_pose_2_2_3, by_pose_2_3_3, x36, x37, x38, by_pose_3_1_1, by_pose_3_1_2, by_pose_3_1_3
     gain_2_1 = x39*(adj_1_1*by_pose_3_2_1 + adj_2_1*by_pose_3_2_2 + adj_3_1*by_pose_3_2_3)
     gain_2_2 = x39*(adj_1_2*by_pose_3_2_1 + adj_2_2*by_pose_3_2_2 + adj_3_2*by_pose_3_2_3)
     gain_2_3 = x39*(adj_1_3*by_pose_3_2_1 + adj_2_3*by_pose_3_2_2 + adj_3_3*by_pose_3_2_3)
-    del by_pose_3_2_1, by_pose_3_2_2, by_pose_3_2_3
     gain_3_1 = x39*(adj_1_1*by_pose_3_3_1 + adj_2_1*by_pose_3_3_2 + adj_3_1*by_pose_3_3_3)
-    del adj_1_1, adj_2_1, adj_3_1
     gain_3_2 = x39*(adj_1_2*by_pose_3_3_1 + adj_2_2*by_pose_3_3_2 + adj_3_2*by_pose_3_3_3)
-    del adj_1_2, adj_2_2, adj_3_2
     gain_3_3 = x39*(adj_1_3*by_pose_3_3_1 + adj_2_3*by_pose_3_3_2 + adj_3_3*by_pose_3_3_3)
-    del adj_1_3, adj_2_3, adj_3_3, by_pose_3_3_1, by_pose_3_3_2, by_pose_3_3_3, x39
+    del by_pose_3_2_1, by_pose_3_2_2, by_pose_3_2_3, adj_1_1, adj_2_1, adj_3_1, adj_1_2, adj_2_2, adj_3_2, adj_1_3, adj_2_3, adj_3_3, by_pose_3_3_1, by_pose_3_3_2, by_pose_3_3_3, x39
     size_0 = xp.sqrt((w_1_1*w_1_1) + (w_1_2*w_1_2) + (w_1_3*w_1_3))
-    del w_1_1, w_1_2, w_1_3
     size_1 = xp.sqrt((w_2_1*w_2_1) + (w_2_2*w_2_2) + (w_2_3*w_2_3))
-    del w_2_1, w_2_2, w_2_3
     size_2 = xp.sqrt((w_3_1*w_3_1) + (w_3_2*w_3_2) + (w_3_3*w_3_3))
-    del w_3_1, w_3_2, w_3_3
     place_1 = at_3_1
-    del at_3_1
     place_2 = at_3_2
-    del at_3_2
     place_3 = at_3_3
-    del at_3_3
     rods_1 = length_0
     rods_2 = length_1
     rods_3 = length_2
@@ -458,20 +395,15 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     x53 = leg_2_3*turn_3_1
     x54 = leg_2_1*turn_1_2 + leg_2_2*turn_2_2 + leg_2_3*turn_3_2
     x55 = 0.5*x48
-    del x48
     x56 = -turn_1_1*x51 - 0.5*x52 - 0.5*x53 - x54*x55
     sensitivity_1_4 = -gain_1_2*x50 - gain_1_3*x56 - x44
     x57 = x45 - leg_1_2*x55
-    del x45
     x58 = leg_2_2*x55 + x51
-    del x51, x55
+    del w_1_1, w_1_2, w_1_3, w_2_1, w_2_2, w_2_3, w_3_1, w_3_2, w_3_3, at_3_1, at_3_2, at_3_3, x48, x45, x51, x55
     sensitivity_1_5 = gain_1_1*leg_0_1 - gain_1_2*x57 - gain_1_3*x58
     sensitivity_1_6 = x40
-    del x40
     sensitivity_1_7 = x41
-    del x41
     sensitivity_1_8 = x42
-    del x42
     sensitivity_1_9 = gain_1_1*leg_0_1
     sensitivity_1_10 = gain_1_1*leg_0_2
     sensitivity_1_11 = gain_1_1*leg_0_3
@@ -482,141 +414,88 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     sensitivity_1_16 = gain_1_3*leg_2_2
     sensitivity_1_17 = gain_1_3*leg_2_3
     sensitivity_1_18 = -x44
-    del x44
     x59 = leg_0_1*turn_1_2 + leg_0_2*turn_2_2 + leg_0_3*turn_3_2
     sensitivity_1_19 = -gain_1_1*x59
     x60 = leg_0_1*turn_1_3 + leg_0_2*turn_2_3 + leg_0_3*turn_3_3
     sensitivity_1_20 = -gain_1_1*x60
     x61 = leg_1_1*turn_1_1 + x46 + x47
-    del x46, x47
     sensitivity_1_21 = -gain_1_2*x61
     sensitivity_1_22 = -gain_1_2*x49
     x62 = leg_1_1*turn_1_3 + leg_1_2*turn_2_3 + leg_1_3*turn_3_3
     sensitivity_1_23 = -gain_1_2*x62
     x63 = leg_2_1*turn_1_1 + x52 + x53
-    del x52, x53
     sensitivity_1_24 = -gain_1_3*x63
     sensitivity_1_25 = -gain_1_3*x54
     x64 = leg_2_1*turn_1_3 + leg_2_2*turn_2_3 + leg_2_3*turn_3_3
     sensitivity_1_26 = -gain_1_3*x64
     sensitivity_1_27 = turn_1_1
-    del turn_1_1
     sensitivity_1_28 = turn_1_2
-    del turn_1_2
     sensitivity_1_29 = turn_1_3
-    del turn_1_3
     x65 = by_guide_0_1_1*leg_0_1 + by_guide_0_2_1*leg_0_2 + by_guide_0_3_1*leg_0_3
-    del by_guide_0_1_1, by_guide_0_2_1, by_guide_0_3_1
     x66 = by_guide_1_1_1*leg_1_1 + by_guide_1_2_1*leg_1_2 + by_guide_1_3_1*leg_1_3
-    del by_guide_1_1_1, by_guide_1_2_1, by_guide_1_3_1
+    del x40, x41, x42, x44, x46, x47, x52, x53, turn_1_1, turn_1_2, turn_1_3, by_guide_0_1_1, by_guide_0_2_1, by_guide_0_3_1, by_guide_1_1_1, by_guide_1_2_1, by_guide_1_3_1
     x67 = by_guide_2_1_1*leg_2_1 + by_guide_2_2_1*leg_2_2 + by_guide_2_3_1*leg_2_3
-    del by_guide_2_1_1, by_guide_2_2_1, by_guide_2_3_1
     sensitivity_1_30 = by_guide_3_1_1 - gain_1_1*x65 - gain_1_2*x66 - gain_1_3*x67
-    del by_guide_3_1_1
     x68 = by_guide_0_1_2*leg_0_1 + by_guide_0_2_2*leg_0_2 + by_guide_0_3_2*leg_0_3
-    del by_guide_0_1_2, by_guide_0_2_2, by_guide_0_3_2
     x69 = by_guide_1_1_2*leg_1_1 + by_guide_1_2_2*leg_1_2 + by_guide_1_3_2*leg_1_3
-    del by_guide_1_1_2, by_guide_1_2_2, by_guide_1_3_2
     x70 = by_guide_2_1_2*leg_2_1 + by_guide_2_2_2*leg_2_2 + by_guide_2_3_2*leg_2_3
-    del by_guide_2_1_2, by_guide_2_2_2, by_guide_2_3_2
     sensitivity_1_31 = by_guide_3_1_2 - gain_1_1*x68 - gain_1_2*x69 - gain_1_3*x70
-    del by_guide_3_1_2
     x71 = by_guide_0_1_3*leg_0_1 + by_guide_0_2_3*leg_0_2 + by_guide_0_3_3*leg_0_3
-    del by_guide_0_1_3, by_guide_0_2_3, by_guide_0_3_3
+    del by_guide_2_1_1, by_guide_2_2_1, by_guide_2_3_1, by_guide_3_1_1, by_guide_0_1_2, by_guide_0_2_2, by_guide_0_3_2, by_guide_1_1_2, by_guide_1_2_2, by_guide_1_3_2, by_guide_2_1_2, by_guide_2_2_2, by_guide_2_3_2, by_guide_3_1_2, by_guide_0_1_3, by_guide_0_2_3, by_guide_0_3_3
     x72 = by_guide_1_1_3*leg_1_1 + by_guide_1_2_3*leg_1_2 + by_guide_1_3_3*leg_1_3
-    del by_guide_1_1_3, by_guide_1_2_3, by_guide_1_3_3
     x73 = by_guide_2_1_3*leg_2_1 + by_guide_2_2_3*leg_2_2 + by_guide_2_3_3*leg_2_3
-    del by_guide_2_1_3, by_guide_2_2_3, by_guide_2_3_3
     sensitivity_1_32 = by_guide_3_1_3 - gain_1_1*x71 - gain_1_2*x72 - gain_1_3*x73
-    del by_guide_3_1_3
     x74 = by_guide_0_1_4*leg_0_1 + by_guide_0_2_4*leg_0_2 + by_guide_0_3_4*leg_0_3
-    del by_guide_0_1_4, by_guide_0_2_4, by_guide_0_3_4
     x75 = by_guide_1_1_4*leg_1_1 + by_guide_1_2_4*leg_1_2 + by_guide_1_3_4*leg_1_3
-    del by_guide_1_1_4, by_guide_1_2_4, by_guide_1_3_4
     x76 = by_guide_2_1_4*leg_2_1 + by_guide_2_2_4*leg_2_2 + by_guide_2_3_4*leg_2_3
-    del by_guide_2_1_4, by_guide_2_2_4, by_guide_2_3_4
+    del by_guide_1_1_3, by_guide_1_2_3, by_guide_1_3_3, by_guide_2_1_3, by_guide_2_2_3, by_guide_2_3_3, by_guide_3_1_3, by_guide_0_1_4, by_guide_0_2_4, by_guide_0_3_4, by_guide_1_1_4, by_guide_1_2_4, by_guide_1_3_4, by_guide_2_1_4, by_guide_2_2_4, by_guide_2_3_4
     sensitivity_1_33 = by_guide_3_1_4 - gain_1_1*x74 - gain_1_2*x75 - gain_1_3*x76
-    del by_guide_3_1_4
     x77 = by_guide_0_1_5*leg_0_1 + by_guide_0_2_5*leg_0_2 + by_guide_0_3_5*leg_0_3
-    del by_guide_0_1_5, by_guide_0_2_5, by_guide_0_3_5
     x78 = by_guide_1_1_5*leg_1_1 + by_guide_1_2_5*leg_1_2 + by_guide_1_3_5*leg_1_3
-    del by_guide_1_1_5, by_guide_1_2_5, by_guide_1_3_5
     x79 = by_guide_2_1_5*leg_2_1 + by_guide_2_2_5*leg_2_2 + by_guide_2_3_5*leg_2_3
-    del by_guide_2_1_5, by_guide_2_2_5, by_guide_2_3_5
     sensitivity_1_34 = by_guide_3_1_5 - gain_1_1*x77 - gain_1_2*x78 - gain_1_3*x79
-    del by_guide_3_1_5
     x80 = by_guide_0_1_6*leg_0_1 + by_guide_0_2_6*leg_0_2 + by_guide_0_3_6*leg_0_3
-    del by_guide_0_1_6, by_guide_0_2_6, by_guide_0_3_6
     x81 = by_guide_1_1_6*leg_1_1 + by_guide_1_2_6*leg_1_2 + by_guide_1_3_6*leg_1_3
-    del by_guide_1_1_6, by_guide_1_2_6, by_guide_1_3_6
+    del by_guide_3_1_4, by_guide_0_1_5, by_guide_0_2_5, by_guide_0_3_5, by_guide_1_1_5, by_guide_1_2_5, by_guide_1_3_5, by_guide_2_1_5, by_guide_2_2_5, by_guide_2_3_5, by_guide_3_1_5, by_guide_0_1_6, by_guide_0_2_6, by_guide_0_3_6, by_guide_1_1_6, by_guide_1_2_6, by_guide_1_3_6
     x82 = by_guide_2_1_6*leg_2_1 + by_guide_2_2_6*leg_2_2 + by_guide_2_3_6*leg_2_3
-    del by_guide_2_1_6, by_guide_2_2_6, by_guide_2_3_6
     sensitivity_1_35 = by_guide_3_1_6 - gain_1_1*x80 - gain_1_2*x81 - gain_1_3*x82
-    del by_guide_3_1_6
     x83 = by_guide_0_1_7*leg_0_1 + by_guide_0_2_7*leg_0_2 + by_guide_0_3_7*leg_0_3
-    del by_guide_0_1_7, by_guide_0_2_7, by_guide_0_3_7
     x84 = by_guide_1_1_7*leg_1_1 + by_guide_1_2_7*leg_1_2 + by_guide_1_3_7*leg_1_3
-    del by_guide_1_1_7, by_guide_1_2_7, by_guide_1_3_7
     x85 = by_guide_2_1_7*leg_2_1 + by_guide_2_2_7*leg_2_2 + by_guide_2_3_7*leg_2_3
-    del by_guide_2_1_7, by_guide_2_2_7, by_guide_2_3_7
     sensitivity_1_36 = by_guide_3_1_7 - gain_1_1*x83 - gain_1_2*x84 - gain_1_3*x85
-    del by_guide_3_1_7
     x86 = by_guide_0_1_8*leg_0_1 + by_guide_0_2_8*leg_0_2 + by_guide_0_3_8*leg_0_3
-    del by_guide_0_1_8, by_guide_0_2_8, by_guide_0_3_8
+    del by_guide_2_1_6, by_guide_2_2_6, by_guide_2_3_6, by_guide_3_1_6, by_guide_0_1_7, by_guide_0_2_7, by_guide_0_3_7, by_guide_1_1_7, by_guide_1_2_7, by_guide_1_3_7, by_guide_2_1_7, by_guide_2_2_7, by_guide_2_3_7, by_guide_3_1_7, by_guide_0_1_8, by_guide_0_2_8, by_guide_0_3_8
     x87 = by_guide_1_1_8*leg_1_1 + by_guide_1_2_8*leg_1_2 + by_guide_1_3_8*leg_1_3
-    del by_guide_1_1_8, by_guide_1_2_8, by_guide_1_3_8
     x88 = by_guide_2_1_8*leg_2_1 + by_guide_2_2_8*leg_2_2 + by_guide_2_3_8*leg_2_3
-    del by_guide_2_1_8, by_guide_2_2_8, by_guide_2_3_8
     sensitivity_1_37 = by_guide_3_1_8 - gain_1_1*x86 - gain_1_2*x87 - gain_1_3*x88
-    del by_guide_3_1_8
     x89 = by_guide_0_1_9*leg_0_1 + by_guide_0_2_9*leg_0_2 + by_guide_0_3_9*leg_0_3
-    del by_guide_0_1_9, by_guide_0_2_9, by_guide_0_3_9
     x90 = by_guide_1_1_9*leg_1_1 + by_guide_1_2_9*leg_1_2 + by_guide_1_3_9*leg_1_3
-    del by_guide_1_1_9, by_guide_1_2_9, by_guide_1_3_9
     x91 = by_guide_2_1_9*leg_2_1 + by_guide_2_2_9*leg_2_2 + by_guide_2_3_9*leg_2_3
-    del by_guide_2_1_9, by_guide_2_2_9, by_guide_2_3_9
+    del by_guide_1_1_8, by_guide_1_2_8, by_guide_1_3_8, by_guide_2_1_8, by_guide_2_2_8, by_guide_2_3_8, by_guide_3_1_8, by_guide_0_1_9, by_guide_0_2_9, by_guide_0_3_9, by_guide_1_1_9, by_guide_1_2_9, by_guide_1_3_9, by_guide_2_1_9, by_guide_2_2_9, by_guide_2_3_9
     sensitivity_1_38 = by_guide_3_1_9 - gain_1_1*x89 - gain_1_2*x90 - gain_1_3*x91
-    del by_guide_3_1_9
     x92 = by_guide_0_1_10*leg_0_1 + by_guide_0_2_10*leg_0_2 + by_guide_0_3_10*leg_0_3
-    del by_guide_0_1_10, by_guide_0_2_10, by_guide_0_3_10
     x93 = by_guide_1_1_10*leg_1_1 + by_guide_1_2_10*leg_1_2 + by_guide_1_3_10*leg_1_3
-    del by_guide_1_1_10, by_guide_1_2_10, by_guide_1_3_10
     x94 = by_guide_2_1_10*leg_2_1 + by_guide_2_2_10*leg_2_2 + by_guide_2_3_10*leg_2_3
-    del by_guide_2_1_10, by_guide_2_2_10, by_guide_2_3_10
     sensitivity_1_39 = by_guide_3_1_10 - gain_1_1*x92 - gain_1_2*x93 - gain_1_3*x94
-    del by_guide_3_1_10
     x95 = by_guide_0_1_11*leg_0_1 + by_guide_0_2_11*leg_0_2 + by_guide_0_3_11*leg_0_3
-    del by_guide_0_1_11, by_guide_0_2_11, by_guide_0_3_11
     x96 = by_guide_1_1_11*leg_1_1 + by_guide_1_2_11*leg_1_2 + by_guide_1_3_11*leg_1_3
-    del by_guide_1_1_11, by_guide_1_2_11, by_guide_1_3_11
+    del by_guide_3_1_9, by_guide_0_1_10, by_guide_0_2_10, by_guide_0_3_10, by_guide_1_1_10, by_guide_1_2_10, by_guide_1_3_10, by_guide_2_1_10, by_guide_2_2_10, by_guide_2_3_10, by_guide_3_1_10, by_guide_0_1_11, by_guide_0_2_11, by_guide_0_3_11, by_guide_1_1_11, by_guide_1_2_11, by_guide_1_3_11
     x97 = by_guide_2_1_11*leg_2_1 + by_guide_2_2_11*leg_2_2 + by_guide_2_3_11*leg_2_3
-    del by_guide_2_1_11, by_guide_2_2_11, by_guide_2_3_11
     sensitivity_1_40 = by_guide_3_1_11 - gain_1_1*x95 - gain_1_2*x96 - gain_1_3*x97
-    del by_guide_3_1_11
     x98 = by_guide_0_1_12*leg_0_1 + by_guide_0_2_12*leg_0_2 + by_guide_0_3_12*leg_0_3
-    del by_guide_0_1_12, by_guide_0_2_12, by_guide_0_3_12
     x99 = by_guide_1_1_12*leg_1_1 + by_guide_1_2_12*leg_1_2 + by_guide_1_3_12*leg_1_3
-    del by_guide_1_1_12, by_guide_1_2_12, by_guide_1_3_12
     x100 = by_guide_2_1_12*leg_2_1 + by_guide_2_2_12*leg_2_2 + by_guide_2_3_12*leg_2_3
-    del by_guide_2_1_12, by_guide_2_2_12, by_guide_2_3_12
     sensitivity_1_41 = by_guide_3_1_12 - gain_1_1*x98 - gain_1_2*x99 - gain_1_3*x100
-    del by_guide_3_1_12
     x101 = by_guide_0_1_13*leg_0_1 + by_guide_0_2_13*leg_0_2 + by_guide_0_3_13*leg_0_3
-    del by_guide_0_1_13, by_guide_0_2_13, by_guide_0_3_13
+    del by_guide_2_1_11, by_guide_2_2_11, by_guide_2_3_11, by_guide_3_1_11, by_guide_0_1_12, by_guide_0_2_12, by_guide_0_3_12, by_guide_1_1_12, by_guide_1_2_12, by_guide_1_3_12, by_guide_2_1_12, by_guide_2_2_12, by_guide_2_3_12, by_guide_3_1_12, by_guide_0_1_13, by_guide_0_2_13, by_guide_0_3_13
     x102 = by_guide_1_1_13*leg_1_1 + by_guide_1_2_13*leg_1_2 + by_guide_1_3_13*leg_1_3
-    del by_guide_1_1_13, by_guide_1_2_13, by_guide_1_3_13
     x103 = by_guide_2_1_13*leg_2_1 + by_guide_2_2_13*leg_2_2 + by_guide_2_3_13*leg_2_3
-    del by_guide_2_1_13, by_guide_2_2_13, by_guide_2_3_13
     sensitivity_1_42 = by_guide_3_1_13 - gain_1_1*x101 - gain_1_2*x102 - gain_1_3*x103
-    del by_guide_3_1_13
     x104 = by_guide_0_1_14*leg_0_1 + by_guide_0_2_14*leg_0_2 + by_guide_0_3_14*leg_0_3
-    del by_guide_0_1_14, by_guide_0_2_14, by_guide_0_3_14
     x105 = by_guide_1_1_14*leg_1_1 + by_guide_1_2_14*leg_1_2 + by_guide_1_3_14*leg_1_3
-    del by_guide_1_1_14, by_guide_1_2_14, by_guide_1_3_14
     x106 = by_guide_2_1_14*leg_2_1 + by_guide_2_2_14*leg_2_2 + by_guide_2_3_14*leg_2_3
-    del by_guide_2_1_14, by_guide_2_2_14, by_guide_2_3_14
+    del by_guide_1_1_13, by_guide_1_2_13, by_guide_1_3_13, by_guide_2_1_13, by_guide_2_2_13, by_guide_2_3_13, by_guide_3_1_13, by_guide_0_1_14, by_guide_0_2_14, by_guide_0_3_14, by_guide_1_1_14, by_guide_1_2_14, by_guide_1_3_14, by_guide_2_1_14, by_guide_2_2_14, by_guide_2_3_14
     sensitivity_1_43 = by_guide_3_1_14 - gain_1_1*x104 - gain_1_2*x105 - gain_1_3*x106
-    del by_guide_3_1_14, gain_1_1, gain_1_2, gain_1_3
     x107 = gain_2_1*length_0
     sensitivity_2_1 = x107
     x108 = gain_2_2*length_1
@@ -627,11 +506,8 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     sensitivity_2_4 = -gain_2_2*x50 - gain_2_3*x56 - x110
     sensitivity_2_5 = gain_2_1*leg_0_1 - gain_2_2*x57 - gain_2_3*x58
     sensitivity_2_6 = x107
-    del x107
     sensitivity_2_7 = x108
-    del x108
     sensitivity_2_8 = x109
-    del x109
     sensitivity_2_9 = gain_2_1*leg_0_1
     sensitivity_2_10 = gain_2_1*leg_0_2
     sensitivity_2_11 = gain_2_1*leg_0_3
@@ -642,7 +518,6 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     sensitivity_2_16 = gain_2_3*leg_2_2
     sensitivity_2_17 = gain_2_3*leg_2_3
     sensitivity_2_18 = -x110
-    del x110
     sensitivity_2_19 = -gain_2_1*x59
     sensitivity_2_20 = -gain_2_1*x60
     sensitivity_2_21 = -gain_2_2*x61
@@ -652,132 +527,77 @@ def _tricept_parameter_sensitivity(xp, pose_1, pose_2, pose_3, fixed_1_1, fixed_
     sensitivity_2_25 = -gain_2_3*x54
     sensitivity_2_26 = -gain_2_3*x64
     sensitivity_2_27 = turn_2_1
-    del turn_2_1
     sensitivity_2_28 = turn_2_2
-    del turn_2_2
     sensitivity_2_29 = turn_2_3
-    del turn_2_3
     sensitivity_2_30 = by_guide_3_2_1 - gain_2_1*x65 - gain_2_2*x66 - gain_2_3*x67
-    del by_guide_3_2_1
     sensitivity_2_31 = by_guide_3_2_2 - gain_2_1*x68 - gain_2_2*x69 - gain_2_3*x70
-    del by_guide_3_2_2
     sensitivity_2_32 = by_guide_3_2_3 - gain_2_1*x71 - gain_2_2*x72 - gain_2_3*x73
-    del by_guide_3_2_3
     sensitivity_2_33 = by_guide_3_2_4 - gain_2_1*x74 - gain_2_2*x75 - gain_2_3*x76
-    del by_guide_3_2_4
     sensitivity_2_34 = by_guide_3_2_5 - gain_2_1*x77 - gain_2_2*x78 - gain_2_3*x79
-    del by_guide_3_2_5
+    del by_guide_3_1_14, gain_1_1, gain_1_2, gain_1_3, x107, x108, x109, x110, turn_2_1, turn_2_2, turn_2_3, by_guide_3_2_1, by_guide_3_2_2, by_guide_3_2_3, by_guide_3_2_4, by_guide_3_2_5
     sensitivity_2_35 = by_guide_3_2_6 - gain_2_1*x80 - gain_2_2*x81 - gain_2_3*x82
-    del by_guide_3_2_6
     sensitivity_2_36 = by_guide_3_2_7 - gain_2_1*x83 - gain_2_2*x84 - gain_2_3*x85
-    del by_guide_3_2_7
     sensitivity_2_37 = by_guide_3_2_8 - gain_2_1*x86 - gain_2_2*x87 - gain_2_3*x88
-    del by_guide_3_2_8
     sensitivity_2_38 = by_guide_3_2_9 - gain_2_1*x89 - gain_2_2*x90 - gain_2_3*x91
-    del by_guide_3_2_9
     sensitivity_2_39 = by_guide_3_2_10 - gain_2_1*x92 - gain_2_2*x93 - gain_2_3*x94
-    del by_guide_3_2_10
     sensitivity_2_40 = by_guide_3_2_11 - gain_2_1*x95 - gain_2_2*x96 - gain_2_3*x97
-    del by_guide_3_2_11
     sensitivity_2_41 = by_guide_3_2_12 - gain_2_1*x98 - gain_2_2*x99 - gain_2_3*x100
-    del by_guide_3_2_12
     sensitivity_2_42 = by_guide_3_2_13 - gain_2_1*x101 - gain_2_2*x102 - gain_2_3*x103
-    del by_guide_3_2_13
     sensitivity_2_43 = by_guide_3_2_14 - gain_2_1*x104 - gain_2_2*x105 - gain_2_3*x106
-    del by_guide_3_2_14, gain_2_1, gain_2_2, gain_2_3
     x111 = gain_3_1*length_0
-    del length_0
     sensitivity_3_1 = x111
     x112 = gain_3_2*length_1
-    del length_1
     sensitivity_3_2 = x112
     x113 = gain_3_3*length_2
-    del length_2
     sensitivity_3_3 = x113
     x114 = gain_3_1*x43
-    del x43
+    del by_guide_3_2_6, by_guide_3_2_7, by_guide_3_2_8, by_guide_3_2_9, by_guide_3_2_10, by_guide_3_2_11, by_guide_3_2_12, by_guide_3_2_13, by_guide_3_2_14, gain_2_1, gain_2_2, gain_2_3, length_0, length_1, length_2, x43
     sensitivity_3_4 = -gain_3_2*x50 - gain_3_3*x56 - x114
-    del x50, x56
     sensitivity_3_5 = gain_3_1*leg_0_1 - gain_3_2*x57 - gain_3_3*x58
-    del x57, x58
     sensitivity_3_6 = x111
-    del x111
     sensitivity_3_7 = x112
-    del x112
     sensitivity_3_8 = x113
-    del x113
     sensitivity_3_9 = gain_3_1*leg_0_1
-    del leg_0_1
     sensitivity_3_10 = gain_3_1*leg_0_2
-    del leg_0_2
     sensitivity_3_11 = gain_3_1*leg_0_3
-    del leg_0_3
     sensitivity_3_12 = gain_3_2*leg_1_1
-    del leg_1_1
     sensitivity_3_13 = gain_3_2*leg_1_2
-    del leg_1_2
     sensitivity_3_14 = gain_3_2*leg_1_3
-    del leg_1_3
     sensitivity_3_15 = gain_3_3*leg_2_1
-    del leg_2_1
     sensitivity_3_16 = gain_3_3*leg_2_2
-    del leg_2_2
     sensitivity_3_17 = gain_3_3*leg_2_3
-    del leg_2_3
+    del x50, x56, x57, x58, x111, x112, x113, leg_0_1, leg_0_2, leg_0_3, leg_1_1, leg_1_2, leg_1_3, leg_2_1, leg_2_2, leg_2_3
     sensitivity_3_18 = -x114
-    del x114
     sensitivity_3_19 = -gain_3_1*x59
-    del x59
     sensitivity_3_20 = -gain_3_1*x60
-    del x60
     sensitivity_3_21 = -gain_3_2*x61
-    del x61
     sensitivity_3_22 = -gain_3_2*x49
-    del x49
     sensitivity_3_23 = -gain_3_2*x62
-    del x62
     sensitivity_3_24 = -gain_3_3*x63
-    del x63
     sensitivity_3_25 = -gain_3_3*x54
-    del x54
     sensitivity_3_26 = -gain_3_3*x64
-    del x64
     sensitivity_3_27 = turn_3_1
-    del turn_3_1
     sensitivity_3_28 = turn_3_2
-    del turn_3_2
     sensitivity_3_29 = turn_3_3
-    del turn_3_3
     sensitivity_3_30 = by_guide_3_3_1 - gain_3_1*x65 - gain_3_2*x66 - gain_3_3*x67
-    del by_guide_3_3_1, x65, x66, x67
+    del x114, x59, x60, x61, x49, x62, x63, x54, x64, turn_3_1, turn_3_2, turn_3_3, by_guide_3_3_1, x65, x66, x67
     sensitivity_3_31 = by_guide_3_3_2 - gain_3_1*x68 - gain_3_2*x69 - gain_3_3*x70
-    del by_guide_3_3_2, x68, x69, x70
     sensitivity_3_32 = by_guide_3_3_3 - gain_3_1*x71 - gain_3_2*x72 - gain_3_3*x73
-    del by_guide_3_3_3, x71, x72, x73
     sensitivity_3_33 = by_guide_3_3_4 - gain_3_1*x74 - gain_3_2*x75 - gain_3_3*x76
-    del by_guide_3_3_4, x74, x75, x76
     sensitivity_3_34 = by_guide_3_3_5 - gain_3_1*x77 - gain_3_2*x78 - gain_3_3*x79
-    del by_guide_3_3_5, x77, x78, x79
+    del by_guide_3_3_2, x68, x69, x70, by_guide_3_3_3, x71, x72, x73, by_guide_3_3_4, x74, x75, x76, by_guide_3_3_5, x77, x78, x79
     sensitivity_3_35 = by_guide_3_3_6 - gain_3_1*x80 - gain_3_2*x81 - gain_3_3*x82
-    del by_guide_3_3_6, x80, x81, x82
     sensitivity_3_36 = by_guide_3_3_7 - gain_3_1*x83 - gain_3_2*x84 - gain_3_3*x85
-    del by_guide_3_3_7, x83, x84, x85
     sensitivity_3_37 = by_guide_3_3_8 - gain_3_1*x86 - gain_3_2*x87 - gain_3_3*x88
-    del by_guide_3_3_8, x86, x87, x88
     sensitivity_3_38 = by_guide_3_3_9 - gain_3_1*x89 - gain_3_2*x90 - gain_3_3*x91
-    del by_guide_3_3_9, x89, x90, x91
+    del by_guide_3_3_6, x80, x81, x82, by_guide_3_3_7, x83, x84, x85, by_guide_3_3_8, x86, x87, x88, by_guide_3_3_9, x89, x90, x91
     sensitivity_3_39 = by_guide_3_3_10 - gain_3_1*x92 - gain_3_2*x93 - gain_3_3*x94
-    del by_guide_3_3_10, x92, x93, x94
     sensitivity_3_40 = by_guide_3_3_11 - gain_3_1*x95 - gain_3_2*x96 - gain_3_3*x97
-    del by_guide_3_3_11, x95, x96, x97
     sensitivity_3_41 = by_guide_3_3_12 - gain_3_1*x98 - gain_3_2*x99 - gain_3_3*x100
-    del by_guide_3_3_12, x100, x98, x99
     sensitivity_3_42 = by_guide_3_3_13 - gain_3_1*x101 - gain_3_2*x102 - gain_3_3*x103
-    del by_guide_3_3_13, x101, x102, x103
+    del by_guide_3_3_10, x92, x93, x94, by_guide_3_3_11, x95, x96, x97, by_guide_3_3_12, x100, x98, x99, by_guide_3_3_13, x101, x102, x103
     sensitivity_3_43 = by_guide_3_3_14 - gain_3_1*x104 - gain_3_2*x105 - gain_3_3*x106
-    del by_guide_3_3_14, gain_3_1, gain_3_2, gain_3_3, x104, x105, x106
     regularity = det/(size_0*size_1*size_2)
-    del det, size_0, size_1, size_2
     return (place_1, place_2, place_3, rods_1, rods_2, rods_3, sensitivity_1_1, sensitivity_1_2, sensitivity_1_3, sensitivity_1_4, sensitivity_1_5, sensitivity_1_6, sensitivity_1_7, sensitivity_1_8, sensitivity_1_9, sensitivity_1_10, sensitivity_1_11, sensitivity_1_12, sensitivity_1_13, sensitivity_1_14, sensitivity_1_15, sensitivity_1_16, sensitivity_1_17, sensitivity_1_18, sensitivity_1_19, sensitivity_1_20, sensitivity_1_21, sensitivity_1_22, sensitivity_1_23, sensitivity_1_24, sensitivity_1_25, sensitivity_1_26, sensitivity_1_27, sensitivity_1_28, sensitivity_1_29, sensitivity_1_30, sensitivity_1_31, sensitivity_1_32, sensitivity_1_33, sensitivity_1_34, sensitivity_1_35, sensitivity_1_36, sensitivity_1_37, sensitivity_1_38, sensitivity_1_39, sensitivity_1_40, sensitivity_1_41, sensitivity_1_42, sensitivity_1_43, sensitivity_2_1, sensitivity_2_2, sensitivity_2_3, sensitivity_2_4, sensitivity_2_5, sensitivity_2_6, sensitivity_2_7, sensitivity_2_8, sensitivity_2_9, sensitivity_2_10, sensitivity_2_11, sensitivity_2_12, sensitivity_2_13, sensitivity_2_14, sensitivity_2_15, sensitivity_2_16, sensitivity_2_17, sensitivity_2_18, sensitivity_2_19, sensitivity_2_20, sensitivity_2_21, sensitivity_2_22, sensitivity_2_23, sensitivity_2_24, sensitivity_2_25, sensitivity_2_26, sensitivity_2_27, sensitivity_2_28, sensitivity_2_29, sensitivity_2_30, sensitivity_2_31, sensitivity_2_32, sensitivity_2_33, sensitivity_2_34, sensitivity_2_35, sensitivity_2_36, sensitivity_2_37, sensitivity_2_38, sensitivity_2_39, sensitivity_2_40, sensitivity_2_41, sensitivity_2_42, sensitivity_2_43, sensitivity_3_1, sensitivity_3_2, sensitivity_3_3, sensitivity_3_4, sensitivity_3_5, sensitivity_3_6, sensitivity_3_7, sensitivity_3_8, sensitivity_3_9, sensitivity_3_10, sensitivity_3_11, sensitivity_3_12, sensitivity_3_13, sensitivity_3_14, sensitivity_3_15, sensitivity_3_16, sensitivity_3_17, sensitivity_3_18, sensitivity_3_19, sensitivity_3_20, sensitivity_3_21, sensitivity_3_22, sensitivity_3_23, sensitivity_3_24, sensitivity_3_25, sensitivity_3_26, sensitivity_3_27, sensitivity_3_28, sensitivity_3_29, sensitivity_3_30, sensitivity_3_31, sensitivity_3_32, sensitivity_3_33, sensitivity_3_34, sensitivity_3_35, sensitivity_3_36, sensitivity_3_37, sensitivity_3_38, sensitivity_3_39, sensitivity_3_40, sensitivity_3_41, sensitivity_3_42, sensitivity_3_43, regularity)
 
 
@@ -842,18 +662,12 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     x7 = x1*x6
     mount_2_1 = x3*x7 + x5
     x8 = x2*x6
-    del x2
     x52 = x1*x4
-    del x1
     mount_2_2 = x52 - x3*x8
     mount_2_3 = -x0*x6
-    del x6
     mount_3_1 = x8 - x3*x52
-    del x52, x8
     mount_3_2 = x3*x5 + x7
-    del x3, x5, x7
     mount_3_3 = x0*x4
-    del x0, x4
     x9 = xp.cos(guide_11)
     x10 = xp.cos(guide_7)
     x11 = x10*x9
@@ -867,38 +681,26 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     inner_1_1 = x11 + x12*x15
     d_inner_1_1_d_pose_1 = d_x12_d_pose_1*x15
     x16 = x54
-    del x54
     d_x16_d_pose_1 = -x53
-    del x53
     inner_1_2 = -x14*x16
     d_inner_1_2_d_pose_1 = -d_x16_d_pose_1*x14
     x17 = x10*x13
     x55 = x14*x9
     inner_1_3 = x17 - x12*x55
     d_inner_1_3_d_pose_1 = -d_x12_d_pose_1*x55
-    del x55
     inner_2_1 = x14*x9 - x12*x17
-    del x14
     d_inner_2_1_d_pose_1 = -d_x12_d_pose_1*x17
-    del x17
     inner_2_2 = x10*x16
     d_inner_2_2_d_pose_1 = d_x16_d_pose_1*x10
-    del x10
+    del x2, x1, x6, x52, x8, x3, x5, x7, x0, x4, x54, x53, x55, x14, x17, x10
     inner_2_3 = x11*x12 + x15
-    del x15
     d_inner_2_3_d_pose_1 = d_x12_d_pose_1*x11
-    del x11
     inner_3_1 = -x13*x16
     d_inner_3_1_d_pose_1 = -d_x16_d_pose_1*x13
-    del x13
     inner_3_2 = -x12
-    del x12
     d_inner_3_2_d_pose_1 = -d_x12_d_pose_1
-    del d_x12_d_pose_1
     inner_3_3 = x16*x9
-    del x16
     d_inner_3_3_d_pose_1 = d_x16_d_pose_1*x9
-    del d_x16_d_pose_1, x9
     x18 = xp.cos(guide_5)
     x56 = xp.cos(pose_2)
     x19 = x56
@@ -909,9 +711,7 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     x20 = xp.sin(guide_5)
     outer_1_2 = -x20
     x21 = x57
-    del x57
     d_x21_d_pose_2 = x56
-    del x56
     outer_1_3 = x18*x21
     d_outer_1_3_d_pose_2 = d_x21_d_pose_2*x18
     x22 = xp.sin(guide_4)
@@ -924,25 +724,17 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     d_outer_2_1_d_pose_2 = d_x23_d_pose_2 + d_x25_d_pose_2*x20
     outer_2_2 = x18*x24
     x26 = x19*x22
-    del x19
     d_x26_d_pose_2 = d_x19_d_pose_2*x22
-    del d_x19_d_pose_2
     x58 = x21*x24
-    del x21
     outer_2_3 = x20*x58 - x26
     x59 = d_x21_d_pose_2*x24
-    del d_x21_d_pose_2, x24
     d_outer_2_3_d_pose_2 = x20*x59 - d_x26_d_pose_2
     outer_3_1 = x20*x26 - x58
-    del x26, x58
+    del x15, x11, x13, x12, d_x12_d_pose_1, x16, d_x16_d_pose_1, x9, x57, x56, x19, d_x19_d_pose_2, x21, d_x21_d_pose_2, x24, x26, x58
     d_outer_3_1_d_pose_2 = d_x26_d_pose_2*x20 - x59
-    del d_x26_d_pose_2, x59
     outer_3_2 = x18*x22
-    del x18, x22
     outer_3_3 = x20*x23 + x25
-    del x23, x25
     d_outer_3_3_d_pose_2 = d_x23_d_pose_2*x20 + d_x25_d_pose_2
-    del d_x23_d_pose_2, d_x25_d_pose_2, x20
     x27 = guide_8 + mount_1_1*moving_1_1 + mount_1_2*moving_1_2 + mount_1_3*moving_1_3
     x28 = guide_9 + mount_2_1*moving_1_1 + mount_2_2*moving_1_2 + mount_2_3*moving_1_3
     x29 = guide_10 + pose_3
@@ -953,7 +745,6 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     d_x32_d_pose_1 = d_inner_2_1_d_pose_1*x27 + d_inner_2_2_d_pose_1*x28 + d_inner_2_3_d_pose_1*x30
     x33 = guide_6 + inner_3_1*x27 + inner_3_2*x28 + inner_3_3*x30
     d_x33_d_pose_1 = d_inner_3_1_d_pose_1*x27 + d_inner_3_2_d_pose_1*x28 + d_inner_3_3_d_pose_1*x30
-    del x27, x28, x30
     leg_0_1 = guide_1 + outer_1_1*x31 + outer_1_2*x32 + outer_1_3*x33 - fixed_1_1
     d_leg_0_1_d_pose_1 = d_x31_d_pose_1*outer_1_1 + d_x32_d_pose_1*outer_1_2 + d_x33_d_pose_1*outer_1_3
     d_leg_0_1_d_pose_2 = d_outer_1_1_d_pose_2*x31 + d_outer_1_3_d_pose_2*x33
@@ -965,11 +756,9 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     x61 = inner_1_3*outer_2_1 + inner_2_3*outer_2_2 + inner_3_3*outer_2_3
     d_leg_0_2_d_pose_3 = x61
     leg_0_3 = guide_3 + outer_3_1*x31 + outer_3_2*x32 + outer_3_3*x33 - fixed_1_3
-    del x32
     d_leg_0_3_d_pose_1 = d_x31_d_pose_1*outer_3_1 + d_x32_d_pose_1*outer_3_2 + d_x33_d_pose_1*outer_3_3
-    del d_x31_d_pose_1, d_x32_d_pose_1, d_x33_d_pose_1
+    del d_x26_d_pose_2, x59, x18, x22, x23, x25, d_x23_d_pose_2, d_x25_d_pose_2, x20, x27, x28, x30, x32, d_x31_d_pose_1, d_x32_d_pose_1, d_x33_d_pose_1
     d_leg_0_3_d_pose_2 = d_outer_3_1_d_pose_2*x31 + d_outer_3_3_d_pose_2*x33
-    del x31, x33
     x62 = inner_1_3*outer_3_1 + inner_2_3*outer_3_2 + inner_3_3*outer_3_3
     d_leg_0_3_d_pose_3 = x62
     x34 = guide_8 + mount_1_1*moving_2_1 + mount_1_2*moving_2_2 + mount_1_3*moving_2_3
@@ -981,7 +770,6 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     d_x38_d_pose_1 = d_inner_2_1_d_pose_1*x34 + d_inner_2_2_d_pose_1*x35 + d_inner_2_3_d_pose_1*x36
     x39 = guide_6 + inner_3_1*x34 + inner_3_2*x35 + inner_3_3*x36
     d_x39_d_pose_1 = d_inner_3_1_d_pose_1*x34 + d_inner_3_2_d_pose_1*x35 + d_inner_3_3_d_pose_1*x36
-    del x34, x35, x36
     leg_1_1 = guide_1 + outer_1_1*x37 + outer_1_2*x38 + outer_1_3*x39 - fixed_2_1
     d_leg_1_1_d_pose_1 = d_x37_d_pose_1*outer_1_1 + d_x38_d_pose_1*outer_1_2 + d_x39_d_pose_1*outer_1_3
     d_leg_1_1_d_pose_2 = d_outer_1_1_d_pose_2*x37 + d_outer_1_3_d_pose_2*x39
@@ -991,11 +779,8 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     d_leg_1_2_d_pose_2 = d_outer_2_1_d_pose_2*x37 + d_outer_2_3_d_pose_2*x39
     d_leg_1_2_d_pose_3 = x61
     leg_1_3 = guide_3 + outer_3_1*x37 + outer_3_2*x38 + outer_3_3*x39 - fixed_2_3
-    del x38
     d_leg_1_3_d_pose_1 = d_x37_d_pose_1*outer_3_1 + d_x38_d_pose_1*outer_3_2 + d_x39_d_pose_1*outer_3_3
-    del d_x37_d_pose_1, d_x38_d_pose_1, d_x39_d_pose_1
     d_leg_1_3_d_pose_2 = d_outer_3_1_d_pose_2*x37 + d_outer_3_3_d_pose_2*x39
-    del x37, x39
     d_leg_1_3_d_pose_3 = x62
     x40 = guide_8 + mount_1_1*moving_3_1 + mount_1_2*moving_3_2 + mount_1_3*moving_3_3
     x41 = guide_9 + mount_2_1*moving_3_1 + mount_2_2*moving_3_2 + mount_2_3*moving_3_3
@@ -1006,7 +791,6 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     d_x44_d_pose_1 = d_inner_2_1_d_pose_1*x40 + d_inner_2_2_d_pose_1*x41 + d_inner_2_3_d_pose_1*x42
     x45 = guide_6 + inner_3_1*x40 + inner_3_2*x41 + inner_3_3*x42
     d_x45_d_pose_1 = d_inner_3_1_d_pose_1*x40 + d_inner_3_2_d_pose_1*x41 + d_inner_3_3_d_pose_1*x42
-    del x40, x41, x42
     leg_2_1 = guide_1 + outer_1_1*x43 + outer_1_2*x44 + outer_1_3*x45 - fixed_3_1
     d_leg_2_1_d_pose_1 = d_x43_d_pose_1*outer_1_1 + d_x44_d_pose_1*outer_1_2 + d_x45_d_pose_1*outer_1_3
     d_leg_2_1_d_pose_2 = d_outer_1_1_d_pose_2*x43 + d_outer_1_3_d_pose_2*x45
@@ -1016,109 +800,67 @@ def _tricept_closure(xp, pose_1, pose_2, pose_3, rods_1, rods_2, rods_3, fixed_1
     d_leg_2_2_d_pose_2 = d_outer_2_1_d_pose_2*x43 + d_outer_2_3_d_pose_2*x45
     d_leg_2_2_d_pose_3 = x61
     leg_2_3 = guide_3 + outer_3_1*x43 + outer_3_2*x44 + outer_3_3*x45 - fixed_3_3
-    del x44
     d_leg_2_3_d_pose_1 = d_x43_d_pose_1*outer_3_1 + d_x44_d_pose_1*outer_3_2 + d_x45_d_pose_1*outer_3_3
-    del d_x43_d_pose_1, d_x44_d_pose_1, d_x45_d_pose_1
+    del x31, x33, x34, x35, x36, x38, d_x37_d_pose_1, d_x38_d_pose_1, d_x39_d_pose_1, x37, x39, x40, x41, x42, x44, d_x43_d_pose_1, d_x44_d_pose_1, d_x45_d_pose_1
     d_leg_2_3_d_pose_2 = d_outer_3_1_d_pose_2*x43 + d_outer_3_3_d_pose_2*x45
-    del x43, x45
     d_leg_2_3_d_pose_3 = x62
     residual_1 = 0.5*(leg_0_1*leg_0_1) + 0.5*(leg_0_2*leg_0_2) + 0.5*(leg_0_3*leg_0_3) - 0.5*(rods_1*rods_1)
     d_residual_1_d_pose_1 = d_leg_0_1_d_pose_1*leg_0_1 + d_leg_0_2_d_pose_1*leg_0_2 + d_leg_0_3_d_pose_1*leg_0_3
-    del d_leg_0_1_d_pose_1, d_leg_0_2_d_pose_1, d_leg_0_3_d_pose_1
     d_residual_1_d_pose_2 = d_leg_0_1_d_pose_2*leg_0_1 + d_leg_0_2_d_pose_2*leg_0_2 + d_leg_0_3_d_pose_2*leg_0_3
-    del d_leg_0_1_d_pose_2, d_leg_0_2_d_pose_2, d_leg_0_3_d_pose_2
     d_residual_1_d_pose_3 = d_leg_0_1_d_pose_3*leg_0_1 + d_leg_0_2_d_pose_3*leg_0_2 + d_leg_0_3_d_pose_3*leg_0_3
-    del d_leg_0_1_d_pose_3, d_leg_0_2_d_pose_3, d_leg_0_3_d_pose_3, leg_0_1, leg_0_2, leg_0_3
     residual_2 = 0.5*(leg_1_1*leg_1_1) + 0.5*(leg_1_2*leg_1_2) + 0.5*(leg_1_3*leg_1_3) - 0.5*(rods_2*rods_2)
     d_residual_2_d_pose_1 = d_leg_1_1_d_pose_1*leg_1_1 + d_leg_1_2_d_pose_1*leg_1_2 + d_leg_1_3_d_pose_1*leg_1_3
-    del d_leg_1_1_d_pose_1, d_leg_1_2_d_pose_1, d_leg_1_3_d_pose_1
+    del x43, x45, d_leg_0_1_d_pose_1, d_leg_0_2_d_pose_1, d_leg_0_3_d_pose_1, d_leg_0_1_d_pose_2, d_leg_0_2_d_pose_2, d_leg_0_3_d_pose_2, d_leg_0_1_d_pose_3, d_leg_0_2_d_pose_3, d_leg_0_3_d_pose_3, leg_0_1, leg_0_2, leg_0_3, d_leg_1_1_d_pose_1, d_leg_1_2_d_pose_1, d_leg_1_3_d_pose_1
     d_residual_2_d_pose_2 = d_leg_1_1_d_pose_2*leg_1_1 + d_leg_1_2_d_pose_2*leg_1_2 + d_leg_1_3_d_pose_2*leg_1_3
-    del d_leg_1_1_d_pose_2, d_leg_1_2_d_pose_2, d_leg_1_3_d_pose_2
     d_residual_2_d_pose_3 = d_leg_1_1_d_pose_3*leg_1_1 + d_leg_1_2_d_pose_3*leg_1_2 + d_leg_1_3_d_pose_3*leg_1_3
-    del d_leg_1_1_d_pose_3, d_leg_1_2_d_pose_3, d_leg_1_3_d_pose_3, leg_1_1, leg_1_2, leg_1_3
     residual_3 = 0.5*(leg_2_1*leg_2_1) + 0.5*(leg_2_2*leg_2_2) + 0.5*(leg_2_3*leg_2_3) - 0.5*(rods_3*rods_3)
     d_residual_3_d_pose_1 = d_leg_2_1_d_pose_1*leg_2_1 + d_leg_2_2_d_pose_1*leg_2_2 + d_leg_2_3_d_pose_1*leg_2_3
-    del d_leg_2_1_d_pose_1, d_leg_2_2_d_pose_1, d_leg_2_3_d_pose_1
     d_residual_3_d_pose_2 = d_leg_2_1_d_pose_2*leg_2_1 + d_leg_2_2_d_pose_2*leg_2_2 + d_leg_2_3_d_pose_2*leg_2_3
-    del d_leg_2_1_d_pose_2, d_leg_2_2_d_pose_2, d_leg_2_3_d_pose_2
     d_residual_3_d_pose_3 = d_leg_2_1_d_pose_3*leg_2_1 + d_leg_2_2_d_pose_3*leg_2_2 + d_leg_2_3_d_pose_3*leg_2_3
-    del d_leg_2_1_d_pose_3, d_leg_2_2_d_pose_3, d_leg_2_3_d_pose_3, leg_2_1, leg_2_2, leg_2_3
+    del d_leg_1_1_d_pose_2, d_leg_1_2_d_pose_2, d_leg_1_3_d_pose_2, d_leg_1_1_d_pose_3, d_leg_1_2_d_pose_3, d_leg_1_3_d_pose_3, leg_1_1, leg_1_2, leg_1_3, d_leg_2_1_d_pose_1, d_leg_2_2_d_pose_1, d_leg_2_3_d_pose_1, d_leg_2_1_d_pose_2, d_leg_2_2_d_pose_2, d_leg_2_3_d_pose_2, d_leg_2_1_d_pose_3, d_leg_2_2_d_pose_3, d_leg_2_3_d_pose_3, leg_2_1, leg_2_2, leg_2_3
     x46 = guide_8 + mount_1_1*tool_1 + mount_1_2*tool_2 + mount_1_3*tool_3
-    del mount_1_1, mount_1_2, mount_1_3
     x47 = guide_9 + mount_2_1*tool_1 + mount_2_2*tool_2 + mount_2_3*tool_3
-    del mount_2_1, mount_2_2, mount_2_3
     x48 = mount_3_1*tool_1 + mount_3_2*tool_2 + mount_3_3*tool_3 + x29
-    del mount_3_1, mount_3_2, mount_3_3, x29
     x49 = inner_1_1*x46 + inner_1_2*x47 + inner_1_3*x48
-    del inner_1_1, inner_1_2, inner_1_3
     d_x49_d_pose_1 = d_inner_1_1_d_pose_1*x46 + d_inner_1_2_d_pose_1*x47 + d_inner_1_3_d_pose_1*x48
-    del d_inner_1_1_d_pose_1, d_inner_1_2_d_pose_1, d_inner_1_3_d_pose_1
+    del mount_1_1, mount_1_2, mount_1_3, mount_2_1, mount_2_2, mount_2_3, mount_3_1, mount_3_2, mount_3_3, x29, inner_1_1, inner_1_2, inner_1_3, d_inner_1_1_d_pose_1, d_inner_1_2_d_pose_1, d_inner_1_3_d_pose_1
     x50 = inner_2_1*x46 + inner_2_2*x47 + inner_2_3*x48
-    del inner_2_1, inner_2_2, inner_2_3
     d_x50_d_pose_1 = d_inner_2_1_d_pose_1*x46 + d_inner_2_2_d_pose_1*x47 + d_inner_2_3_d_pose_1*x48
-    del d_inner_2_1_d_pose_1, d_inner_2_2_d_pose_1, d_inner_2_3_d_pose_1
     x51 = guide_6 + inner_3_1*x46 + inner_3_2*x47 + inner_3_3*x48
-    del inner_3_1, inner_3_2, inner_3_3
     d_x51_d_pose_1 = d_inner_3_1_d_pose_1*x46 + d_inner_3_2_d_pose_1*x47 + d_inner_3_3_d_pose_1*x48
-    del d_inner_3_1_d_pose_1, d_inner_3_2_d_pose_1, d_inner_3_3_d_pose_1, x46, x47, x48
     place_1 = guide_1 + outer_1_1*x49 + outer_1_2*x50 + outer_1_3*x51
     d_place_1_d_pose_1 = d_x49_d_pose_1*outer_1_1 + d_x50_d_pose_1*outer_1_2 + d_x51_d_pose_1*outer_1_3
-    del outer_1_1, outer_1_2, outer_1_3
+    del inner_2_1, inner_2_2, inner_2_3, d_inner_2_1_d_pose_1, d_inner_2_2_d_pose_1, d_inner_2_3_d_pose_1, inner_3_1, inner_3_2, inner_3_3, d_inner_3_1_d_pose_1, d_inner_3_2_d_pose_1, d_inner_3_3_d_pose_1, x46, x47, x48, outer_1_1, outer_1_2, outer_1_3
     d_place_1_d_pose_2 = d_outer_1_1_d_pose_2*x49 + d_outer_1_3_d_pose_2*x51
-    del d_outer_1_1_d_pose_2, d_outer_1_3_d_pose_2
     d_place_1_d_pose_3 = x60
-    del x60
     place_2 = guide_2 + outer_2_1*x49 + outer_2_2*x50 + outer_2_3*x51
     d_place_2_d_pose_1 = d_x49_d_pose_1*outer_2_1 + d_x50_d_pose_1*outer_2_2 + d_x51_d_pose_1*outer_2_3
-    del outer_2_1, outer_2_2, outer_2_3
     d_place_2_d_pose_2 = d_outer_2_1_d_pose_2*x49 + d_outer_2_3_d_pose_2*x51
-    del d_outer_2_1_d_pose_2, d_outer_2_3_d_pose_2
     d_place_2_d_pose_3 = x61
-    del x61
     place_3 = guide_3 + outer_3_1*x49 + outer_3_2*x50 + outer_3_3*x51
-    del x50
     d_place_3_d_pose_1 = d_x49_d_pose_1*outer_3_1 + d_x50_d_pose_1*outer_3_2 + d_x51_d_pose_1*outer_3_3
-    del d_x49_d_pose_1, d_x50_d_pose_1, d_x51_d_pose_1, outer_3_1, outer_3_2, outer_3_3
+    del d_outer_1_1_d_pose_2, d_outer_1_3_d_pose_2, x60, outer_2_1, outer_2_2, outer_2_3, d_outer_2_1_d_pose_2, d_outer_2_3_d_pose_2, x61, x50, d_x49_d_pose_1, d_x50_d_pose_1, d_x51_d_pose_1, outer_3_1, outer_3_2, outer_3_3
     d_place_3_d_pose_2 = d_outer_3_1_d_pose_2*x49 + d_outer_3_3_d_pose_2*x51
-    del d_outer_3_1_d_pose_2, d_outer_3_3_d_pose_2, x49, x51
     d_place_3_d_pose_3 = x62
-    del x62
     residual_jacobian_1_1 = d_residual_1_d_pose_1
-    del d_residual_1_d_pose_1
     residual_jacobian_1_2 = d_residual_1_d_pose_2
-    del d_residual_1_d_pose_2
     residual_jacobian_1_3 = d_residual_1_d_pose_3
-    del d_residual_1_d_pose_3
     residual_jacobian_2_1 = d_residual_2_d_pose_1
-    del d_residual_2_d_pose_1
     residual_jacobian_2_2 = d_residual_2_d_pose_2
-    del d_residual_2_d_pose_2
     residual_jacobian_2_3 = d_residual_2_d_pose_3
-    del d_residual_2_d_pose_3
     residual_jacobian_3_1 = d_residual_3_d_pose_1
-    del d_residual_3_d_pose_1
     residual_jacobian_3_2 = d_residual_3_d_pose_2
-    del d_residual_3_d_pose_2
     residual_jacobian_3_3 = d_residual_3_d_pose_3
-    del d_residual_3_d_pose_3
     place_jacobian_1_1 = d_place_1_d_pose_1
-    del d_place_1_d_pose_1
     place_jacobian_1_2 = d_place_1_d_pose_2
-    del d_place_1_d_pose_2
+    del d_outer_3_1_d_pose_2, d_outer_3_3_d_pose_2, x49, x51, x62, d_residual_1_d_pose_1, d_residual_1_d_pose_2, d_residual_1_d_pose_3, d_residual_2_d_pose_1, d_residual_2_d_pose_2, d_residual_2_d_pose_3, d_residual_3_d_pose_1, d_residual_3_d_pose_2, d_residual_3_d_pose_3, d_place_1_d_pose_1, d_place_1_d_pose_2
     place_jacobian_1_3 = d_place_1_d_pose_3
-    del d_place_1_d_pose_3
     place_jacobian_2_1 = d_place_2_d_pose_1
-    del d_place_2_d_pose_1
     place_jacobian_2_2 = d_place_2_d_pose_2
-    del d_place_2_d_pose_2
     place_jacobian_2_3 = d_place_2_d_pose_3
-    del d_place_2_d_pose_3
     place_jacobian_3_1 = d_place_3_d_pose_1
-    del d_place_3_d_pose_1
     place_jacobian_3_2 = d_place_3_d_pose_2
-    del d_place_3_d_pose_2
     place_jacobian_3_3 = d_place_3_d_pose_3
-    del d_place_3_d_pose_3
     return (residual_1, residual_2, residual_3, place_1, place_2, place_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, place_jacobian_1_1, place_jacobian_1_2, place_jacobian_1_3, place_jacobian_2_1, place_jacobian_2_2, place_jacobian_2_3, place_jacobian_3_1, place_jacobian_3_2, place_jacobian_3_3)
 
 
@@ -1269,7 +1011,6 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x89 = tool_3*x61
     x90 = x65*x89
     x91 = x40 + x52 + x88 + x90 - x46
-    del x52
     x92 = x19*x26
     x93 = 4.0*x92/3.0
     numerator_1_2_1 = -x93*(x72 + x76 + x78 + x86 + x91 - x80 - x82)
@@ -1284,25 +1025,20 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x103 = x102*x73
     x104 = tool_3*x101 + x100*x70 + x19*x81 + x29*x98 - tool_3*x103
     numerator_1_2_2 = -x60*(R*x94 + tool_1*x29 + x104 + x40*x47 + x53 - x48 - x50 - x55 - x58 - x95 - x96)
-    del x53, x58
     x105 = 2.0*s_beta
     x106 = x31*x98
     x107 = tool_2*x34
     x108 = c_beta*s_beta
     x109 = x103 + x105*x106 + x107*x108*x70 + x30*x74 - x101
-    del x101
     numerator_1_2_3 = x60*(x109 + x67)
-    del x67
     x110 = x31*x68
     numerator_1_2_4 = x110
     numerator_1_2_5 = 0.0
     x111 = x83 - x85
     numerator_1_3_1 = -x93*(x111 + x80 + x82 + x91 - x72 - x76 - x78)
-    del x72, x76, x78, x80, x82, x91
     numerator_1_3_2 = -x60*(2.0*R*r*x0*x8 + 2.0*R*r*x6*x8 + c_alpha*r*tool_1*x8 - x104 - x59 - x95 - x96)
-    del x104, x59, x95, x96
     numerator_1_3_3 = x60*(c_beta*r*s_beta*x0 + 2.0*c_beta*tool_3*x0 + x66 - x109 - x62 - x63)
-    del x109
+    del x52, x53, x58, x101, x67, x72, x76, x78, x80, x82, x91, x104, x59, x95, x96, x109
     numerator_1_3_4 = x110
     numerator_1_3_5 = 0.0
     x113 = (r*r)
@@ -1339,7 +1075,6 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x144 = 2.0*x26
     x145 = r*x144
     numerator_1_4_1 = x145*(R*c_alpha*c_beta*tool_2*x2*x8 + R*c_alpha*tool_1*x1*x6 + 2.0*R*c_alpha*tool_3*x115*x6 + R*c_beta*tool_1*x0*x1 + R*tool_1*x1*x9 + 2.0*c_alpha*c_beta*r*tool_3*x6*x8 + c_alpha*c_beta*s_beta*x113*x6 + 2.0*c_beta*r*tool_2*x2 + 2.0*c_beta*r*tool_3*x8*x9 + 2.0*r*s_beta*tool_1*x6 + 2.0*r*tool_3*x6*x8 + x0*x1*x113 - c_alpha*x120 - tool_3*x128*x8 - x102*x35 - x114*x116 - x118*x30 - x122*x126 - x122*x6*x75 - x123*x125*x8 - x123*x134*x24 - x130 - x133*x61 - x136*x31 - x143)
-    del x122
     x146 = x14*x28
     x147 = x124*x47
     x148 = c_alpha*x22
@@ -1359,13 +1094,11 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x162 = c_alpha*x131
     x163 = R*x29
     x164 = c_beta*x48
-    del x48
     x165 = s_beta*x114
     x166 = x0*x131
     x167 = x166*x87
     x169 = s_beta*x0
     numerator_1_4_2 = x144*(R*x162*x34 + c_alpha*x50 + c_beta*x50 + tool_1*x146 + tool_1*x152 + x115*x169*x22*x56 + x116*x165 + 5.0*x150 + x155*x4 + x156*x157*x56 + x158*x19 + 2.0*x160 + 2.0*x161 + x164 - c_beta*x147*x87 - s_beta*x10*x116 - x113*x14*x34 - x132*x87 - x149 - x151*x28 - x153*x40 - x153*x42 - x154 - 8.0*x159 - x163*x34 - x167 - 5.0*x19*x4)
-    del x153, x50
     x170 = 2.0*x0
     x171 = x19*x9
     x172 = c_beta*x171
@@ -1379,7 +1112,6 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x180 = 2.0*x3
     x181 = s_alpha*x180
     x182 = c_beta*x62 + x172 + x173*x23 + x175*x34 + x176*x19 + x178*x8 + x181*x45 + 2.0*x51 - x115*x174 - x119 - x170*x5 - x177 - x179 - x23*x31
-    del x62
     numerator_1_4_3 = x144*x182
     x183 = x26*x31
     x184 = 4.0*x183
@@ -1401,12 +1133,10 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x198 = tool_3*x162
     x199 = tool_3*x29
     x200 = c_alpha*x119
-    del x119
     x201 = r*x31
     x202 = x113*x134
     x203 = x136*x14
     numerator_1_5_1 = -x145*(c_beta*x187 + r*x121*x126 + tool_3*x125*x28 + x1*x195 + x11*x131 + x117*x191 + x121*x38*x75 + x123*x176 + x131*x193 + x15*x198 + x189 + x199*x34 + x202*x61 + x23*x40 + x77*x94 - R*x21 - tool_1*x192 - tool_1*x200 - x114*x146 - x136 - x141 - x175*x201 - x185*x24 - x190 - x197 - x198*x34 - x203 - x54)
-    del x136, x146, x175, x176, x21, x24
     x204 = x1*x22
     x205 = s_beta*x113
     x206 = x113*x6
@@ -1418,27 +1148,23 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x212 = x0*x87
     x213 = x10*x47
     x214 = 8.0*x183
-    del x183
     x215 = R*x31
     numerator_1_5_2 = x47*(2.0*R*c_alpha*c_beta*r*s_beta*tool_2*x2 + 2.0*R*c_alpha*r*tool_1*x6*x8 + 2.0*R*c_alpha*x113*x115*x6 + 4.0*R*c_beta*r*s_alpha*s_beta*tool_2*x9 + 2.0*R*c_beta*r*tool_1*x0*x8 + 2.0*R*c_beta*r*tool_1*x6*x8 + 4.0*R*r*s_alpha*s_beta*tool_2*x0*x115 + 2.0*R*r*s_beta*tool_2*x115*x2 + 2.0*R*r*tool_1*x8*x9 + R*x113*x121*x9 + 2.0*c_alpha*c_beta*s_beta*tool_3*x113*x6 + c_alpha*c_beta*tool_1*x113*x8 + c_beta*s_beta*tool_3*x113*x9 + 4.0*c_beta*s_beta*tool_3*x26*x9 + 2.0*r*x0*x26*x8 + 2.0*r*x26*x6*x8 - s_beta*x131*x213 - s_beta*x209*x4 - tool_1*x161 - tool_1*x211 - tool_3*x207 - x102*x208 - x113*x115*x212 - x113*x46 - x125*x135*x19 - x15*x194*x56 - x161*x215 - x194*x204 - x202*x87 - x205*x4 - x209*x46 - x210*x47 - x214*x57)
-    del x121, x125, x4
+    del x122, x48, x153, x50, x62, x119, x136, x146, x175, x176, x21, x24, x183, x121, x125, x4
     x216 = R*c_alpha
     x217 = x1*x216
     x218 = r*x47
     numerator_1_5_3 = x218*(s_beta*x215*x34 + x1*x151 + x117*x30 + x158 + x182 + x217*x34 + x25 - x13 - x140 - x178 - x18)
-    del x13, x158, x18, x182, x25
     x219 = c_beta*r
     x220 = x219*x9
     x221 = 2.0*x46
     x222 = x15*x30
     numerator_1_5_4 = -x56*(c_alpha*c_beta*r*x6*x8 + c_beta*r*x8*x9 + 2.0*c_beta*s_beta*tool_3*x9 + r*x0*x115 + r*x6*x8 - s_beta*x178 - x220 - x221 - x222 - 4.0*x31*x57 - x39)
-    del x39
     x223 = s_beta*x127
     numerator_1_5_5 = -8.0*c_beta*x223
     x224 = x16*x61
     x225 = x181*x61
     x226 = s_beta*x32 - x225
-    del x32
     numerator_2_1_1 = s_alpha*x27*(x105*x22 + x226 + x29 - x224 - 3.0*x99)
     x227 = c_alpha*x16
     x228 = x0*x135
@@ -1446,9 +1172,7 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x230 = R*x229
     x231 = x0*x47
     numerator_2_1_2 = c_beta*s_alpha*x60*(r*x227 + x148*x47 + x19*x231 + x230 - r*x23 - x228)
-    del x148
     x232 = s_alpha*x102
-    del x102
     numerator_2_1_3 = x232*x68
     numerator_2_1_4 = 0.0
     numerator_2_1_5 = 0.0
@@ -1458,65 +1182,49 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x236 = tool_2*x73
     x237 = x235 + x236*x61 - x212*x70
     numerator_2_2_1 = -x93*(s_alpha*x84 + x107 + x237 + x79 - x233 - x234)
-    del x79
     x238 = c_beta*x19
     x239 = R*x238
     x240 = tool_3*x232
-    del x232
     x241 = s_alpha*x135*x31
     x242 = R*x14
     x243 = x19*x70
     x244 = x235*x242 + x243*x75 + x41*x70 + x43*x70 - x19*x236
-    del x235, x236
     numerator_2_2_2 = x60*(x100 + x107*x242 + x129*x64 + x2*x239 + x244 - x240 - x241)
-    del x100, x107
     x245 = s_alpha*x219
     x246 = x14*x16
     x247 = x246*x70
     x248 = x180*x73
-    del x180
+    del x13, x158, x18, x182, x25, x39, x32, x148, x102, x79, x232, x235, x236, x100, x107, x180
     x249 = c_alpha*x60
     numerator_2_2_3 = -x249*(x245 + x247 - x243 - x248)
     x250 = x110*x70
-    del x110, x70
     numerator_2_2_4 = -x250
     numerator_2_2_5 = 0.0
     numerator_2_3_1 = -x93*(c_alpha*c_beta*tool_2*x6 + c_alpha*r*s_alpha*s_beta + 2.0*tool_2*x6 - x233 - x234 - x237)
-    del x233, x234, x237
     numerator_2_3_2 = x60*(2.0*R*c_alpha*c_beta*tool_2*x6 + 2.0*R*c_beta*r*s_alpha*s_beta*x0 + R*c_beta*r*s_beta*x2 + c_beta*r*tool_2*x6 - x240 - x241 - x244)
-    del x240, x241, x244
     numerator_2_3_3 = -x249*(x243 + x245 + x248 - x247)
-    del x245, x247, x248, x249
     numerator_2_3_4 = x250
-    del x250
     numerator_2_3_5 = 0.0
     x251 = -2.0*c_alpha*c_beta*r*s_alpha*s_beta*tool_2
     x252 = s_alpha*x145
     numerator_2_4_1 = x252*(R*c_beta*s_beta*tool_3*x9 + R*s_beta*tool_3*x0*x115 + 2.0*R*s_beta*tool_3*x0 + R*tool_3*x0*x1 + c_alpha*x113*x8 + c_beta*x113*x6 + 2.0*r*s_alpha*s_beta*tool_2 - R*x115*x22*x61 - x133 - x155*x22 - x19*x227 - x204*x216 - x215*x57 - x251 - x33 - x44)
-    del x133, x44
     x253 = x172*x47
     x254 = c_beta*x34
     x255 = x205*x254
-    del x205
+    del x110, x70, x233, x234, x237, x240, x241, x244, x245, x247, x248, x249, x250, x133, x44, x205
     x256 = x242*x34
     x257 = s_alpha*x144
     numerator_2_4_2 = -x257*(2.0*R*c_beta*tool_3*x9 + 2.0*R*tool_3*x0*x115 + 3.0*c_alpha*c_beta*r*s_alpha*tool_2 + 4.0*c_beta*s_beta*x0*x113 + r*s_alpha*tool_2*x115 + r*s_alpha*tool_2*x8 + x255 - R*x179 - 3.0*tool_3*x201 - x120 - x173*x185 - x177*x47 - x185*x31 - x19*x256 - x190 - x198 - x199 - x253)
-    del x120, x179, x198, x199
     numerator_2_4_3 = -c_alpha*x257*(c_alpha*c_beta*r + 2.0*c_alpha*c_beta*s_beta*tool_3 - x105*x157 - x131 - x28)
-    del x157, x257
     numerator_2_4_4 = -s_alpha*s_beta*x184
-    del x184
     numerator_2_4_5 = 0.0
     x258 = x135*x61
     x259 = x47*x57
     x260 = -x129*x3*x61
-    del x3
     x261 = x31*x47
     x262 = x131*x22
     x263 = tool_3*x118
-    del x118
     numerator_2_5_1 = -x252*(x149 + x159 + x160 + x161 + x202 + x23*x84 + x258 + x260 + x261*x87 + x262*x61 - R*x99 - x150 - x163 - x167 - x174*x19 - x259 - x263)
-    del x149, x150, x159, x163, x252, x87
     x264 = x113*x22
     x265 = tool_3*x194
     x266 = R*x113
@@ -1524,7 +1232,7 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x268 = x115*x264
     x269 = x162*x22
     x270 = x108*x188*x47
-    del x108
+    del x120, x179, x198, x199, x157, x257, x184, x3, x118, x149, x150, x159, x163, x252, x87, x108
     x271 = x254*x92
     x272 = x113*x65
     x273 = R*x272*x61
@@ -1532,137 +1240,104 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     x275 = R*s_beta
     x276 = x116*x169
     numerator_2_5_2 = x129*(R*x207 + tool_3*x194*x8 + x113*x276 + x115*x265 + x14*x264 + x185*x201 + x202*x275 + x209*x77 + x269*x47 + x270 + x273 + x274*x47 - x113*x77 - x135*x166 - x135*x220 - x14*x209*x22 - x209*x64 - x264*x8 - x267*x34 - x268 - x271)
-    del x129, x202, x207, x264
     x277 = x256 + x29 + x45*x47 + x49
-    del x256
     numerator_2_5_3 = -s_alpha*x218*(c_beta*r*x0 + 2.0*s_alpha*s_beta*tool_2 - x162 - x224 - x277)
     numerator_2_5_4 = c_alpha*s_alpha*x56*(x181 + x19 - x246)
-    del x181, x246
     numerator_2_5_5 = -8.0*s_alpha*x215
-    del x215
     x278 = c_beta*x88
-    del x88
     x279 = x134*x224
-    del x224
     x280 = x115*x170
     x281 = x280*x57
     x282 = x28*x31
     x283 = x162*x6
     x284 = x282 - 3.0*x283
     numerator_3_1_1 = x27*(c_beta*x221 + 2.0*x1*x10 + 6.0*x165 + x225 + x278 + x284 - 6.0*tool_1*x65 - x117*x23 - x279 - x281 - x7*x89)
-    del x221, x225, x27, x7
     x285 = x14*x30
     x286 = x114*x8
     x287 = c_alpha*x134
     x288 = x31*x5
     x289 = x115*x126
     x290 = x131*x223 + x135*x287 + x196 + x288*x47 + x289*x47 - x130 - x286*x47
-    del x130, x196, x223
+    del x129, x202, x207, x264, x256, x181, x246, x215, x88, x224, x221, x225, x27, x7, x130, x196, x223
     numerator_3_1_2 = x60*(R*x64 + R*x66 + x143 + x16*x40 + x19*x285 + x290 - 3.0*c_alpha*x230 - x131*x35 - x162*x23)
-    del x143, x16, x230
     numerator_3_1_3 = x68*(s_beta*x174 + x127*x8 + x128 + x134*x216 + x15*x216 + x285 + x40 - x132 - x83)
-    del x174, x285, x83
     numerator_3_1_4 = x169*x69
-    del x69
     numerator_3_1_5 = 0.0
     x291 = x6*x61
     x292 = x291*x98
     x293 = s_beta*x106
-    del x106
     x294 = x14*x81
     x295 = x212*x73
     x296 = c_beta*x73
     x297 = x296*x89
-    del x89
     x298 = x134*x75
     x299 = s_alpha*x71
-    del x71
     x300 = x289 + x298 + x299 + x36 + x63 + x64 - x11 - x288
-    del x36
     numerator_3_2_1 = -x93*(x103 + x292 + x293 + x297 + x300 - x294 - x295)
     x301 = tool_2*x243
-    del x243
     x302 = x301*x6
     x303 = x219*x81
-    del x81
     x304 = R*x166*x73
     x305 = x41*x73
     x306 = x14*x301
-    del x301
     x307 = tool_3*x85
-    del x85
     x308 = x238*x73
-    del x238
+    del x143, x16, x230, x174, x285, x83, x69, x106, x89, x71, x36, x243, x81, x301, x85, x238
     x309 = tool_3*x308
     x310 = tool_3*x132 + x138 + x139 + x142 + x22*x29 + x269 + x290 - tool_3*x40 - x14*x186 - x239*x34 - x47*x64
-    del x138, x139, x142, x186, x239, x269, x290
     numerator_3_2_2 = x60*(x302 + x304 + x305 + x310 - x303 - x306 - x307 - x309)
     x311 = 2.0*x15*x98
     x312 = x280*x98
-    del x98
     x313 = x115*x73
     x314 = x227*x313
     x315 = x227*x74
     x316 = 2.0*x296*x5
-    del x296
     x317 = x115*x151
     x318 = c_alpha*x49 + x132 + x152 + x287*x47 + x317 - 2.0*c_alpha*c_beta*tool_1 - r*x0*x8 - 2.0*s_beta*tool_3*x0
-    del x132, x287
     numerator_3_2_3 = -x60*(x308 + x311 - x111 - x312 - x314 - x315 - x316 - x318)
-    del x111
     x319 = x313 + x74
-    del x313, x74
     x320 = c_alpha*x68
-    del x68
     numerator_3_2_4 = -x320*(c_alpha*s_beta - x319)
     numerator_3_2_5 = 0.0
     numerator_3_3_1 = -x93*(x294 + x295 + x300 - x103 - x292 - x293 - x297)
-    del x103, x292, x293, x294, x295, x297, x300, x93
+    del x138, x139, x142, x186, x239, x269, x290, x98, x296, x132, x287, x111, x313, x74, x68, x103, x292, x293, x294, x295, x297, x300, x93
     numerator_3_3_2 = x60*(x303 + x306 + x307 + x309 + x310 - x302 - x304 - x305)
-    del x302, x303, x304, x305, x306, x307, x309, x310
     numerator_3_3_3 = -x60*(x312 + x314 + x315 + x316 - x308 - x311 - x318 - x86)
-    del x308, x311, x312, x314, x315, x316, x318, x60, x86
+    del x302, x303, x304, x305, x306, x307, x309, x310, x308, x311, x312, x314, x315, x316, x318, x60, x86
     numerator_3_3_4 = -x320*(x319 + x61)
-    del x319, x320
     numerator_3_3_5 = 0.0
     x321 = x134*x194
     x322 = c_beta*x160
     x323 = (c_beta*c_beta*c_beta)
     x324 = x22*x323
     x325 = 2.0*x10*x137 + x19*x193 + x282*x30 + x37 - 2.0*c_alpha*r*s_beta*tool_3*x6 - 2.0*c_beta*r*tool_1*x6 - 2.0*r*s_alpha*tool_2*x0*x1
-    del x10, x193, x37
     numerator_3_4_1 = x145*(R*c_alpha*c_beta*tool_1*x6*x8 + R*c_beta*tool_1*x8*x9 + R*c_beta*tool_3*x1*x9 + R*tool_1*x0*x115*x8 + R*tool_3*x0*x1*x6 + R*tool_3*x1*x124 + 2.0*c_alpha*r*s_beta*tool_3*x115*x6 + 2.0*r*s_alpha*s_beta*tool_2*x0*x115 + x321 + x322 + x55 - R*x134*x212 - R*x169*x324 - c_beta*x127*x28 - x1*x123*x20 - x114*x217 - x123*x291*x323 - x127*x204 - x128*x57 - x134*x191 - x14*x43 - x204*x261 - x216*x323*x38 - x251 - x259*x31 - x325 - x56*x90)
-    del x128, x169, x204, x212, x217, x251, x259, x291, x38, x43, x55, x90
+    del x319, x320, x10, x193, x37, x128, x169, x204, x212, x217, x251, x259, x291, x38, x43, x55, x90
     x326 = tool_1*x61
     x327 = x124*x137
     x328 = x124*x135
-    del x135
     x329 = x113*x61
     x330 = x105*x113
-    del x105
     x331 = x19*x323
     x332 = R*x254
-    del x254
     x333 = x323*x34
     x334 = c_alpha*x123
     x335 = x126*x323
     x336 = x47*x5
     x337 = R*x6
     numerator_3_4_2 = -x144*(4.0*R*c_alpha*c_beta*r*s_beta*x6 + 2.0*R*c_alpha*tool_2*x2*x8 + 2.0*R*c_beta*s_alpha*tool_2*x0*x8 + 2.0*R*c_beta*tool_2*x2*x8 + 2.0*R*s_alpha*tool_2*x8*x9 + 2.0*c_alpha*c_beta*r*s_alpha*tool_2*x8 + c_alpha*r*s_alpha*tool_2*x323 + 3.0*c_alpha*r*tool_3*x115*x6 + 5.0*c_alpha*r*tool_3*x6*x8 + 5.0*c_beta*r*s_beta*tool_1*x0 + 5.0*c_beta*r*s_beta*tool_1*x6 + c_beta*r*tool_3*x6*x8 + 3.0*r*s_alpha*tool_2*x0*x115 + r*tool_3*x323*x6 + 5.0*r*tool_3*x8*x9 + 2.0*s_beta*x113*x115*x9 + 2.0*x1*x113*x9 + x253 - R*x1*x220 - R*x327 - c_beta*x151*x5 - x0*x116*x5 - 5.0*x114*x28 - x124*x131*x275 - x127*x331 - x131*x326 - x134*x228 - x134*x336 - x15*x228 - x177*x337 - x190*x6 - x197 - x203 - x22*x317 - 5.0*x22*x40 - x255 - x28*x77 - x31*x330 - x326*x332 - x328*x8 - x329*x34 - x333*x334 - x335*x47)
-    del x116, x127, x177, x190, x197, x203, x228, x253, x255, x317, x326, x40, x77
+    del x135, x105, x254, x116, x127, x177, x190, x197, x203, x228, x253, x255, x317, x326, x40, x77
     x338 = x151*x323
     x339 = c_alpha*x35
     numerator_3_4_3 = -x144*(5.0*c_alpha*r*x6*x8 + c_beta*r*x6*x8 + 2.0*c_beta*tool_1*x0 + 4.0*r*x115*x9 + r*x323*x6 + 5.0*r*x8*x9 + 2.0*s_beta*tool_3*x9 + 2.0*tool_2*x1*x2 - c_beta*x152 - c_beta*x222 - x0*x49 - x1*x339 - x115*x147 - x134*x231 - x14*x49 - x147*x8 - x170*x57 - x173*x30 - x216*x333 - x226 - x279 - x281 - x284 - x338)
-    del x152, x173, x222, x226, x231, x279, x281, x284, x49, x57
     x340 = x134 + x15
     numerator_3_4_4 = -x209*x61*(x0 - x14 - x340)
     numerator_3_4_5 = 0.0
     x341 = x123*x34
     x342 = c_beta*x28*x9
     x343 = x14*x42
-    del x42
     numerator_3_5_1 = -x145*(c_alpha*x114*x137 + c_beta*x210 + tool_1*x131*x34 + 4.0*tool_3*x19*x20 + x1*x201*x23 + x1*x213 + x126*x331 + x14*x154 + x14*x161 + x156*x262 + x164 + x165*x47 + x167*x6 + x192*x22 + x195*x323 + x229*x323*x75 + x23*x64 + x260 - R*x278 - R*x282 - R*x283 - tool_1*x332 - tool_1*x342 - tool_1*x343 - tool_3*x1*x220 - tool_3*x327 - x117*x185 - x131*x46 - x134*x258 - x178*x19 - x22*x276 - x263*x6 - x341*x61)
-    del x117, x126, x154, x164, x165, x167, x178, x185, x195, x201, x213, x220, x23, x258, x260, x263, x276, x278, x282, x283, x327, x331, x332, x46
+    del x152, x173, x222, x226, x231, x279, x281, x284, x49, x57, x42, x117, x126, x154, x164, x165, x167, x178, x185, x195, x201, x213, x220, x23, x258, x260, x263, x276, x278, x282, x283, x327, x331, x332, x46
     x344 = x22*x28
     numerator_3_5_2 = x47*(c_beta*x189*x47 + r*x323*x334*x34 + tool_1*x115*x329 + tool_3*x322 + x0*x268 + x1*x124*x266 + x113*x286 + x115*x124*x267 + x123*x14*x94 + x131*x141 + x134*x265 + x144*x64 + x151*x262 + x160*x22 + x166*x336 + x166*x341 + x172*x191 + x187*x242 + x188*x275*x323 + x208*x84 + x209*x286 + x209*x299 + x218*x335 + x271 + x274*x337 + x28*x328 + x28*x47*x51 + x35*x41 - c_beta*tool_3*x161 - tool_3*x206*x323 - tool_3*x210 - x11*x209 - x113*x288 - x113*x63*x8 - x114*x29*x47 - x131*x144*x156 - x144*x192 - x15*x265 - x151*x344 - x194*x324 - x209*x288 - x209*x289 - x209*x298 - x209*x5*x65 - x211*x75 - x261*x344 - x270 - x272*x5 - 6.0*x273 - x28*x54)
     del x11, x114, x123, x124, x14, x141, x144, x15, x151, x156, x160, x161, x172, x187, x188, x189, x191, x194, x206, x208, x209, x210, x211, x218, x242, x261, x262, x265, x266, x267, x268, x270, x271, x272, x273, x274, x275, x289, x29, x298, x324, x328, x329, x334, x335, x336, x337, x341, x344, x35, x5, x51, x54, x63, x75, x84
@@ -1672,36 +1347,24 @@ def _tricept_beam(xp, alpha, beta, R, r, tool_1, tool_2, tool_3, eps, largest):
     numerator_3_5_4 = x56*(c_alpha*x17 + c_beta*x140 + x12 + x134*x227 + x192 + x200 + x22*x280 + 2.0*x288 + x64 - c_alpha*x229 - x171 - 2.0*x286 - 2.0*x299 - x66)
     del c_beta, x12, x134, x140, x17, x171, x192, x200, x22, x227, x229, x280, x286, x288, x299, x56, x64, x66
     numerator_3_5_5 = 8.0*x216*(x340 + x45)
-    del x216, x340, x45
     determinant_1 = -(R*R*R)*x330*(x0*x8 - x20 - x34)
-    del x0, x20, x330, x34, x8
     determinant_2 = -x145*(x277 + x99)
-    del x145, x277, x99
     determinant_3 = 4.0*x92*(x31 + x65 - c_alpha)
-    del c_alpha, x31, x65, x92
     determinant_4 = x214
-    del x214
+    del x216, x340, x45, x0, x20, x330, x34, x8, x145, x277, x99, c_alpha, x31, x65, x92, x214
     x346 = x113 + x26
     squares_1_1 = x346 - x219*x47
-    del x47
     squares_1_2 = -x155
-    del x155
     squares_1_3 = 1.0
     x347 = 1.5*x345
-    del x345
     x348 = 0.5*R
     x349 = x219*x348
-    del x219
     x350 = x19*x348*x73
-    del x19, x348
     squares_2_1 = x113 + x26 - x347 - x349 - x350
-    del x113, x26
     squares_2_2 = R*(x61 - x73)
     squares_2_3 = 1.0
     squares_3_1 = x346 + x350 - x347 - x349
-    del x346, x347, x349, x350
     squares_3_2 = R*(x61 + x73)
-    del x61, x73
     squares_3_3 = 1.0
     return (numerator_1_1_1, numerator_1_1_2, numerator_1_1_3, numerator_1_1_4, numerator_1_1_5, numerator_1_2_1, numerator_1_2_2, numerator_1_2_3, numerator_1_2_4, numerator_1_2_5, numerator_1_3_1, numerator_1_3_2, numerator_1_3_3, numerator_1_3_4, numerator_1_3_5, numerator_1_4_1, numerator_1_4_2, numerator_1_4_3, numerator_1_4_4, numerator_1_4_5, numerator_1_5_1, numerator_1_5_2, numerator_1_5_3, numerator_1_5_4, numerator_1_5_5, numerator_2_1_1, numerator_2_1_2, numerator_2_1_3, numerator_2_1_4, numerator_2_1_5, numerator_2_2_1, numerator_2_2_2, numerator_2_2_3, numerator_2_2_4, numerator_2_2_5, numerator_2_3_1, numerator_2_3_2, numerator_2_3_3, numerator_2_3_4, numerator_2_3_5, numerator_2_4_1, numerator_2_4_2, numerator_2_4_3, numerator_2_4_4, numerator_2_4_5, numerator_2_5_1, numerator_2_5_2, numerator_2_5_3, numerator_2_5_4, numerator_2_5_5, numerator_3_1_1, numerator_3_1_2, numerator_3_1_3, numerator_3_1_4, numerator_3_1_5, numerator_3_2_1, numerator_3_2_2, numerator_3_2_3, numerator_3_2_4, numerator_3_2_5, numerator_3_3_1, numerator_3_3_2, numerator_3_3_3, numerator_3_3_4, numerator_3_3_5, numerator_3_4_1, numerator_3_4_2, numerator_3_4_3, numerator_3_4_4, numerator_3_4_5, numerator_3_5_1, numerator_3_5_2, numerator_3_5_3, numerator_3_5_4, numerator_3_5_5, determinant_1, determinant_2, determinant_3, determinant_4, squares_1_1, squares_1_2, squares_1_3, squares_2_1, squares_2_2, squares_2_3, squares_3_1, squares_3_2, squares_3_3)
 

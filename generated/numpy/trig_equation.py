@@ -72,52 +72,35 @@ def _trig_solve(xp, A, B, D, eps, largest):
     a = A*scale
     b = B*scale
     d = D*scale
-    del scale
     x0 = xp.abs(b)
     x1 = xp.abs(a)
     larger = xp.where(x1 < x0, x0, x1)
     smaller = xp.where(x1 < x0, x1, x0)
-    del x0, x1
     x2 = (smaller*smaller)
-    del smaller
     square = x2 + (larger - d)*(d + larger)
     bound = 4.0*eps*((larger*larger) + x2)
-    del larger, x2
     is_double = xp.abs(square) <= bound
     valid = size <= largest
-    del size
     two = square > bound
-    del bound
     w = xp.where(two, xp.sqrt(square), 0.0)
-    del square
     empty = (A == 0.0) & (B == 0.0)
     there = (valid) & (~(empty)) & ((is_double) | (two))
     x3 = a*d
     x4 = b*w
     x5 = x3 + x4
     cosine_plus = xp.where(x5 == 0.0, 0.0, -x5)
-    del x5
     x6 = a*w
-    del a, w
     x7 = b*d
-    del b
     x8 = x6 - x7
     sine_plus = xp.where(x8 == 0.0, 0.0, x8)
-    del x8
     x9 = x3 - x4
-    del x3, x4
+    del scale, x0, x1, smaller, larger, x2, size, bound, square, x5, a, w, b, x8, x3, x4
     cosine_minus = xp.where(x9 == 0.0, 0.0, -x9)
-    del x9
     x10 = x6 + x7
-    del x6, x7
     sine_minus = xp.where(x10 == 0.0, 0.0, -x10)
-    del x10
     theta_1 = xp.where(there, xp.atan2(sine_plus, cosine_plus), xp.nan)
-    del cosine_plus, sine_plus
     theta_2 = xp.where(there, xp.atan2(sine_minus, cosine_minus), xp.nan)
-    del cosine_minus, sine_minus, there
     status = xp.where(~(valid), 5.0, xp.where((empty) & (xp.abs(d) > 0.0), 4.0, xp.where(empty, 3.0, xp.where(is_double, 1.0, xp.where(two, 0.0, 2.0)))))
-    del d, empty, is_double, two, valid
     return (theta_1, theta_2, status)
 
 
@@ -127,44 +110,30 @@ def _trig_solve_usual(xp, A, B, D, eps, largest):
     x12 = xp.abs(B)
     size = 0.25*x11 + 0.25*x12 + 0.25*xp.abs(D)
     x0 = x12
-    del x12
     x1 = x11
-    del x11
     larger = xp.where(x1 < x0, x0, x1)
     smaller = xp.where(x1 < x0, x1, x0)
-    del x0, x1
     x2 = (smaller*smaller)
-    del smaller
     square = x2 + (larger - D)*(D + larger)
     bound = 4.0*eps*((larger*larger) + x2)
-    del larger, x2
     w = xp.sqrt(square)
     x3 = A*D
     x4 = B*w
     x5 = x3 + x4
     cosine_plus = xp.where(x5 == 0.0, 0.0, -x5)
-    del x5
     x6 = A*w
-    del w
     x7 = B*D
     x8 = x6 - x7
     sine_plus = xp.where(x8 == 0.0, 0.0, x8)
-    del x8
     x9 = x3 - x4
-    del x3, x4
     cosine_minus = xp.where(x9 == 0.0, 0.0, -x9)
-    del x9
     x10 = x6 + x7
-    del x6, x7
     sine_minus = xp.where(x10 == 0.0, 0.0, -x10)
-    del x10
+    del x12, x11, x0, x1, smaller, larger, x2, x5, w, x8, x3, x4, x9, x6, x7, x10
     theta_1 = xp.atan2(sine_plus, cosine_plus)
-    del cosine_plus, sine_plus
     theta_2 = xp.atan2(sine_minus, cosine_minus)
-    del cosine_minus, sine_minus
     status = 0.0
     is_usual = (size > eps) & (square > bound) & (size < 1.0/eps)
-    del bound, size, square
     return (theta_1, theta_2, status, is_usual)
 
 

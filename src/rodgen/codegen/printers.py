@@ -6,7 +6,7 @@ apart from a template: the operators that differ, and the table of elementary fu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -331,21 +331,21 @@ def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
     return {s for a in kernel.assignments for s in a.value.free_symbols}
 
 
-def released(lines: Sequence[tuple[sp.Symbol, sp.Basic]], kept: Set[sp.Symbol]) -> Iterator[list[sp.Symbol]]:
-    """Yield for each line the symbols that no later line uses, except those to keep: their memory can be used again."""
-    last_use = {symbol: n for n, (_, value) in enumerate(lines) for symbol in value.free_symbols}
-    for n, (_, value) in enumerate(lines):
-        done = (symbol for symbol in value.free_symbols - kept if last_use[symbol] == n)
-        yield sorted(done, key=lambda symbol: str(symbol.name))
+WAITING = 16
+"""So many arrays that no later line reads are kept at most: few enough for those in use to stay in the cache."""
 
 
 def numpy_lines(kernel: Kernel, printer: ArrayPrinter) -> Iterator[str]:
-    """Yield the assignments in Python, on arrays; each is deleted after its last use."""
+    """Yield the assignments in Python, on arrays; now and then those that no later line reads are deleted."""
     kept = {EPS, LARGEST, *(s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols)}
-    for (symbol, value), done in zip(kernel.assignments, released(kernel.assignments, kept), strict=True):
+    last_use = {s: n for n, (_, value) in enumerate(kernel.assignments) for s in value.free_symbols - kept}
+    done: list[str] = []
+    for n, (symbol, value) in enumerate(kernel.assignments):
         yield f"{symbol.name} = {printer.line(value)}"
-        if done:
-            yield f"del {', '.join(s.name for s in done)}"
+        done += sorted(str(s.name) for s in value.free_symbols - kept if last_use[s] == n)
+        if len(done) >= WAITING:
+            yield f"del {', '.join(done)}"
+            done = []
 
 
 def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
