@@ -9,11 +9,14 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
+import json
 import os
 import pkgutil
+import re
 import subprocess
 import sys
 import traceback
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -24,6 +27,7 @@ from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.stages import each, stage
 
 if TYPE_CHECKING:
+    from rodgen.codegen.source_files import Rendered
     from rodgen.symbolic import Derivation
 
 
@@ -78,25 +82,26 @@ def _derive(options: argparse.Namespace) -> int:
     return FAILED if derivation.open else OK
 
 
-def _loaded(name: str | None) -> list[Derivation]:
-    if name:
-        with stage("deriving"):
-            return [load_derivation(name)]
-    return [load_derivation(n) for n in each("deriving", packaged_derivations())]
-
-
 def _kernels(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rodgen.codegen import KernelError
     from rodgen.codegen.source_files import USUAL_TARGETS, check_kernels, write_kernels
 
-    derivations = _loaded(options.derivation)
-    if not any(derivation.kernels for derivation in derivations):
-        where = derivations[0].kernels_in or "a derivation with kernels"
-        raise InputFileError(options.derivation, "kernels", "none: it proves statements only", where)
-    folder = Path(options.output)
     own = options.derivation is None
+    derivations: list[Derivation | Rendered] = []
+    if own:
+        # what is compared is derived anew
+        load = load_derivation if options.check or options.target else kept_kernels
+        derivations += [load(name) for name in each("deriving", packaged_derivations())]
+    else:
+        with stage("deriving"):
+            derivation = load_derivation(options.derivation)
+        if not derivation.kernels:
+            where = derivation.kernels_in or "a derivation with kernels"
+            raise InputFileError(options.derivation, "kernels", "none: it proves statements only", where)
+        derivations.append(derivation)
+    folder = Path(options.output)
     # rodgen's own kernels are a NumPy extension, too
     written_as: dict[str, Any] = {
         "targets": options.target or USUAL_TARGETS,
@@ -216,6 +221,31 @@ def load_derivation(name: str) -> Derivation:
         found = "no such name" if derivation is None else f"{shown(type(derivation).__name__)}"
         raise InputFileError(name, "'derivation'", found, _OBJECT)
     return derivation
+
+
+def kept_kernels(name: str) -> Rendered:
+    """Return the generated files of one of rodgen's own derivations; it is run only where a source of them has changed.
+
+    Those are its script and the derivations that it imports, the floors below, and the libraries that prove and print.
+    """
+    from rodgen.codegen.build_cache import cached_text, source_hash
+    from rodgen.codegen.source_files import Rendered, rendered
+
+    scripts, waiting = dict[str, Path](), {name}
+    while waiting:
+        script = waiting.pop()
+        scripts[script] = script_path(script)
+        imports = re.findall(r".*\brodgen\.derivation\b.*", scripts[script].read_text(encoding="utf-8"))
+        words = set(re.findall(r"\w+", " ".join(imports)))
+        waiting |= words & set(packaged_derivations()) - set(scripts)
+    home = Path(__file__).parents[1]
+    below = [home / "codegen", home / "symbolic", *sorted(home.glob("*.py"))]
+    libraries = [metadata.version(library) for library in ("sympy", "mpmath", "jinja2", "numpy")]
+    made = cached_text(
+        ["generated files", name, sys.version, *libraries, source_hash(*below, *sorted(scripts.values()))],
+        lambda: json.dumps(rendered(load_derivation(name), extension=True, in_package=True)),
+    )
+    return Rendered(*json.loads(made))
 
 
 def _run(name: str, path: Path) -> ModuleType:

@@ -204,11 +204,11 @@ def _name(about: Iterable[str]) -> str:
 
 
 @functools.cache
-def source_hash(*folders: Path) -> str:
-    """Return a hash of the text of all modules and templates in folders: another text is another key."""
+def source_hash(*places: Path) -> str:
+    """Return a hash of the text of modules and templates, or of all in folders: another text is another key."""
     text = hashlib.sha256()
-    for folder in folders:
-        for path in sorted(folder.rglob("*")):
+    for place in places:
+        for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
             if path.suffix in {".py", ".j2"}:
                 text.update(path.read_bytes())
     return text.hexdigest()
