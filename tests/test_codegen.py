@@ -474,6 +474,8 @@ def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: s
             k.output(name, value, unit="1", doc="")  # general powers have no vector form
     k.output("sine", sp.sin(x), unit="1", doc="")
     k.output("cosine", sp.cos(x), unit="1", doc="")
+    k.output("sine_of_a_sum", sp.sin(x + 1), unit="1", doc="")
+    k.output("sine_of_an_output", sp.sin(sp.Symbol("sine", real=True)), unit="1", doc="")
     module = KernelModule("printed", "Every construct.", "none", (k.build(),))
     for name, text in {**render(module), **render_extension([module])}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -6,7 +6,7 @@ apart from a template: the operators that differ, and the table of elementary fu
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -348,8 +348,8 @@ def numpy_lines(kernel: Kernel, printer: ArrayPrinter) -> Iterator[str]:
             done = []
 
 
-def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
-    """Return the lines of C or C++ that compute, and those that store the outputs."""
+def c_lines(kernel: Kernel, printer: CPrinter, angles: Sequence[sp.Expr] = ()) -> tuple[list[str], list[str]]:
+    """Return the lines of C or C++ that compute, and those that store the outputs, and angles for a later look."""
     targets = {s: (printer.component(p, i), p) for p in kernel.outputs for i, s in enumerate(p.symbols)}
     used_later = symbols_read(kernel)
     # a number's output is a pointer of that name; where the number is read again it has a name of its own
@@ -371,4 +371,5 @@ def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
             body.append(f"const {printer.real} {name} = {text};")
             text = name
         stores.append(f"{target} = {printer.code(port, text) if port.is_status else text};")
-    return body, stores
+    looked_at = (printer.line(angle.xreplace(renamed)) for angle in angles)
+    return body, [*stores, *(f"ANGLE({n}, {text});" for n, text in enumerate(looked_at))]

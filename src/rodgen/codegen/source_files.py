@@ -433,8 +433,7 @@ def _comment(kernel: Kernel) -> list[str]:
 
 def _c_kernel(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
     used = symbols_read(kernel)
-    body, stores = c_lines(kernel, CPrinter())
-    angles = _trigonometric_arguments(kernel) if _is_vectorised(kernel) else []
+    body, stores = c_lines(kernel, CPrinter(), _angles(kernel))
     ports = [*((p, False) for p in kernel.inputs), *((p, True) for p in kernel.outputs)]
     return {
         "name": kernel.name,
@@ -452,7 +451,7 @@ def _c_kernel(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         ]
         + [f"(void){p.name};" for p in _unread(kernel)],  # no warning for those
         "body": body,
-        "stores": [*stores, *(f"ANGLE({n}, {name});" for n, name in enumerate(angles))],
+        "stores": stores,
         "batch_call": ", ".join(_element(p, output=output) for p, output in ports),
         "prototype": {real: _parameters(kernel, real) for real in REALS.values()},
         "batch_prototype": {
@@ -585,6 +584,12 @@ def _is_vectorised(kernel: Kernel) -> bool:
     return kernel.functions <= VECTOR_FUNCTIONS
 
 
+def _angles(kernel: Kernel) -> list[sp.Expr]:
+    """Return the angles that may be too large for the sine and cosine of the vectorised loops."""
+    found = {f.args[0] for a in kernel.assignments for f in a.value.atoms(sp.sin, sp.cos)}
+    return sorted(found, key=str) if _is_vectorised(kernel) else []
+
+
 def _gufuncs(module: KernelModule) -> list[dict[str, Any]]:
     return [_gufunc(kernel, module) for kernel in module.kernels]
 
@@ -605,7 +610,7 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         "outputs": outputs,
         "input_count": sum(p.size for p in kernel.inputs),
         "output_count": sum(p.size for p in kernel.outputs),
-        "angles": len(_trigonometric_arguments(kernel)) if _is_vectorised(kernel) else 0,
+        "angles": len(_angles(kernel)),
     }
 
 
@@ -653,15 +658,6 @@ def _gufunc_signature(kernel: Kernel) -> str:
 
 def _type_codes(kernel: Kernel, real: str) -> str:
     return real * len(kernel.inputs) + "->" + "".join("b" if p.is_status else real for p in kernel.outputs)
-
-
-def _trigonometric_arguments(kernel: Kernel) -> list[str]:
-    """Return the names of the angles whose sine or cosine is taken, sorted."""
-    arguments = {f.args[0] for a in kernel.assignments for f in a.value.atoms(sp.sin, sp.cos)}
-    for argument in arguments:
-        if not isinstance(argument, sp.Symbol):
-            raise ValueError(f"kernel {kernel.name}: name the argument {argument} of sin and cos with let()")
-    return sorted(str(argument.name) for argument in arguments)
 
 
 TARGETS: Mapping[str, Callable[[KernelModule], dict[str, str]]] = {
