@@ -83,8 +83,6 @@ def _derive(options: argparse.Namespace) -> int:
 
 
 def _kernels(options: argparse.Namespace) -> int:
-    from pathlib import Path
-
     from rodgen.codegen import KernelError
     from rodgen.codegen.source_files import USUAL_TARGETS, check_kernels, write_kernels
 

@@ -31,37 +31,16 @@ _WORDS_OF_C = """
 auto bool case char const default do double enum extern false float goto inline int long register restrict
 short signed sizeof static struct switch true typedef union unsigned void volatile
 """
+_WORDS_OF_TEMPLATES = """
+copysign ldexp isfinite linux unix NAN INFINITY NULL math np xp out count input output eps largest
+BLOCK CODE CONDITION REAL
+"""
 _RESERVED = {
     *keyword.kwlist,
     *dir(builtins),
-    *re.findall(r"\w+", _WORDS_OF_C),
-    # which a variable of the same name would hide
+    *re.findall(r"\w+", _WORDS_OF_C + _WORDS_OF_TEMPLATES),
+    # functions that a variable of the same name would hide
     *(function.format(f="", bits="f64") for function, _ in C_MACROS.values()),
-    *(
-        "sqrt",
-        "pow",
-        "copysign",
-        "ldexp",
-        "isfinite",
-        "linux",
-        "unix",
-        "NAN",
-        "INFINITY",
-        "NULL",
-        "math",
-        "np",
-        "xp",
-        "out",
-        "count",
-        "input",
-        "output",
-        "eps",
-        "largest",
-        "BLOCK",
-        "CODE",
-        "CONDITION",
-        "REAL",
-    ),
 }
 """Words of Python and C, and names that the templates or a compiler use."""
 
