@@ -37,7 +37,7 @@ from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, ended, fit
 from rodgen.calibration.forms import propose, sharpened
-from rodgen.calibration.geometry import SEVERAL, gain_of_geometry, with_geometry
+from rodgen.calibration.geometry import GEOMETRY, SEVERAL, gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
@@ -263,10 +263,15 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
 
 
 def _wrong_geometry(state: _State) -> tuple[WrongGeometry, Fit] | None:
-    """Return the geometry of the file as one cause, with the fit of it; None where it is not likelier than effects."""
+    """Return the geometry of the file as one cause, with the fit of it; None where it is not likelier than effects.
+
+    In the place of several dimensions it is preferred, as fewer causes, where the readings cannot distinguish the two.
+    """
     base, several = state.base, len(state.chosen) + len(state.refused) >= SEVERAL
-    gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else 0.0
-    whole = _with_geometry(base) if gain > 0 else None
+    gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else -math.inf
+    dimensions = [c for c in state.chosen if c.effect.name in GEOMETRY]
+    least = -COST.tied if len(dimensions) >= SEVERAL else 0.0
+    whole = _with_geometry(base) if gain > least else None
     if whole is None:
         return None
     return WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms), whole

@@ -137,9 +137,10 @@ def on_geometry(diagnosis: Diagnosis) -> str:
         return ""
     after = diagnosis.base.rms
     fallen = fall(geometry.before.rms, after, diagnosis.rms.unit) + _against_noise(diagnosis, diagnosis.base)
+    fewer = "" if geometry.odds > 1 else ", which are more causes"
     return (
         f"The dimensions of the machine are not those of the file: with estimated ones the error {fallen}. That is "
-        f"{comparison(geometry.odds)} than single effects in its place. "
+        f"{comparison(geometry.odds, than=' than single effects in its place')}{fewer}. "
         "'rodgen diagnose -o FILE' writes a machine file that estimates them."
     )
 

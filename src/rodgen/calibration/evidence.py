@@ -577,6 +577,19 @@ class Evidence:
             _log_choices=self.log_choices,
         )
 
+    def as_one_cause(self, some: Sequence[Candidate]) -> Evidence:
+        """Return the evidence with some candidates as one: sizes of the same usual size have one width."""
+        index, known = self._index(some), self.known.copy()
+        _, first, group = np.unique(known["usual"][index], return_index=True, return_inverse=True)
+        known["effect"][index], known["group"][index], known["many"][index] = (
+            index[0],
+            index[first][group],
+            True,
+        )
+        known["rank"][index] = 0.0
+        known["rank"][index[0]] = _rank(self.models[0].gram[np.ix_(index, index)])
+        return replace(self, known=known, _estimates={})
+
     def promising(self, sets: Sequence[Sequence[Candidate]], most: int) -> list[list[Candidate]]:
         """Return for each set the candidates that may lower its cost most when they join, by a bound of their fall."""
         keys = [*map(frozenset, sets)]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.selection import select
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
+from rodgen.statistics.thresholds import COST
 
 GEOMETRY = frozenset(
     {
@@ -31,40 +31,39 @@ GEOMETRY = frozenset(
 )
 """Effects that say that a dimension is not that of the file."""
 SEVERAL = 3
-"""Effects from which on a geometry is asked for: two are two."""
-TRIED = 3
-"""Dimensions, those that seem to be worth least, without each of which a geometry is weighed."""
+"""Effects from which on a geometry is asked for, and dimensions from which on it is preferred as fewer causes: two are
+two."""
 PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 
 
 def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     """Return how much dearer the effects that were chosen are than a geometry that differs everywhere from the file.
 
-    The geometry is one cause; where dimensions trade, full fits may confirm none of them alone. Given it, a dimension
-    is as likely off as not, by its usual size. Effects may stand for dimensions, so those beside the geometry are
-    selected anew.
+    Of single dimensions also which joints have them is chosen: the first one of a kind is among all choices, of n among
+    N the number is uniform, and all sets of n are alike. Minus infinity where zeros of the joints alone do as well.
     """
     off = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
+    zeros = [c for c in off if c.effect.name == "zero_offset"]
     if not off:
-        return 0.0
-    price = 2 * (evidence.log_choices + math.log(len(evidence.base.machine.joints)) + len(off) * math.log(2))
-    rest = select(evidence.beside(off))
-    given = evidence.choice(rest)
+        return -math.inf
+    geometry = _cost(evidence, chosen, off)
+    if zeros and _cost(evidence, chosen, zeros) < geometry + COST.needed:
+        return -math.inf
+    kinds, places = (Counter(c.effect.name for c in some if c in off) for some in (chosen, off))
+    which = sum(2 * math.log(math.comb(places[name], n)) for name, n in kinds.items() if n > 1)
+    return evidence.cost(chosen) + which - geometry
 
-    def cost(off: Sequence[Candidate]) -> float:
-        return evidence.cost([*rest, *off]) - evidence.choice([*rest, *off]) + given
 
-    while off:
-        whole = [*off, *rest]
-        dearer = np.array(evidence.dearer_without(whole)[: len(off)]) + evidence.choice(whole)
-        dearer -= [evidence.choice([c for c in whole if c is not one]) for one in off]
-        fewer = [[*off[:k], *off[k + 1 :]] for k in np.argsort(dearer, kind="stable")[:TRIED].tolist()]
-        evidence.weighed([*rest, *some] for some in fewer)
-        best = min(fewer, key=cost)
-        if cost(best) > cost(off):
-            break
-        off = best
-    return evidence.cost(chosen) - cost(off) - price
+def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candidate]) -> float:
+    """Return what dimensions cost as one cause, as common as any, with what is there beside them.
+
+    None is chosen, and those with the same usual size are distributed with the same width. Effects may stand for
+    dimensions, so those beside them are selected anew.
+    """
+    one = evidence.as_one_cause(off)
+    rests = [c for c in chosen if c not in off], select(evidence.beside(off))
+    costs = (one.cost([*rest, *off]) - one.choice([*rest, *off]) + one.choice(rest) for rest in rests)
+    return min(costs) + 2 * one.log_choices
 
 
 def with_geometry(machine: Machine) -> Machine | None:
