@@ -20,7 +20,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
-from rodgen.calibration.candidates import FEWEST_WAVES, Candidate, number_tried, with_searched
+from rodgen.calibration.candidates import (
+    FEWEST_WAVES,
+    Candidate,
+    number_tried,
+    promising_waves,
+    with_searched,
+)
 from rodgen.calibration.evidence import Columns, Evidence
 from rodgen.calibration.form_terms import Term, drivers_of, effect_of, terms, word
 from rodgen.calibration.problem import one_thread_in_blas
@@ -50,6 +56,8 @@ GROSS, FEW_POSES = 0.01, 6
 MOST = 10
 """Forms that are proposed."""
 DRIVE_ERROR = "periodic_drive_error"
+OVERTONES = (2, 3, 4)
+"""Waves of a part in one of its turns: it may be oval, or have few teeth. These may be finer than what is searched."""
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
 FEW_ROWS = 200
 """Rows that tell, at least, how much of every term is beyond what is known: it is a property of the poses, whatever the
@@ -228,28 +236,42 @@ class _Search:
             yield found[-1]
 
     def drives(self, given: _Given, scored: Sequence[Scored]) -> Iterator[Candidate]:
-        """Yield the wave of a joint's drive beside the best form that is a wave of that joint: it is plain physics.
+        """Yield a wave of a joint's drive beside the best form that is a wave of that joint: it is plain physics.
 
-        One more wave of a drive that has another already is an effect of its own.
+        One more wave of a drive that has another already is an effect of its own. It may be finer than any form, so it
+        is searched among all periods.
         """
         evidence, solution = self.evidence, self.evidence.base.solution
         words = evidence.base.machine.quantities.keys() | evidence.base.observations.data.columns.keys()
         terms = [piece.term for cost, piece in scored if cost < 0]
         waves = [term.factors[0] for term in terms if self._reading_wave(term) is not None]
-        of_drivers = {wave.driver: wave.values[0] for wave in reversed(waves) if wave.kind == "wave"}
-        for number, frequency in of_drivers.items():
-            driver = self.drivers[number]
+        of_forms = {wave.driver: wave.values[0] for wave in reversed(waves) if wave.kind == "wave"}
+        for number, driver in enumerate(self.drivers):
+            found = [one for one in given.chosen if _is_wave_of(driver.joint, one.effect)]
+            fitted = [e for e in evidence.base.machine.effects if _is_wave_of(driver.joint, e)]
+            there = [*fitted, *(one.effect for one in found)]
+            if driver.kind != "joint" or not (number in of_forms or there):
+                continue
             c = self._drive_error(driver.joint)
             if c is None or c.key in evidence.refused or words & c.effect.definition.parameters.keys():
                 continue
             ((name, _),) = c.searched.items()
-            found = [one for one in given.chosen if _is_wave_of(driver.joint, one.effect)]
-            fitted = [e for e in evidence.base.machine.effects if _is_wave_of(driver.joint, e)]
             numbers = [evidence.base.problem.model.keys[e.key(name)] for e in fitted]
             periods = [*solution.theta[numbers], *(one.searched[name] for one in found)]
-            c = _sharper(given, replace(c, searched={name: 2 * math.pi / frequency}))
-            count, there = driver.span / c.searched[name], [*fitted, *(one.effect for one in found)]
+            tried = [2 * math.pi / of_forms[number]] if number in of_forms else []
+            if there:
+                waves_of_all = promising_waves(evidence.sensitivities, [c.effect], given.chosen)
+                tried += [wave.searched[name] for wave in waves_of_all]
+                tried += [period / k for period in periods for k in OVERTONES]
             # half a wave away is what a coarse period leaves
+            counts = {p: driver.span / p for p in tried}
+            far = [p for p, n in counts.items() if all(abs(driver.span / own - n) > 0.5 for own in periods)]
+            near = [with_searched(evidence.sensitivities, c.effect, {name: p}) for p in far]
+            if not near:
+                continue
+            best = near[int(np.argmax(given.falls([one.columns for one in near])))]
+            c = _sharper(given, replace(c, searched=best.searched, columns=best.columns))
+            count = driver.span / c.searched[name]
             if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
                 yield c if c.effect.name not in {e.name for e in there} else _further_wave(evidence, c, there)
 
