@@ -273,6 +273,19 @@ def test_a_far_endstop_beside_a_wrong_radius_is_no_scale():
         assert abs(estimate.value - value) < 4 * estimate.std
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize(("seed", "off"), [(1, {11: 0.4, 24: -0.4}), (5, {11: -0.4, 24: 0.4})])
+def test_wrong_touches_are_no_displaced_stretch(seed, off):
+    """All heights are read as zero: a scale of the instrument would explain whatever the model leaves."""
+    rows = probed(40, radius=R + 0.5, noise=0.01, seed=seed)
+    for row, higher in off.items():
+        for name in "ABC":
+            rows[f"{name} [mm]"][row] += higher
+    found = diagnose(machine(kind="height", estimate=("R",)), Measurements.from_frame(rows))
+    assert found.outliers == (11, 24)
+    assert found.verdict == "nothing_missing"
+
+
 def test_a_good_printer_has_no_errors():
     found = diagnose(printer(), Measurements.from_frame(probed(30, seed=4)))
     assert not found.steps
