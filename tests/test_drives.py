@@ -174,6 +174,28 @@ def test_the_waves_of_a_resolver_are_found_together_beside_a_lag(signals: Any, w
     assert estimate(found, "C.servo_lag.tau") == pytest.approx(0.004, abs=3e-5)
 
 
+@pytest.mark.thorough
+def test_a_large_lag_hides_no_small_waves() -> None:
+    random = np.random.default_rng(9)
+    v, q = random.choice([-200.0, -100.0, 100.0, 200.0], 90), random.uniform(0, 360, 90)
+    waves = 60 * np.cos(2 * np.radians(q)) + 15 * np.sin(4 * np.radians(q))
+    found = diagnosed(
+        "rotary-axis", turned(q, q - 0.0015 * v + waves * ARCSEC, 3 * ARCSEC, **{"v_C [deg/s]": v})
+    )
+    assert named(found) == {"servo_lag", "encoder_ellipticity", "encoder_harmonics"}
+    assert found.final.rms < 3 * 1.2  # arcsec; without the four waves a turn 11
+
+
+@pytest.mark.thorough
+def test_a_large_lag_hides_no_scale() -> None:
+    random = np.random.default_rng(15)
+    v, q = random.choice([-200.0, -100.0, -50.0, 50.0, 100.0, 200.0], 150), random.uniform(20, 780, 150)
+    found = diagnosed("linear-axis", slid(q, (1 + 2.5e-5) * q - 1.2e-3 * v, 2e-3, **{"v_X [mm/s]": v}))
+    assert named(found) == {"servo_lag", "scale"}
+    scale = found.estimates["X.scale.k"]
+    assert abs(scale.value - 2.5e-5) < 4 * scale.std
+
+
 def driven(natural: float, forward: float, scale: float = 1.0) -> dict[str, Array]:
     """Positions, speeds and accelerations of a servo axis on its way from place to place, at 160 times."""
     t, q = moves(np.random.default_rng(5), 90 * scale)

@@ -31,6 +31,7 @@ from rodgen.calibration.dependence import INDEPENDENT, Correlation, estimate_cor
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.sensitivities import Sensitivities
+from rodgen.data.poses import positions
 from rodgen.machines.plausibility import Size
 from rodgen.stages import stage
 from rodgen.statistics.columns import (
@@ -46,6 +47,8 @@ from rodgen.statistics.thresholds import COST
 
 SCALES = frozenset({"scale", "instrument_scale", "instrument_axis_scales", "leg_scale"})
 """Effects that multiply a reading."""
+EXACT = frozenset({"scale", "servo_lag"})
+"""Effects that are numbers of a control: a ratio, and at steady speeds a delay. On an axis alone they are exact."""
 FEW_COLUMNS = 2
 """Columns up to which an effect has all of them: a wave has a sine and a cosine. Of more, such as the harmonics of an
 error motion, all are there, or each is there or not, which are two choices."""
@@ -138,6 +141,7 @@ KNOWN = np.dtype(
         ("largest", float),
         ("positive", bool),
         ("relative", bool),
+        ("exact", bool),
         ("effect", int),
         ("group", int),
         ("many", bool),
@@ -145,8 +149,9 @@ KNOWN = np.dtype(
     ]
 )
 """What is known of a column before the readings: its usual and largest size, whether it has a sign, whether it
-multiplies a reading; a number that the columns of an effect share, and one of those with one usual size; whether the
-effect has more than few columns; and in the first column of one how many directions the readings determine of it."""
+multiplies a reading, and has an exact formula; a number that the columns of an effect share, and one of those with one
+usual size; whether the effect has more than few columns; and in the first column of one how many directions the
+readings determine of it."""
 
 
 @dataclass(eq=False)
@@ -311,6 +316,7 @@ class Evidence:
         ]
         parts, end = dict(self.parts), self.models[0].across.shape[1]
         found = [c for c, there in zip(more, seen, strict=True) if there]
+        exact = self._exact
         for c in found:
             parts[id(c)] = np.arange(end, end := end + c.columns.shape[2])
         every = [*self.candidates, *found]
@@ -322,10 +328,21 @@ class Evidence:
             models=models,
             parts=parts,
             shares=self.shares | {id(c): share for c, share in zip(more, largest, strict=True)},
-            known=np.concatenate([self.known, *(_known(c, models[0], parts[id(c)]) for c in found)]),
+            known=np.concatenate(
+                [self.known, *(_known(c, models[0], parts[id(c)], c.effect.name in exact) for c in found)]
+            ),
             _bounds={},
             _log_choices=None,
         )
+
+    @property
+    def _exact(self) -> frozenset[str]:
+        """Names of effects whose formulas are exact; speeds are steady where they repeat."""
+        v = self.sensitivities.observations.v
+        if v.shape[1] != 1:
+            return frozenset()
+        steady = positions(v[:, 0]).max(initial=0) < len(v) / 2
+        return EXACT if steady else EXACT - {"servo_lag"}
 
     # the cost of a set ------------------------------------------------------------------------------------------------
 
@@ -432,7 +449,9 @@ class Evidence:
         known, (grams, pulls, squares, determinants) = self.known[index], self._products
         gram, pull = grams[:, index[:, :, None], index[:, None, :]], pulls[:, index]
         square = squares[:, None]
-        floor = (ROUNDING if self.curves else COST.bent**2) * square / n + 1e-300
+        exact = np.where(known["exact"], pull**2 / np.maximum(np.diagonal(gram, 0, -2, -1), 1e-300), 0.0)
+        bent = np.maximum(square - np.max(exact, axis=-1, initial=0.0), 0.0)
+        floor = (ROUNDING * square if self.curves else COST.bent**2 * bent) / n + 1e-300
         same = known["group"][:, :, None] == known["group"][:, None, :]
         first = ~np.any(np.tril(same, -1), axis=2)
         narrow = np.where(same.sum(axis=2) > 1, NARROWEST, 1.0)
@@ -528,6 +547,11 @@ class Evidence:
     def variance(self, model: Columns, chosen: Sequence[Candidate]) -> float:
         """Return the variance of a whitened reading under one noise model, with a set of candidates."""
         return self._under(model, chosen).variance
+
+    def inexact(self, chosen: Sequence[Candidate], model: Columns | None = None) -> float:
+        """Return what of the sum of squares a set explains beside its effects whose formulas are exact."""
+        exact = [c for c in chosen if self.known["exact"][self.parts[id(c)]].all()]
+        return self.explained(chosen, model) - (self.explained(exact, model) if exact else 0.0)
 
     def explained(self, chosen: Sequence[Candidate], model: Columns | None = None) -> float:
         """Return by how much a set lowers the sum of squares, of directions that are determined.
@@ -712,8 +736,8 @@ def _rank(gram: Array) -> int:
     return int(np.count_nonzero(values > COST.visible**2))
 
 
-def _known(c: Candidate, model: Columns, part: Ints) -> NDArray[Any]:
-    """Return what is known of the columns of a candidate, (k,).
+def _known(c: Candidate, model: Columns, part: Ints, exact: bool) -> NDArray[Any]:
+    """Return what is known of the columns of a candidate, (k,), whose formula is `exact` or not.
 
     They are as large as all that is to be explained where no usual size is known.
     """
@@ -728,6 +752,7 @@ def _known(c: Candidate, model: Columns, part: Ints) -> NDArray[Any]:
     found["largest"] = [size.largest for size in sizes]
     found["positive"] = [size.positive for size in sizes]
     found["relative"] = c.effect.name in SCALES
+    found["exact"] = exact
     found["effect"] = part[0]
     found["group"] = part[0] + np.unique(stated, return_inverse=True)[1]
     found["many"] = len(part) > FEW_COLUMNS

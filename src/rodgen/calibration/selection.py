@@ -142,7 +142,7 @@ def worth(evidence: Evidence, chosen: Sequence[Candidate], one: Candidate) -> fl
     others = [c for c in chosen if c is not one]
     if any(c.effect.place in {one.effect.place, None} or one.effect.place is None for c in others):
         explained = evidence.explained(others)
-        if evidence.explained(chosen) - explained < evidence.imperfect**2 * explained:
+        if evidence.explained(chosen) - explained < evidence.imperfect**2 * evidence.inexact(others):
             return 0.0
     return evidence.cost(others) - evidence.cost(chosen)
 
@@ -189,7 +189,8 @@ def _dearer(
     # errors that readings share may explain what the other effects do not
     model = evidence.model_for(tried)
     variance, whole = evidence.variance(model, chosen), evidence.explained(chosen, model)
-    known = evidence.imperfect**2 * (whole - evidence.explained(rest, model)) / variance
+    inexact = max(evidence.inexact(chosen, model) - evidence.inexact(rest, model), 0.0)
+    known = evidence.imperfect**2 * inexact / variance
     better = (whole - evidence.explained(tried, model)) / variance
     left = max(evidence.misfit(tried) - evidence.misfit(chosen), 0.0)
     return more - min(max(better, -known), known, left)
