@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.calibration.words import capitalized, two_digits
 from rodgen.data import poses as places
 from rodgen.data.units import readable
@@ -30,7 +31,7 @@ from rodgen.statistics.columns import orthonormal_basis, project_out, unit_colum
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.digits import resolution
 from rodgen.statistics.thresholds import VARIANCES
-from rodgen.statistics.variance_components import VarianceComponents, VarianceEstimator
+from rodgen.statistics.variance_components import Groups, VarianceComponents, VarianceEstimator
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Weighted, Whitener
 from rodgen.views import Result
 
@@ -73,7 +74,7 @@ class Correlation:
     text: str = ""
     """The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed."""
     _motion: SharedMotion | None = field(default=None, repr=False)
-    _groups: dict[str, slice] = field(default_factory=dict, repr=False)
+    _groups: Groups = field(default_factory=dict, repr=False)
 
     @property
     def independent(self) -> bool:
@@ -122,7 +123,7 @@ class Correlation:
         ----------
         kind : str
             ``"pose"``, ``"position"``, ``"run"`` or ``"wander"``, with `` t`` or `` r`` for that from translations or
-            turns of the frame alone.
+            turns alone.
         """
         if self.components is None:
             return 0.0
@@ -279,6 +280,34 @@ class FitRows:
         model, solution = self.fit.problem.model, self.fit.solution
         return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
 
+    @property
+    def several(self) -> bool:
+        """Whether poses have several readings."""
+        read = believed_readings(self).any(axis=1)
+        _, pose = np.unique(self.observations.pose, return_inverse=True)
+        return int(np.count_nonzero(np.bincount(pose[read]) > 1)) >= FEWEST_LEVELS
+
+    @cached_property
+    def motions_of_poses(self) -> dict[str, Array]:
+        """How a pose moves by itself, otherwise than with the frame: derivatives by motions, (n, m, k), by name.
+
+        A tool turns by a small w about the middle c of the places that are measured in the pose, so that a place p
+        moves by w x (p - c): about the middle of all poses it would be shifted much more than it turns. Joints stop
+        beside their readings q by an error e, so that places move by e dp/dq.
+        """
+        o, model, solution = self.observations, self.fit.problem.model, self.fit.solution
+        found = dict[str, Array]()
+        if self.frame.shape[2] > 3:
+            _, pose = np.unique(o.pose, return_inverse=True)
+            places = Problem(model, o).places(solution.theta, solution.frame)
+            middle = np.stack([np.bincount(pose, x) for x in places.T], axis=1) / np.bincount(pose)[:, None]
+            own = frame_motion(model, o, solution.theta, solution.frame, self.weight, middle=middle[pose])
+            found["own"] = own[:, :, 3:]
+        for j in np.flatnonzero(np.ptp(o.q, axis=0) > 0):
+            stops = motion_with_reading(self.fit, o, int(j), weighted=True)
+            found[f"j{j}"] = np.nan_to_num(stops)[:, :, None]
+        return found
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Dependence(Result):
@@ -361,6 +390,7 @@ def estimate_correlation(
     included: Sequence[Array] = (),
     *,
     runs: bool = True,
+    poses: bool = True,
     alone: Correlation | None = None,
 ) -> Correlation:
     """Return how the residuals of a fit depend on each other, estimated by REML.
@@ -376,6 +406,8 @@ def estimate_correlation(
     runs : bool
         Whether runs may differ for no reason, and what wanders begins anew in each: not where a candidate says how they
         differ.
+    poses : bool
+        Whether poses move by themselves otherwise than the frame does.
     alone : Correlation, optional
         The same without candidates, where it is known.
     """
@@ -384,12 +416,12 @@ def estimate_correlation(
     with one_thread_in_blas():
         fit, o = linear.fit, linear.observations
         believed = believed_readings(linear)
-        motion, groups = shared_motion(linear, runs=runs)
-        poses = motion.poses
-        rows = _chosen(poses.count)[poses.of]
+        motion, groups = shared_motion(linear, runs=runs, poses=poses)
+        order = motion.poses
+        rows = _chosen(order.count)[order.of]
         rows &= _often_read(o.target, rows)
         every = bool(rows.all())
-        some = poses if every else poses.taken(rows)
+        some = order if every else order.taken(rows)
         residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
         readings = int(believed[rows].sum())
         model = np.concatenate([linear.model, *included], axis=2) if included else linear.model
@@ -403,15 +435,15 @@ def estimate_correlation(
         if dof < 1 or scatter <= rounding:
             return INDEPENDENT
         white = float(np.sqrt(scatter / dof))
-        known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
+        known = np.bincount(order.of[believed.any(axis=1)], minlength=order.count)
         columns = [_flat(effect[rows]) for effect in nuisance]
-        kinds = ["pose"] if int(np.count_nonzero(known > 1)) >= FEWEST_LEVELS else []
+        kinds = ["pose"] if linear.several else []
         levels = {"position": some.position} | ({"run": some.run} if runs else {})
         kinds += [
             kind
             for kind, level in levels.items()
             if level is not None
-            and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // motion.dof
+            and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // linear.frame.shape[2]
         ]
         kinds += ["wander"] if np.count_nonzero(known) >= LEAST_POSES else []
         if not kinds or dof < LEAST_POSES:
@@ -433,7 +465,7 @@ def estimate_correlation(
         typical = 1 / (
             float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
         )
-        return replace(found, text=_text(found, typical, fit.unit, poses))
+        return replace(found, text=_text(found, typical, fit.unit, order))
 
 
 def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float:
@@ -448,29 +480,35 @@ def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float
     return max(rounding, 1.0 if stated else 0.0)
 
 
-def shared_motion(linear: FitRows, *, runs: bool = True) -> tuple[SharedMotion, dict[str, slice]]:
-    """Return the frame's motion in units of what it does to the mean reading, and its degrees of freedom by name.
+def shared_motion(linear: FitRows, *, runs: bool = True, poses: bool = True) -> tuple[SharedMotion, Groups]:
+    """Return motions in units of what each does to the mean reading, and their degrees of freedom by name.
 
     Parameters
     ----------
     runs : bool
         Whether what wanders begins anew in each run.
+    poses : bool
+        Whether poses move by themselves otherwise than the frame does.
     """
-    o = linear.observations
+    o, frame = linear.observations, linear.frame
     run = o.run if runs else np.zeros_like(o.run)
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
     position = _few_positions(o.q[first])
-    poses = Poses.among(o.pose, run, o.t, None if position is None else position[pose])
-    believed = believed_readings(linear)
-    H = np.where(believed[:, :, None], linear.frame, 0.0)
-    named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
-    groups = {}
-    for name, of in named.items():
-        size = np.sqrt(np.sum(H[:, :, of] ** 2) / max(int(believed.sum()), 1))
-        if size > 0:
-            H[:, :, of] /= size
-            groups[name] = of
-    return SharedMotion(poses, H), groups
+    order = Poses.among(o.pose, run, o.t, None if position is None else position[pose])
+    believed, columns, end = believed_readings(linear), list[Array](), 0
+    of_frame = {"r": frame} if frame.shape[2] == 3 else {"t": frame[:, :, :3], "r": frame[:, :, 3:]}
+    of_pose = linear.motions_of_poses if poses and linear.several else {}
+    groups: dict[str, dict[str, slice]] = {}
+    for kind, motions in (("frame", of_frame), ("pose", of_pose)):
+        groups[kind] = dict(groups.get("frame", {}))
+        for name, motion in motions.items():
+            H = np.where(believed[:, :, None], motion, 0.0)
+            size = float(np.sqrt(np.sum(H**2) / max(int(believed.sum()), 1)))
+            columns.append(H / (size or 1.0))
+            some = slice(end, end := end + H.shape[2])
+            if size > 0:
+                groups[kind][name] = some
+    return SharedMotion(order, np.concatenate(columns, axis=2)), groups
 
 
 def _few_positions(q: Array) -> NDArray[np.intp] | None:
