@@ -18,8 +18,11 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.fitted import Fit
+from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.reading_motion import motion_with_reading
+from rodgen.calibration.solve.least_squares import moved
+from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import capitalized, two_digits
 from rodgen.data import poses as places
 from rodgen.data.units import readable
@@ -49,6 +52,9 @@ WIDEST = 2.0
 UNCERTAIN = 2 / 3
 """Variance of the logarithm of a parameter's variance, at most: that of three degrees of freedom, with which a
 standard deviation is 1.7 times as large. With fewer it would have no end."""
+
+STEPS = 3
+"""Steps from independent readings to those of one body: the model is nearly linear there."""
 
 NO_READING = 1e-30
 """Weights below this part of the largest are those of readings that the fit leaves out."""
@@ -321,11 +327,14 @@ class Dependence(Result):
         Internal units; None where readings are independent.
     factor : float
         How many times as large the standard deviations are as those of independent readings, at most.
+    weighed : bool
+        Whether the estimates weigh readings by their dependence, as those of points of one body do.
     """
 
     correlation: Correlation
     covariance: Array | None
     factor: float = 1.0
+    weighed: bool = False
 
     _keys = "independent factor text"
 
@@ -340,6 +349,11 @@ class Dependence(Result):
         if self.independent:
             return "The standard deviations are those of independent readings: no errors that they share are seen."
         who = [words for kind, words, _ in SHARED if self.correlation.size(kind)]
+        if self.weighed:
+            return (
+                f"{capitalized(joined(who))} share errors; the estimates weigh shifts and turns of poses by the "
+                "noise of each."
+            )
         return (
             f"{capitalized(joined(who))} share errors; the standard deviations allow for that, and are up to "
             f"{self.factor:.2g} times those of independent readings."
@@ -354,6 +368,9 @@ def dependence(fit: Fit) -> Dependence:
     -----
     The fit weighs readings as if they were independent, so that its estimates have the covariance C JᵀVJ C, C that of
     independent readings of variance 1 and V as estimated (White 1980). Priors of the file are counted as they are.
+
+    Of the points of one body it would weigh their distances, which are exact, as it does the place of the body. Their
+    estimates are those of generalized least squares (Aitken 1935), with the covariance (JᵀV⁻¹J)⁻¹.
     """
     if not fit.free:
         return Dependence(INDEPENDENT, None)
@@ -369,6 +386,8 @@ def dependence(fit: Fit) -> Dependence:
         found = estimate_correlation(rows, ())
         if found.independent:
             return Dependence(found, None)
+    if is_one_body(fit) and fit.degrees_of_freedom > 0:
+        return Dependence(found, _generalized(fit, found)[0], weighed=True)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
         n, m, p = rows.columns.shape
@@ -381,6 +400,40 @@ def dependence(fit: Fit) -> Dependence:
     alone = np.diag(fit.independent_covariance)
     factors = np.diag(covariance)[alone > 0] / alone[alone > 0]
     return Dependence(found, np.asarray(covariance), float(np.sqrt(factors.max(initial=0.0))))
+
+
+def as_one_body(fit: Fit, correlation: Correlation | None = None) -> Fit:
+    """Return the fit by generalized least squares where targets are points of one body, else itself.
+
+    Parameters
+    ----------
+    correlation : Correlation, optional
+        How the readings depend on each other; left out: as the fit leaves them.
+    """
+    for _ in range(STEPS) if is_one_body(fit) else ():
+        found = correlation or fit.dependence.correlation
+        if found.independent:
+            break
+        solution, problem = fit.solution, fit.problem
+        theta, frame = moved(problem, solution.theta, solution.frame, _generalized(fit, found)[1])
+        there = replace(solution, theta=theta, frame=frame, cost=problem.cost(theta, frame))
+        fit = Fit.of(problem, there, fit.free, fit.outliers, fit.loss)
+    return fit
+
+
+def _generalized(fit: Fit, found: Correlation) -> tuple[Array, Array]:
+    """Return the covariance of the estimates of generalized least squares, and the step to these."""
+    assert found.deviations is not None
+    rows, root = FitRows.at(fit, np.flatnonzero(~fit.outliers)), Whitened(fit).root
+    with one_thread_in_blas():
+        columns = np.concatenate([rows.columns @ root, rows.residual[:, :, None]], axis=2)
+        white = Whitener(shared_motion(rows)[0], found.deviations)(columns).reshape(-1, columns.shape[2])
+        file = fit.problem.file_values
+        away = np.column_stack([root, fit.solution.theta - file.centre]) * file.precision[:, None]
+        known = away[file.precision > 0] * found.white
+        triangle = np.linalg.qr(np.concatenate([white, known]), mode="r")
+    half = root @ np.linalg.inv(triangle[:-1, :-1])
+    return found.white**2 * half @ half.T, -half @ triangle[:-1, -1]
 
 
 def estimate_correlation(

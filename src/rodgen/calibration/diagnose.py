@@ -35,7 +35,7 @@ from rodgen.calibration.diagnosis import (
 from rodgen.calibration.displaced_stretch import DisplacedStretch
 from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
-from rodgen.calibration.fit import Fit, ended, fit
+from rodgen.calibration.fit import Fit, balanced, ended, fit
 from rodgen.calibration.forms import propose, sharpened
 from rodgen.calibration.geometry import GEOMETRY, SEVERAL, gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
@@ -214,7 +214,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             base = base.refit(subject.fitted.machine, outliers=outliers)
             if reason := why_undecidable(base, checked=True):
                 return _undecided(subject, base, reason)
-    answer = _assembled(subject, state)
+    answer = _assembled(subject, replace(state, fits=balanced(state.fits)))
     if geometry is None:
         return answer
     verdict = "wrong_geometry" if answer.verdict in {"nothing_missing", "cannot_tell"} else answer.verdict
@@ -369,12 +369,6 @@ ZERO = (
 )
 
 
-AS_POSE = (
-    'The targets are points of one body: measured as kind = "pose", its places and its turns count by the noise '
-    "of each."
-)
-
-
 def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
     """Return effects that the full fit estimates as zero within their uncertainty.
 
@@ -460,8 +454,6 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         if not (rest or chosen) and moved[1] and seen.size("wander") > VERDICT.wander * seen.white:
             rest, shared = seen.text, ""
     refused = _on_refused(state)
-    if refused and last.noise.one_body and last.machine.measurand.moving:
-        refused.append(AS_POSE)
     if len(state.refused) > MOST_REFUSED and not rest:
         rest, refused = " ".join(refused), []
     verdict, reason = "nothing_missing", None

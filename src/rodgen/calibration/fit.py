@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Mask
 from rodgen.calibration.attitude_noise import attitude_arm
+from rodgen.calibration.dependence import as_one_body
 from rodgen.calibration.fitted import Estimate, Fit
 from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
@@ -40,10 +41,10 @@ __all__ = [
 
 LOSSES = ("linear", "huber")
 
-BALANCED = 10
-"""Times at most that the lever arm of poses is estimated anew: usually three."""
-SAME_ARM = 0.02
-"""Relative change of a lever arm that changes no estimate by a hundredth of its standard deviation."""
+BALANCED = 30
+"""Times at most that the lever arm of poses is estimated anew: usually five."""
+SAME_ARM = 1e-5
+"""Relative change of a lever arm that changes no estimate by as much as the last step of a fit does."""
 COMPILE_FROM = 20_000
 """Rows from which on a fit by least squares is done with compiled kernels. NumPy needs some 15 evaluations of few rows,
 0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. The rule counts rows,
@@ -175,11 +176,10 @@ def refit(
     outliers
         As of :func:`rodgen.calibration.fit.fit`.
     """
-    return fitted(
-        fit.machine if machine is None else machine,
-        fit.observations if observations is None else observations,
-        outliers,
-    )
+    if observations is None:
+        same = outliers is None or np.array_equal(outliers, fit.outliers)
+        observations = fit.observations if same else _with_unknown_arm(fit.observations)
+    return fitted(fit.machine if machine is None else machine, observations, outliers)
 
 
 def _balanced(fit: Fit) -> Fit:
@@ -189,24 +189,46 @@ def _balanced(fit: Fit) -> Fit:
     """
     if fit.observations.arm_is_known:
         return fit
-    free = fit.free
     for _ in range(BALANCED):
-        before, arm = fit.observations.arm, attitude_arm(fit)
-        if abs(np.log(arm / before)) < SAME_ARM:
+        arm = attitude_arm(fit)
+        if abs(np.log(arm / fit.observations.arm)) < SAME_ARM:
             break
-        problem = Problem(fit.problem.model, replace(fit.observations, arm=arm))
-        if fit.outliers.any():
-            problem.leave_out(fit.outliers)
-        solution = minimise(problem, fit.solution.theta, fit.solution.frame, free, damping=NEAR)
-        fit = _finished(problem, solution, free, fit.outliers)
+        fit = _with_arm(fit, arm)
     known = replace(fit.observations, arm_is_known=True)
     if any(p.optional for p in fit.parameters):  # what the data call for depends on the weights
         return refit(fit, observations=known, outliers=fit.outliers)
     return replace(fit, observations=known)
 
 
+def balanced(fits: Sequence[Fit]) -> list[Fit]:
+    """Return fits in which positions and attitudes count by their noise about the last one, as in a fit of that alone.
+
+    Where the noise is stated, and of other readings than poses, they are the same.
+    """
+    o = _with_unknown_arm(fits[-1].observations)
+    if o.arm_is_known:
+        return [*fits]
+    last = _balanced(replace(fits[-1], observations=o))
+    arm = last.observations.arm
+    return [*fits] if arm == o.arm else [*(_with_arm(one, arm) for one in fits[:-1]), last]
+
+
+def _with_unknown_arm(o: Observations) -> Observations:
+    """Return observations whose lever arm is to be estimated, where it is not stated."""
+    return replace(o, arm_is_known=not o.machine.measurand.is_pose or o.sigma is not None)
+
+
+def _with_arm(fit: Fit, arm: float) -> Fit:
+    """Return the fit of poses in which attitudes count by another lever arm."""
+    problem = Problem(fit.problem.model, replace(fit.observations, arm=arm))
+    if fit.outliers.any():
+        problem.leave_out(fit.outliers)
+    solution = minimise(problem, fit.solution.theta, fit.solution.frame, fit.free, damping=NEAR)
+    return _finished(problem, solution, fit.free, fit.outliers)
+
+
 def _finished(problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]) -> Fit:
-    return Fit.of(problem, nearest(problem, solution, free), free, outliers)
+    return as_one_body(Fit.of(problem, nearest(problem, solution, free), free, outliers))
 
 
 def with_bodies(fit: Fit, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -26,7 +26,9 @@ from typing import Any
 import numpy as np
 
 from rodgen.array_types import Array, Ints, Mask
+from rodgen.calibration.dependence import as_one_body
 from rodgen.calibration.fitted import Fit
+from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise, moved
 from rodgen.calibration.whitened import Whitened
@@ -282,12 +284,15 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         if without.unheld:
             return HeldOut(None, fit.unit, folds, poses, by, because=without.unheld)
         wanted = ~fit.outliers & ~without.unpredicted
+        correlation = fit.dependence.correlation if is_one_body(fit) else None
         predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
         for k in each("error on poses left out", predicted):
-            problem.leave_out((fold == k) | fit.outliers)
+            out = (fold == k) | fit.outliers
+            problem.leave_out(out)
             solution = without.fitted(problem, k)
             converged &= solution.converged
-            residuals = replace(fit, problem=problem, solution=solution).residuals
+            others = replace(fit, problem=problem, solution=solution, outliers=out)
+            residuals = as_one_body(others, correlation).residuals
             rows = wanted & (fold == k)
             squares[rows] = np.sum(residuals[rows] ** 2, axis=1) / problem.components
     return HeldOut(
