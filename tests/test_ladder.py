@@ -45,16 +45,20 @@ TABLE = Machine(
 )  # fmt: skip
 
 
-def turned(angles, random, *, noise=0.002, pose=0.0, angle=0.0, eccentricity=0.0, targets=BALLS, **columns):
-    """Measurements of the table by plain trigonometry: noise of readings, of a pose, and of its angle (rad)."""
+def turned(
+    angles, random, *, noise=0.002, pose=0.0, angle=0.0, body=0.0, eccentricity=0.0, targets=BALLS, **columns
+):
+    """Measurements of the table by plain trigonometry: noise of readings, of a pose, of its angle and turn (rad)."""
     rows = []
     for q in np.deg2rad(angles):
         turn = q + eccentricity * np.cos(q) + angle * random.normal()
         shift = pose * random.normal(size=3)
-        for ball in targets:
-            x, y, z = ball.point
-            seen = np.array([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z])
-            rows.append((np.rad2deg(q), ball.name, *(seen + shift + noise * random.normal(size=3))))
+        x, y, z = np.array([ball.point for ball in targets]).T
+        seen = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z], axis=1)
+        if body:
+            shift = shift + np.cross(body * random.normal(size=3), seen - seen.mean(axis=0))
+        for ball, at in zip(targets, seen + shift, strict=True):
+            rows.append((np.rad2deg(q), ball.name, *(at + noise * random.normal(size=3))))
     names = ("C [deg]", "target", "x [mm]", "y [mm]", "z [mm]")
     frame = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
     frame |= {name: list(np.repeat(values, len(targets))) for name, values in columns.items()}
@@ -395,6 +399,28 @@ def test_chance_in_whole_poses_is_no_effect():
     draws = [bind(TABLE, turned(random.uniform(0, 360, 25), random, angle=1e-4)) for _ in range(60)]
     found = [ladder(TABLE, data, [step]).rungs[1].step.needed for data in draws]
     assert np.mean(found) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("errors", "shared", "size"),
+    [
+        # a turn of the axis moves balls at 100 mm along two of three directions; two standard errors
+        ({"angle": 1e-4}, "pose j0", pytest.approx(100 * 1e-4 / np.sqrt(3), rel=0.25)),
+        ({"pose": 0.01}, "pose t", pytest.approx(0.01, rel=0.15)),
+        # points whose coordinates scatter by 78, 41 and 22 mm about their middle
+        ({"body": 1e-4}, "pose own", pytest.approx(1e-4 * np.sqrt(2 * (78**2 + 41**2 + 22**2) / 3), rel=0.2)),
+    ],
+)
+def test_what_a_pose_does_by_itself_is_told(errors, shared, size):
+    """The axis stops at random; or poses are shifted; or a body at the edge turns about its middle."""
+    random = np.random.default_rng(11)
+    targets = tuple(replace(ball, point=tuple(np.add(ball.point, (400.0, 0, 0)))) for ball in BALLS)
+    targets = targets if "body" in errors else BALLS
+    table = replace(TABLE, targets=targets)
+    data = turned(random.uniform(0, 360, 40), random, targets=targets, **errors)
+    found = fit(table, data).dependence.correlation
+    assert found.components.names == (shared,)
+    assert found.size(shared) == size
 
 
 def test_a_real_effect_in_noisy_poses_is_found():
