@@ -33,7 +33,7 @@ from rodgen.stages import stage
 from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.digits import resolution
-from rodgen.statistics.thresholds import VARIANCES
+from rodgen.statistics.thresholds import LACK_OF_FIT, VARIANCES
 from rodgen.statistics.variance_components import Groups, VarianceComponents, VarianceEstimator
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Weighted, Whitener
 from rodgen.views import Result
@@ -55,6 +55,9 @@ standard deviation is 1.7 times as large. With fewer it would have no end."""
 
 STEPS = 3
 """Steps from independent readings to those of one body: the model is nearly linear there."""
+
+ALIKE = 1e-6
+"""Part of the largest difference of two variances below which others are rounding."""
 
 NO_READING = 1e-30
 """Weights below this part of the largest are those of readings that the fit leaves out."""
@@ -386,8 +389,10 @@ def dependence(fit: Fit) -> Dependence:
         found = estimate_correlation(rows, ())
         if found.independent:
             return Dependence(found, None)
-    if is_one_body(fit) and fit.degrees_of_freedom > 0:
-        return Dependence(found, _generalized(fit, found)[0], weighed=True)
+    if _is_weighed(fit, found):
+        covariance, _, p_value = _generalized(fit, found)
+        if p_value > LACK_OF_FIT.rare:
+            return Dependence(found, covariance, weighed=True)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
         n, m, p = rows.columns.shape
@@ -405,35 +410,58 @@ def dependence(fit: Fit) -> Dependence:
 def as_one_body(fit: Fit, correlation: Correlation | None = None) -> Fit:
     """Return the fit by generalized least squares where targets are points of one body, else itself.
 
+    Also itself where both estimates differ by more than the noise: then the model is wrong, and what it misses tells
+    nothing of the noise (Hausman 1978).
+
     Parameters
     ----------
     correlation : Correlation, optional
-        How the readings depend on each other; left out: as the fit leaves them.
+        How the readings depend on each other, where the estimates are known to agree; left out: as the fit leaves them.
     """
-    for _ in range(STEPS) if is_one_body(fit) else ():
-        found = correlation or fit.dependence.correlation
-        if found.independent:
+    if not is_one_body(fit):
+        return fit
+    found = correlation or fit.dependence.correlation
+    for _ in range(STEPS) if _is_weighed(fit, found) else ():
+        _, step, p_value = _generalized(fit, found)
+        if correlation is None and p_value < LACK_OF_FIT.rare:
             break
         solution, problem = fit.solution, fit.problem
-        theta, frame = moved(problem, solution.theta, solution.frame, _generalized(fit, found)[1])
+        theta, frame = moved(problem, solution.theta, solution.frame, step)
         there = replace(solution, theta=theta, frame=frame, cost=problem.cost(theta, frame))
         fit = Fit.of(problem, there, fit.free, fit.outliers, fit.loss)
     return fit
 
 
-def _generalized(fit: Fit, found: Correlation) -> tuple[Array, Array]:
-    """Return the covariance of the estimates of generalized least squares, and the step to these."""
+def _is_weighed(fit: Fit, found: Correlation) -> bool:
+    """Return whether estimates may weigh readings by what poses share."""
+    return not (found.independent or found.wanders) and fit.degrees_of_freedom > 0 and is_one_body(fit)
+
+
+def _generalized(fit: Fit, found: Correlation) -> tuple[Array, Array, float]:
+    """Return the covariance of the estimates of generalized least squares, the step to these, and how likely it is.
+
+    The step from the estimates of least squares has the difference of both covariances.
+    """
+    from scipy import special
+
     assert found.deviations is not None
     rows, root = FitRows.at(fit, np.flatnonzero(~fit.outliers)), Whitened(fit).root
     with one_thread_in_blas():
+        motion, _ = shared_motion(rows)
         columns = np.concatenate([rows.columns @ root, rows.residual[:, :, None]], axis=2)
-        white = Whitener(shared_motion(rows)[0], found.deviations)(columns).reshape(-1, columns.shape[2])
+        white = Whitener(motion, found.deviations)(columns).reshape(-1, columns.shape[2])
         file = fit.problem.file_values
         away = np.column_stack([root, fit.solution.theta - file.centre]) * file.precision[:, None]
         known = away[file.precision > 0] * found.white
         triangle = np.linalg.qr(np.concatenate([white, known]), mode="r")
-    half = root @ np.linalg.inv(triangle[:-1, :-1])
-    return found.white**2 * half @ half.T, -half @ triangle[:-1, -1]
+        half = np.linalg.inv(triangle[:-1, :-1])
+        step = -half @ triangle[:-1, -1]
+        spread = motion.covariance_of(found.deviations, columns[:, :, :-1])
+        values, vectors = eigh(found.white**2 * (spread - half @ half.T))
+    real = values > ALIKE * values[-1]
+    off = float(np.sum((vectors[:, real].T @ step) ** 2 / values[real]))
+    half, p_value = root @ half, float(special.chdtrc(np.count_nonzero(real), off))
+    return found.white**2 * half @ half.T, root @ step, p_value
 
 
 def estimate_correlation(

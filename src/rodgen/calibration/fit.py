@@ -203,8 +203,11 @@ def _balanced(fit: Fit) -> Fit:
 def balanced(fits: Sequence[Fit]) -> list[Fit]:
     """Return fits in which positions and attitudes count by their noise about the last one, as in a fit of that alone.
 
-    Where the noise is stated, and of other readings than poses, they are the same.
+    So do shifts and turns of one body. Where the noise is stated, and of other readings, they are the same.
     """
+    body = fits[-1]
+    if is_one_body(body) and body.dependence.weighed:
+        return [*(as_one_body(one, body.dependence.correlation) for one in fits[:-1]), body]
     o = _with_unknown_arm(fits[-1].observations)
     if o.arm_is_known:
         return [*fits]

@@ -284,7 +284,7 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         if without.unheld:
             return HeldOut(None, fit.unit, folds, poses, by, because=without.unheld)
         wanted = ~fit.outliers & ~without.unpredicted
-        correlation = fit.dependence.correlation if is_one_body(fit) else None
+        shared = fit.dependence.correlation if is_one_body(fit) else None
         predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
         for k in each("error on poses left out", predicted):
             out = (fold == k) | fit.outliers
@@ -292,7 +292,7 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
             solution = without.fitted(problem, k)
             converged &= solution.converged
             others = replace(fit, problem=problem, solution=solution, outliers=out)
-            residuals = as_one_body(others, correlation).residuals
+            residuals = (as_one_body(others, shared) if shared else others).residuals
             rows = wanted & (fold == k)
             squares[rows] = np.sum(residuals[rows] ** 2, axis=1) / problem.components
     return HeldOut(
