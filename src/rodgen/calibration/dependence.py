@@ -453,7 +453,7 @@ def _generalized(fit: Fit, found: Correlation) -> tuple[Array, Array, float]:
         file = fit.problem.file_values
         away = np.column_stack([root, fit.solution.theta - file.centre]) * file.precision[:, None]
         known = away[file.precision > 0] * found.white
-        triangle = np.linalg.qr(np.concatenate([white, known]), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.concatenate([white, known]), mode="r"))
         half = np.linalg.inv(triangle[:-1, :-1])
         step = -half @ triangle[:-1, -1]
         spread = motion.covariance_of(found.deviations, columns[:, :, :-1])
