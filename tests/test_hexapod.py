@@ -24,9 +24,9 @@ from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.kinematics import hexapod
 from rodgen.kinematics.hexapod import DirectStatus
+from rodgen.machines.families.on_legs import NEWTON_STEPS
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
-from rodgen.machines.kinematics import NEWTON_STEPS
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 

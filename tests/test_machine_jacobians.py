@@ -33,7 +33,7 @@ from rodgen.codegen import Kernel, KernelBuilder
 from rodgen.codegen.program import Program
 from rodgen.codegen.rows import row_kernels
 from rodgen.machines.algebra import Algebra
-from rodgen.machines.closed_chain_derivation import pose_of
+from rodgen.machines.closed_chain import pose_of
 from rodgen.machines.derivation import derive_programs, model_kernel
 from rodgen.machines.model import _key
 from rodgen.machines.model_steps import ModelSteps

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rodgen.codegen.tape import Tape, with_known
 from rodgen.codegen.tape_jacobian import jacobian_row
 from rodgen.machines.algebra import TapeBuilder, on_tape
-from rodgen.machines.closed_chain_derivation import closed_chain, pose_of
+from rodgen.machines.closed_chain import closed_chain, pose_of
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure
 

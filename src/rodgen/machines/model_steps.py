@@ -396,6 +396,15 @@ class ModelSteps:
             value = value * self.g["acts", number][0]
         return self.let("effect", value)
 
+    def terms_of(self, joint: int, component: str) -> list[int]:
+        """Return the numbers of the effects at a joint that change a component."""
+        terms = self.structure.terms
+        return [n for n, term in enumerate(terms) if (term.joint, term.component) == (joint, component)]
+
+    def changed(self, joint: int, component: str, value: Any) -> Any:
+        """Add to a value what the effects at a joint change this component by."""
+        return sum((self.term(n) for n in self.terms_of(joint, component)), value)
+
     def rigid(self, numbers: Sequence[int], pivot: Vector, j: int | None) -> tuple[Vector, Vector] | None:
         """Add up the translations and the rotation vectors of several effects; None where there is none."""
         t, w = self.zero, self.zero

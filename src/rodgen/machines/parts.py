@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeVar
 from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import RodgenError, listed, shown, suggestion
 from rodgen.machines.effects.definition import OF_A_LOOP, TURNING, EffectDefinition, coordinate_dimension
-from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
+from rodgen.machines.families.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.views import with_html
 

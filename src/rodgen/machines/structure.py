@@ -22,7 +22,7 @@ from functools import cached_property, lru_cache
 from rodgen.machines.coupling import Coupling, couplings_of
 from rodgen.machines.effects.definition import SKY
 from rodgen.machines.effects.formula import Formula
-from rodgen.machines.kinematics import Chain, Kinematics, beyond, carriers
+from rodgen.machines.families.kinematics import Chain, Kinematics, beyond, carriers
 from rodgen.machines.measured import TURNS, Measurand
 from rodgen.machines.parts import Effect, MachineData
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.attitudes import nearest_frame
 from rodgen.errors import InputFileError
-from rodgen.machines.kinematics import OnLegs, ThreeSpsS
+from rodgen.machines.families.on_legs import NEAR, OnLegs
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
@@ -52,11 +52,6 @@ FAR = 3e-3
 """In rad, or radii of the base. A pose that starts no farther off than this is found to rounding in two steps."""
 SLACK = 0.02
 """Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
-MOST_SEEN = 32
-"""Poses at most, in addition to the first, that emitted code chooses from to begin."""
-NEAR = 0.02
-"""In rad, or radii of the base. The nominal pose may be so far from that of the fitted geometry and still be the same
-one."""
 WEAK = 0.1
 """How well legs hold a platform, 1 at best, below which a row is worth a look."""
 LOOKED_AT = 2000
@@ -142,8 +137,7 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
     ndarray
         Where the legs do not close, the poses that were.
     """
-    changed = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}
-    kinematics = replace(_on_legs(o.machine), **changed)
+    kinematics = _on_legs(o.machine).with_numbers(numbers)
     before = np.asarray(o.pose_start)
     if not kinematics.is_possible:
         return before
@@ -161,13 +155,11 @@ def in_another_mode(o: Observations, machine: Machine) -> float:
     machine : Machine
     """
     kinematics = machine.kinematics
-    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
-        return 0.0
-    if not _tell_mode(o):
+    if kinematics.start is None or o.pose_start is None or not _tell_mode(o):
         return 0.0
     some = o.take(_looked_at(o))
     asked = pose_start(replace(some, machine=machine))
-    free = replace(machine, kinematics=replace(kinematics, start=None))
+    free = replace(machine, kinematics=kinematics.in_mode(None))
     return float(np.mean(far_apart(pose_start(replace(some, machine=free)), asked, machine)))
 
 
@@ -346,47 +338,28 @@ def in_its_mode(machine: Machine, o: Observations) -> Machine:
     Where readings determined the mode, its ``start`` becomes the pose in the middle of all.
     """
     kinematics = machine.kinematics
-    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is not None or o.pose_start is None:
+    if not kinematics.has_modes or kinematics.start is not None or o.pose_start is None:
         return machine
     turns = o.pose_start.reshape(-1, 3, 3)
     middle = turns[int(np.argmax(np.einsum("nij,ij->n", turns, turns.mean(axis=0))))]
-    return replace(machine, kinematics=replace(kinematics, start=_vector(middle)))
+    x, y, z = (float(c) for c in rotation_vector(middle))
+    return replace(machine, kinematics=kinematics.in_mode((x, y, z)))
 
 
 def with_what_was_seen(machine: Machine, o: Observations) -> Machine:
     """Return a machine that knows poses from which all that were measured are found, for the code that it emits."""
     kinematics = machine.kinematics
-    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
+    if kinematics.start is None or o.pose_start is None:
         return machine
-    begins = rotation_matrix(kinematics.start)[None]
-    while len(begins) <= MOST_SEEN:
-        turns, legs = _not_found(kinematics, begins, o)
-        if not len(turns):
-            break
-        apart = np.sum((legs[:, None] - kinematics.legs_at(begins)) ** 2, axis=2).min(axis=1)
-        begins = np.concatenate([begins, turns[[np.argmax(apart)]]])
-    return replace(machine, kinematics=replace(kinematics, seen=tuple(_vector(turn) for turn in begins[1:])))
+    some = _looked_at(o)
+    return replace(machine, kinematics=kinematics.with_seen(np.asarray(o.pose_start)[some], o.q[some]))
 
 
 def not_found_by_code(machine: Machine, o: Observations) -> float:
     """Return in which part of the rows emitted code of a fitted machine does not find the platform."""
-    kinematics = machine.kinematics
-    if not isinstance(kinematics, OnLegs) or o.pose_start is None:
+    if o.pose_start is None:
         return 0.0
+    kinematics = _on_legs(machine)
     some = _looked_at(o)
     apart = np.abs((kinematics.found_by_code(o.q[some]) - o.pose_start[some]) / kinematics.pose_scale)
     return float(np.mean(~(apart.max(axis=1) < NEAR)))
-
-
-def _not_found(kinematics: ThreeSpsS, begins: Array, o: Observations) -> tuple[Array, Array]:
-    """Return the poses and legs of those rows that code which begins there does not find."""
-    some = _looked_at(o)
-    turns, legs = np.asarray(o.pose_start)[some].reshape(-1, 3, 3), o.q[some]
-    found = kinematics.found_from(begins, legs)
-    lost = ~(np.abs(found - turns).max(axis=(1, 2)) < NEAR)
-    return turns[lost], legs[lost]
-
-
-def _vector(turn: Array) -> tuple[float, float, float]:
-    x, y, z = (float(c) for c in rotation_vector(turn))
-    return x, y, z

@@ -32,7 +32,7 @@ from rodgen.machines.emit._kernels import (
     step_kernel,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
-from rodgen.machines.kinematics import OnLegs
+from rodgen.machines.families.kinematics import Kinematics
 from rodgen.machines.measured import ANGLE_ABOUT
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.rigid import rotation_vector
@@ -94,23 +94,17 @@ class Reference:
         return [column for column in self.model.structure.columns if column[0] in _OF_ROWS]
 
     @cached_property
-    def _on_legs(self) -> OnLegs | None:
-        """The legs of a platform as they were fitted, None of a chain."""
+    def _fitted(self) -> Kinematics:
         kinematics = self.machine.kinematics
-        if not isinstance(kinematics, OnLegs):
-            return None
-        numbers = {name: self.model.number(self.theta, name) for name in kinematics.numbers}
-        return replace(kinematics, **{n: x if len(x) > 1 else x[0] for n, x in numbers.items()})
+        return kinematics.with_numbers({n: self.model.number(self.theta, n) for n in kinematics.numbers})
 
     def poses(self, q: Array) -> Array:
         """Return the poses of a platform that emitted code finds without effects, (n, numbers); of a chain (n, 0)."""
-        return np.zeros((len(q), 0)) if self._on_legs is None else self._on_legs.found_by_code(q)
+        return self._fitted.found_by_code(q)
 
     def is_regular(self, q: Array, least: float) -> NDArray[np.bool_]:
         """Return where a platform is held with at least this singular value, (n,): everywhere of a chain."""
-        if self._on_legs is None:
-            return np.ones(len(q), bool)
-        return self._on_legs.least_singular_value(self.poses(q)) > least
+        return self._fitted.least_singular_value(self.poses(q)) > least
 
     def places(
         self,
@@ -348,17 +342,8 @@ _PARTS = {
     "shift_rotation": "frame shift, rotation",
     "target": "target {target}",
     "target_rotation": "attitude of target {target}",
-    "R": "radius of the joints on the base, {length}",
-    "A": "length of the arms, {length}",
-    "L": "length of the rods, {length}",
-    "r": "radius of the joints on the platform, {length}",
-    "q": "from the middle of the platform's joints to its centre, {length}",
-    "h": "height of the pivot, {length}",
-    **{f"B{k}": f"joint of leg {k} on the base, {{length}}" for k in range(1, 7)},
-    **{f"P{k}": f"joint of leg {k} on the platform, in its axes, {{length}}" for k in range(1, 7)},
     "begin": "of a pose to begin with: lengths of the legs, position, unit quaternion",
 }
-_OF_A_DELTA = {"R": "radius of the rods' upper joints less that of the lower ones, {length}"}
 
 
 def constant_words(scope: Scope, constant: Constant) -> str:
@@ -373,7 +358,7 @@ def constant_words(scope: Scope, constant: Constant) -> str:
     if part in OF_A_JOINT:
         joint = machine.joints[number]
         words |= {"joint": shown(joint.name), "coordinate": coordinate_unit(machine, number)}
-    parts = _PARTS | (_OF_A_DELTA if machine.joints[0].type in {"tower", "arm"} else {})
+    parts = _PARTS | {name: text for name, (_, text) in machine.kinematics.number_words.items()}
     return parts[part].format(**words, target=shown(machine.targets[0].name))
 
 
@@ -433,8 +418,8 @@ def _size(scope: Scope) -> float:
         float(np.linalg.norm(p))
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
     ]
-    if isinstance(machine.kinematics, OnLegs):
-        travel.append(max(machine.kinematics.usual_travel(k)[1] for k in range(len(machine.joints))))
+    usual = [machine.kinematics.usual_travel(k) for k in range(len(machine.joints))]
+    travel += [max(highest for _, highest in filter(None, usual))] if any(usual) else []
     return float(sum(travel) + max(points)) or 1.0
 
 
@@ -492,9 +477,8 @@ def _moves(
 
 def _usual_travel(machine: Machine, j: int, size: float) -> tuple[float, float]:
     """Return coordinates of a joint whose travel is not known."""
-    if isinstance(machine.kinematics, OnLegs):
-        return machine.kinematics.usual_travel(j)
-    return (-np.pi, np.pi) if machine.joints[j].revolute else (-size, size)
+    of_joint = (-np.pi, np.pi) if machine.joints[j].revolute else (-size, size)
+    return machine.kinematics.usual_travel(j) or of_joint
 
 
 def _even(dimensions: int, count: int) -> Iterator[Array]:

@@ -27,9 +27,8 @@ from rodgen.codegen.tape import Number, Tape, asin, select, sqrt
 from rodgen.codegen.tape_jacobian import jacobian
 from rodgen.codegen.tape_matrix import Matrix
 from rodgen.machines.algebra import TapeBuilder, on_tape, solved
-from rodgen.machines.closed_chain_derivation import pose_from_afar
+from rodgen.machines.closed_chain import pose_from_afar
 from rodgen.machines.derivation import model_kernel
-from rodgen.machines.kinematics import OnLegs
 from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.model_steps import ModelSteps
@@ -40,16 +39,6 @@ TINY = 1e-300
 
 OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
 """Parts of the geometry that each joint has."""
-OF_A_CLOSED_CHAIN = {
-    "R": "base_radius",
-    "A": "arm_length",
-    "L": "rod_length",
-    "r": "platform_radius",
-    "q": "offset",
-    "h": "pivot_height",
-    **{f"{of[0].upper()}{k}": f"{of}_joint{k}" for of in ("base", "platform") for k in range(1, 7)},
-}
-"""Parts of the geometry of a closed chain, and what they are called in code."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +173,6 @@ def _pose(model: Model, structure: Structure, numbers: _Numbers, q: list[Number]
     """Find the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
     kinematics = model.machine.kinematics
-    assert isinstance(kinematics, OnLegs)
     begins = kinematics.begins
     given = {
         "rows": [q[int(of)] if kind == "q" else np.nan for kind, of in bare.columns],
@@ -221,7 +209,8 @@ class _Numbers:
         self.seen = values[:, differ]
         seen = iter(tape.inputs("seen", len(differ), same=False))
         slots = _slots(structure)
-        self.seen_of = tuple(_slot_name(*slots[i]) for i in differ)
+        self.words = structure.kinematics.number_words
+        self.seen_of = tuple(self._slot_name(*slots[i]) for i in differ)
         self.geometry: list[Any] = [
             next(seen) if i in differ else self.number(float(values[0, i]), *slot)
             for i, slot in enumerate(slots)
@@ -247,7 +236,7 @@ class _Numbers:
     def number(self, value: float, part: str, number: int, component: str) -> Any:
         if value in (0.0, 1.0, -1.0):
             return int(value)
-        return self._named(_slot_name(part, number, component), value, (part, number, component))
+        return self._named(self._slot_name(part, number, component), value, (part, number, component))
 
     def _parameter(self, value: float, number: int, name: str, term: Term, definition: Any) -> Any:
         """Return a parameter; one that is zero takes its term away where the formula is known to be linear in it."""
@@ -257,6 +246,11 @@ class _Numbers:
         plain = name if is_ours else f"p{term.parameters.index(name)}"
         return self._named(f"effect{number}_{plain}", value, ("effect", number, name))
 
+    def _slot_name(self, part: str, number: int, component: str) -> str:
+        part, _ = self.words.get(part, (part, ""))
+        of = f"{part}{number}" if part in OF_A_JOINT | {"acts", "begin"} else part
+        return "_".join(filter(None, [of, component]))
+
     def _named(self, name: str, value: float, of: tuple[str, int, str]) -> Number:
         self.constants.append(Constant(f"{self.prefix}{name}", value, of))
         return self.tape.inputs(self.constants[-1].name, 1)[0]
@@ -265,12 +259,6 @@ class _Numbers:
 def _slots(structure: Structure) -> list[tuple[str, int, str]]:
     """Return part, number and component of each number in ``g``."""
     return [(part, n, _component(i, length)) for part, n, length in structure.geometry for i in range(length)]
-
-
-def _slot_name(part: str, number: int, component: str) -> str:
-    part = OF_A_CLOSED_CHAIN.get(part, part)
-    of = f"{part}{number}" if part in OF_A_JOINT | {"acts", "begin"} else part
-    return "_".join(filter(None, [of, component]))
 
 
 def _component(i: int, length: int) -> str:

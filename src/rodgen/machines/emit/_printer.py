@@ -16,7 +16,7 @@ from rodgen.array_types import Array
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.machines.emit._content import title_of
 from rodgen.machines.emit._scope import scope_of
-from rodgen.machines.kinematics import LinearDelta
+from rodgen.machines.families.delta import LinearDelta
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine

@@ -29,7 +29,6 @@ from rodgen.machines.emit._content import (
     effect_words,
     title_of,
 )
-from rodgen.machines.kinematics import OnLegs
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -53,9 +52,6 @@ STATUSES = (
     ("NOT_FINITE", "something given, or the model there, is not finite"),
     ("NO_TARGET", "there is no such target"),
 )
-
-
-_COORDINATE_OF = {"leg": "length of leg", "tower": "height of the carriage of tower", "arm": "angle of arm"}
 
 
 def _numbers(content: Content) -> list[tuple[str, float, str]]:
@@ -187,7 +183,7 @@ def _words_of(content: Content, first: int, brackets: str) -> Iterator[str]:
     yield ""
     for j, joint in enumerate(machine.joints):
         ends = ", {:.9g} to {:.9g}".format(*limits) if (limits := machine.limits[j]) else ""
-        what = _COORDINATE_OF[joint.type] if joint.in_loop else f"{joint.type} joint"
+        what = machine.kinematics.coordinate if joint.in_loop else f"{joint.type} joint"
         what = f"reading {shown(joint.reading)} of {what}" if joint.reading else what
         what = what if joint.is_read else f"not used, as it follows: {what}"
         yield f"q{brackets[0]}{j + first}{brackets[1]}  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
@@ -220,11 +216,10 @@ def model_words(content: Content) -> Iterator[str]:
 
 def _about_poses(content: Content) -> Iterator[str]:
     """Say which of the poses that lengths of legs allow is meant."""
-    kinematics = content.machine.kinematics
-    if not isinstance(kinematics, OnLegs):
-        return
-    mode = kinematics.mode_words()
-    yield from _wrapped(f"The platform is found from its joints, {mode}. Where that finds none, all is NaN.")
+    if mode := content.machine.kinematics.mode_words():
+        yield from _wrapped(
+            f"The platform is found from its joints, {mode}. Where that finds none, all is NaN."
+        )
 
 
 def _wrapped(text: str) -> list[str]:

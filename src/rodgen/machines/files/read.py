@@ -24,6 +24,9 @@ from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
 from rodgen.machines.effects.definition import coordinate_dimension
+from rodgen.machines.families import FAMILIES
+from rodgen.machines.families.kinematics import Chain, Kinematics
+from rodgen.machines.families.on_legs import OnLegs
 from rodgen.machines.files.toml import (
     NUMBER,
     PAIR,
@@ -39,7 +42,6 @@ from rodgen.machines.files.toml import (
     read_text,
 )
 from rodgen.machines.files.write import machine_text
-from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.known import read_known
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured

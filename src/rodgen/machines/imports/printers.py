@@ -25,8 +25,8 @@ from rodgen.array_types import Array
 from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, read_input
 from rodgen.kinematics import delta
+from rodgen.machines.families.delta import LinearDelta
 from rodgen.machines.imports.imported import Imported
-from rodgen.machines.kinematics import LinearDelta
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 _SAVED = "#*#"

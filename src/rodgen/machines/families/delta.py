@@ -1,0 +1,190 @@
+"""Deltas: three pairs of rods that shift a platform, from carriages on towers or from the ends of arms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.array_types import Array
+from rodgen.machines.families.on_legs import OnLegs, Pose, Steps
+from rodgen.symbolic import legs as leg_steps
+
+if TYPE_CHECKING:
+    from rodgen.kinematics import delta
+
+
+@dataclass(frozen=True)
+class _Delta(OnLegs):
+    """Three pairs of rods that shift a platform; its pose is its position, which a model solves for in closed form."""
+
+    R: float
+    L: float
+    """Radius of the rods' upper joints less that of the lower ones; length of the rods."""
+
+    number_words = MappingProxyType(
+        {
+            "R": ("base_radius", "radius of the rods' upper joints less that of the lower ones, {length}"),
+            "L": ("rod_length", "length of the rods, {length}"),
+            "A": ("arm_length", "length of the arms, {length}"),
+        }
+    )
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the rods are longer than the radius at which they begin."""
+        return self.L > 0
+
+    @property
+    def pose_scale(self) -> Array:
+        """The size of the machine."""
+        return np.full(3, self.size)
+
+    def modes(self, legs: Array) -> Array:
+        """Return the position below the upper joints of the rods."""
+        return np.asarray(self._position(legs))[:, None]
+
+    def least_singular_value(self, poses: Array) -> Array:
+        """Return the least singular value of the directions of the rods."""
+        from rodgen.kinematics import delta
+
+        rods: Array = delta.rods(poses, self._geometry())
+        good = np.asarray(np.isfinite(rods).all(axis=(1, 2)))
+        gains = np.linalg.svd(np.where(good[:, None, None], rods, 0.0), compute_uv=False)
+        return np.asarray(np.where(good, gains[:, -1], np.nan))
+
+    def mode_words(self) -> str:
+        """Say where the platform hangs."""
+        return "below the upper joints of the rods"
+
+    def _position(self, legs: Array) -> Array:
+        raise NotImplementedError
+
+    def _geometry(self) -> delta.LinearGeometry | delta.RotaryGeometry:
+        raise NotImplementedError
+
+    # the platform hangs where three spheres about the upper joints of the rods meet
+
+    def base_joint(self, m: Steps, leg: int) -> Any:
+        """Return the upper joint of a leg's rods, on its carriage or arm."""
+        cosine, sine = m.algebra.circle(self.heading(leg))
+        if m.terms_of(leg, "heading"):
+            c, s = m.turn(m.changed(leg, "heading", 0))
+            cosine, sine = m.let("cosine", cosine * c - sine * s), m.let("sine", sine * c + cosine * s)
+        outwards, across = m.matrix([cosine, sine, 0]), m.matrix([-sine, cosine, 0])
+        m.directions[leg] = {"U": outwards, "V": across, "N": m.matrix([0, 0, 1])}
+        out, height = self.reach(m, leg, m.let("coordinate", m.changed(leg, "reading", m.column["q", leg])))
+        return leg_steps.upper_joint(m, (cosine, sine), out, height)
+
+    def reach(self, m: Steps, leg: int, coordinate: Any) -> tuple[Any, Any]:
+        """Return how far out, and how high, the upper joint of a rod is drawn."""
+        raise NotImplementedError
+
+    def platform_joint(self, m: Steps, leg: int) -> Any:
+        """Return the middle of the platform, as R is less by its radius."""
+        return m.zero
+
+    def closed_form(self, m: Steps, base: Sequence[Any]) -> tuple[Pose, Any]:
+        """Return the pose, and whether the spheres do not meet."""
+        rods = [m.changed(k, "rod", self.L) for k in range(len(base))]
+        meet = leg_steps.three_spheres(m, base, [m.let("square", rod**2) for rod in rods])
+        meets = meet.ratio > 0
+        below = m.let("below", m.sqrt(m.select(meets, meet.ratio, 1)))
+        down = m.let("down", m.select(meet.normal[2] < 0, below, -below))
+        place, unit = m.let("platform", meet.foot + meet.normal * down), m.matrix.eye(3)
+        return Pose(place, unit, place, [place] * len(rods), [unit] * len(rods)), m.select(meets, 0, 1)
+
+    def carried(self, m: Steps, pose: Pose, x: Any) -> Any:
+        """Shift a target."""
+        return x + pose.shift if m.structure.moving else x
+
+
+@dataclass(frozen=True)
+class LinearDelta(_Delta):
+    """Rods on the carriages of three vertical towers; a coordinate is the height of a carriage."""
+
+    family = "linear-delta"
+    words = "linear delta: rods on the carriages of three towers"
+    legs = MappingProxyType({"A": 210, "B": 330, "C": 90})
+    numbers = MappingProxyType({"R": ("",), "L": ("",)})
+    keys = ("R", "L")
+    leg = "tower"
+    coordinate = "height of the carriage of tower"
+    dimensions = ("zero_offset", "delta_angle")
+
+    @property
+    def size(self) -> float:
+        """Length of the rods."""
+        return self.L
+
+    def usual_legs(self) -> Array:
+        """Return the heights with the platform in the middle of the plane z = 0."""
+        return np.full(3, np.sqrt(max(self.L**2 - self.R**2, 0.0)))
+
+    def usual_travel(self, leg: int) -> tuple[float, float]:
+        """Return an eighth of a rod above and below that."""
+        height = float(self.usual_legs()[leg])
+        return height - self.L / 8, height + self.L / 8
+
+    def _position(self, legs: Array) -> Array:
+        from rodgen.kinematics import delta
+
+        return np.asarray(delta.linear_direct(legs, self._geometry())[0])
+
+    def _geometry(self) -> delta.LinearGeometry:
+        from rodgen.kinematics import delta
+
+        heading = tuple(float(x) for x in self.legs.values())
+        return delta.LinearGeometry(self.R, self.L, heading)  # type: ignore[arg-type]
+
+    def reach(self, m: Steps, leg: int, coordinate: Any) -> tuple[Any, Any]:
+        """Return the radius of the towers, and the height of the carriage."""
+        return self.R, coordinate
+
+
+@dataclass(frozen=True)
+class RotaryDelta(_Delta):
+    """Rods at the ends of three arms (Clavel); a coordinate is the angle of an arm, positive downwards."""
+
+    A: float
+    """Length of the arms."""
+
+    family = "rotary-delta"
+    words = "rotary delta: rods at the ends of three arms"
+    legs = MappingProxyType({"A1": 0, "A2": 120, "A3": 240})
+    numbers = MappingProxyType({"R": ("",), "A": ("",), "L": ("",)})
+    keys = ("R", "A", "L")
+    leg = "arm"
+    coordinate = "angle of arm"
+    dimensions = ("zero_offset", "delta_angle")
+
+    @property
+    def size(self) -> float:
+        """Length of an arm."""
+        return self.A
+
+    def usual_legs(self) -> Array:
+        """Return level arms."""
+        return np.zeros(3)
+
+    def usual_travel(self, leg: int) -> tuple[float, float]:
+        """Return an eighth of a turn up and down."""
+        return -np.pi / 4, np.pi / 4
+
+    def _position(self, legs: Array) -> Array:
+        from rodgen.kinematics import delta
+
+        return np.asarray(delta.rotary_direct(legs, self._geometry())[0])
+
+    def _geometry(self) -> delta.RotaryGeometry:
+        from rodgen.kinematics import delta
+
+        heading = tuple(float(x) for x in self.legs.values())
+        return delta.RotaryGeometry(self.R, self.A, self.L, heading)  # type: ignore[arg-type]
+
+    def reach(self, m: Steps, leg: int, coordinate: Any) -> tuple[Any, Any]:
+        """Return where the end of the arm is."""
+        return leg_steps.elbow(self.R, m.changed(leg, "arm", self.A), m.turn(coordinate))
