@@ -52,8 +52,12 @@ def jacobian_row(outputs: Sequence[Any], variables: Sequence[Number]) -> list[Va
     return [found.get(x, 0) for x in variables]
 
 
-def jacobian(outputs: Sequence[Any], variables: Sequence[Number]) -> list[list[Value]]:
+def jacobian(
+    outputs: Sequence[Any], variables: Sequence[Number], held: Collection[Any] = ()
+) -> list[list[Value]]:
     """Return the derivatives of values with respect to inputs, row by row, in the way that takes fewest operations.
+
+    Numbers that are held count as constants.
 
     Examples
     --------
@@ -62,7 +66,7 @@ def jacobian(outputs: Sequence[Any], variables: Sequence[Number]) -> list[list[V
     >>> jacobian([a * b + 3 * a, b], [a, b]) == [[b + 3, a], [0, 1]]
     True
     """
-    edges = _edges([x for x in outputs if isinstance(x, Number)], variables)
+    edges = _edges([x for x in outputs if isinstance(x, Number)], variables, held)
     narrow = dict(edges)
     of_narrow = _narrow(narrow, outputs)
     found = [
@@ -110,11 +114,11 @@ _WAYS = ((_forward, True), (_backward, False), (_backward, True))
 """How a Jacobian is taken, and whether narrow parts are taken first: forward that pays always."""
 
 
-def _edges(outputs: Sequence[Number], variables: Sequence[Number]) -> Edges:
+def _edges(outputs: Sequence[Number], variables: Sequence[Number], held: Collection[Any] = ()) -> Edges:
     """Return what depends on a variable and what outputs depend on, later numbers first."""
     given, found = set(variables), Edges()
     for x in needed(outputs):
-        operands = [] if x.op in GIVEN else _slopes(x)
+        operands = [] if x.op in GIVEN or x in held else _slopes(x)
         slopes = [(a, slope()) for a, slope in operands if isinstance(a, Number) and a in found]
         if slopes or x in given:
             found[x] = slopes

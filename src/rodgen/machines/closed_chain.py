@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.machines.families.on_legs import NEWTON_STEPS, OnLegs, Pose
+from rodgen.machines.families.on_legs import OnLegs, Pose
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Term
 from rodgen.symbolic import legs
@@ -70,6 +70,11 @@ class ClosedChain:
         """Return the pose of a state."""
         return self.family.pose(self.m, self.arms, state)
 
+    def start(self) -> Pose:
+        """Return the pose that comes with the row."""
+        start = [self.m.column["start", i] for i in range(self.family.pose_numbers)]
+        return self.at(self.family.state(self.m, start))
+
     def spans(self, pose: Pose) -> list[Vector]:
         """Return the legs, from base to platform."""
         return [self.m.let("leg", p - a) for p, a in zip(pose.joints, self.base, strict=True)]
@@ -85,8 +90,7 @@ class ClosedChain:
         m, terms = self.m, self.m.structure.terms
         if (closed := self.family.closed_form(m, self.base)) is not None:
             return closed
-        start = [m.column["start", i] for i in range(self.family.pose_numbers)]
-        pose = self.at(self.family.state(m, start))
+        pose = self.start()
         if any(term.uses_tension for term in terms):
             # the pose with rigid legs has the same forces; the start of the row would not do, as the forces depend
             # on the commands
@@ -95,6 +99,7 @@ class ClosedChain:
         half = self.lengths(lambda term: True)
         step = m.matrix.zeros(3, 1)
         for _ in range(STEPS):
+            m.held = frozenset(self.family.numbers_of(pose.state))
             pose, step = self.nearer(pose, half)
         return pose, m.let("square", self.family.step_size(m, step, self.spans(pose)))
 
@@ -115,14 +120,6 @@ class ClosedChain:
         step = legs.solution(self.m, slopes, self.m.let("gap", self.m.matrix(gap)))
         step = self.m.let("step", -step)
         return self.at(self.family.moved(self.m, pose.state, step)), step
-
-    def from_afar(self) -> Pose:
-        """Return the pose with legs of the commanded lengths, from where the family begins."""
-        half = self.lengths(lambda term: True)
-        pose = self.at(self.family.begin(self.m, half))
-        for _ in range(NEWTON_STEPS):
-            pose, _step = self.nearer(pose, half)
-        return pose
 
 
 def closed_chain(model: ModelSteps, x: Vector, axes: Sequence[Vector] = ()) -> tuple[Vector, list[Vector]]:
@@ -165,10 +162,11 @@ def pose_of(model: ModelSteps) -> Any:
 
 
 def pose_from_afar(model: ModelSteps, begins: tuple[int, ...] = (0,)) -> Kernel:
-    """Return the kernel that finds the pose on the nominal machine without a start.
+    """Return the kernel with which the pose on the nominal machine is found without a start.
 
-    It replaces the start that usually comes with each row. For a family with one physical assembly mode it starts in
-    the middle of the workspace; for others from the one of some poses whose legs are the nearest.
+    It replaces the start that usually comes with each row. ``begin`` is the pose to begin with: for a family with one
+    physical assembly mode in the middle of the workspace; for others the one of some poses whose legs are the nearest.
+    ``nearer`` is the pose after one of Newton's steps from the start of the row; `NEWTON_STEPS` of them find it.
 
     Parameters
     ----------
@@ -181,7 +179,11 @@ def pose_from_afar(model: ModelSteps, begins: tuple[int, ...] = (0,)) -> Kernel:
         port = model.builder.input("begin", begins, unit="1", doc="poses to begin with, legs first")
         model.begins = port.tolist()
     chain = ClosedChain(model)
-    found = chain.family.numbers_of(chain.from_afar().state)
-    model.builder.output("start", model.matrix(found), unit="1", doc="pose on the nominal machine")
+    half = chain.lengths(lambda term: True)
+    begin = chain.family.numbers_of(chain.family.begin(model, half))
+    model.builder.output("begin", model.matrix(begin), unit="1", doc="pose to begin with")
+    pose, _step = chain.nearer(chain.start(), half)
+    nearer = chain.family.numbers_of(pose.state)
+    model.builder.output("nearer", model.matrix(nearer), unit="1", doc="pose after a step")
     kernel: Kernel = model.builder.build()
     return kernel

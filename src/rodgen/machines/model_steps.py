@@ -73,6 +73,9 @@ class ModelSteps:
         self.tension: dict[int, Any] = {}
         self.directions: dict[int, dict[str, Any]] = {}
         self.begins: list[list[Any]] = []
+        self.held: frozenset[Any] = (
+            frozenset()
+        )  # a pose of legs, on which the next one does not depend to first order
         self.zero = self.matrix.zeros(3, 1)
         self.inputs()
 

@@ -20,16 +20,14 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.codegen.operations import CPP_WORDS, MATLAB_WORDS
-from rodgen.codegen.program import Program
 from rodgen.codegen.source_text import in_comment
 from rodgen.errors import RodgenError, shown
+from rodgen.machines.emit._compensation import Compensation
 from rodgen.machines.emit._kernels import (
     OF_A_JOINT,
     Constant,
     MachineKernels,
-    aim_kernel,
     machine_kernels,
-    step_kernel,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
 from rodgen.machines.families.kinematics import Kinematics
@@ -199,20 +197,15 @@ class Content:
     scope: Scope
     fitted: MachineKernels
     ideal: MachineKernels
-    aim: Program
-    step: Program
+    compensation: Compensation
     fields: tuple[Field, ...]
     """Of a row, without ``q``."""
-    lowest: tuple[float, ...]
-    highest: tuple[float, ...]
     weight: tuple[float, ...]
-    """End of the travel of each joint, infinite where there is none; how freely it moves in a compensation: not
-    where it moves no target on the nominal machine. A slide that tilts by an error would go far for an attitude."""
+    """How freely each joint moves in a compensation: not where it moves no target on the nominal machine. A slide
+    that tilts by an error would go far for an attitude."""
     size: float
     """Of the numbers that a place is made of."""
     samples: tuple[Sample, ...]
-    is_bound: bool
-    """Whether the nominal machine moves a target on a curve or a surface only, as a rotary table does."""
     ways: tuple[float, ...]
     """By which the test measures derivatives: the weights of all joints."""
 
@@ -255,15 +248,18 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
         scope=scope,
         fitted=fitted,
         ideal=ideal,
-        aim=aim_kernel(measurand, len(joints), size),
-        step=step_kernel(measurand, len(joints), size),
+        compensation=Compensation(
+            measurand,
+            [joint.revolute for joint in joints],
+            [low for low, _ in limits],
+            [high for _, high in limits],
+            size,
+            is_bound=freedoms < len(measurand.freedoms),
+        ),
         fields=tuple(_fields(scope.machine, fitted)),
-        lowest=tuple(float(low) for low, _ in limits),
-        highest=tuple(float(high) for _, high in limits),
         weight=tuple(np.where(moved, weight, 0.0).tolist()),
         size=size,
         samples=samples,
-        is_bound=freedoms < len(measurand.freedoms),
         ways=tuple(map(float, weight)),
     )
 
