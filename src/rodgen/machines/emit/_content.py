@@ -74,17 +74,7 @@ class Reference:
 
     def nominal(self) -> Reference:
         """Return that of the nominal machine, with targets as they are mounted: directions as in the file."""
-        machine, model = self.machine, self.model
-        targets = machine.targets
-        if machine.measurand.moving:
-            points = [tuple(model.target(self.theta, k)[0].tolist()) for k in range(len(targets))]
-            targets = tuple(replace(t, point=x) for t, x in zip(targets, points, strict=True))
-        if machine.measurand.has_attitude:
-            turns = [
-                tuple(rotation_vector(model.attitude(self.theta, k)).tolist()) for k in range(len(targets))
-            ]
-            targets = tuple(replace(t, attitude=x) for t, x in zip(targets, turns, strict=True))
-        return Reference(replace(machine, targets=targets, effects=(), estimate=(), values={}, ties={}))
+        return Reference(ideal_of(self.machine, self.model))
 
     @property
     def conditions(self) -> list[tuple[str, int | str]]:
@@ -231,7 +221,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     chosen = named(machine, name)
     scope = scope_of(machine, travel)
     fitted = machine_kernels(scope.model)
-    ideal = machine_kernels(Model(ideal_of(scope)), "ideal", "ideal_")
+    ideal = machine_kernels(Model(ideal_of(scope.machine, scope.model)), "ideal", "ideal_")
     measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
     limits = [own or (-np.inf, np.inf) for own in machine.limits]
@@ -264,21 +254,20 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     )
 
 
-def ideal_of(scope: Scope) -> Machine:
+def ideal_of(machine: Machine, model: Model) -> Machine:
     """Return the machine without errors, with the targets that there are.
 
     Where a ball or a reflector is mounted is no error of the machine, and joints may not be able to make up for it. A
     measured direction is what the machine points, such as a telescope's line of sight, and belongs where the file says.
     """
-    machine, targets = scope.machine, scope.machine.targets
-    model, theta = scope.model, scope.model.start()
+    targets, theta = machine.targets, model.start()
     if machine.measurand.moving:
         places = [model.target(theta, k)[0].tolist() for k in range(len(targets))]
         targets = tuple(replace(target, point=tuple(x)) for target, x in zip(targets, places, strict=True))
     if machine.measurand.has_attitude:
         turns = [rotation_vector(model.attitude(theta, k)).tolist() for k in range(len(targets))]
         targets = tuple(replace(t, attitude=tuple(x)) for t, x in zip(targets, turns, strict=True))
-    return replace(machine, targets=targets, effects=(), estimate=(), values={})
+    return replace(machine, targets=targets, effects=(), estimate=(), values={}, ties={})
 
 
 # names -------------------------------------------------------------------------------------------------------

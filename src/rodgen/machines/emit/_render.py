@@ -87,9 +87,9 @@ def _common(content: Content, first: int = 0, brackets: str = "[]") -> dict[str,
     }
 
 
-def _list(values: Iterable[float], infinite: str = "inf") -> str:
-    """Return numbers as code lists them, given its name of infinity."""
-    return ", ".join(repr(float(x)).replace("inf", infinite) for x in values)
+def _list(values: Iterable[float]) -> str:
+    """Return numbers as code lists them."""
+    return ", ".join(repr(float(x)) for x in values)
 
 
 def _constants(content: Content) -> Iterator[dict[str, Any]]:

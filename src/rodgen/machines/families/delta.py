@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.kinematics import delta
 from rodgen.machines.families.on_legs import OnLegs, Pose, Steps
 from rodgen.symbolic import legs as leg_steps
-
-if TYPE_CHECKING:
-    from rodgen.kinematics import delta
 
 
 @dataclass(frozen=True)
@@ -25,6 +23,7 @@ class _Delta(OnLegs):
     L: float
     """Radius of the rods' upper joints less that of the lower ones; length of the rods."""
 
+    dimensions = ("zero_offset", "delta_angle")
     number_words = MappingProxyType(
         {
             "R": ("base_radius", "radius of the rods' upper joints less that of the lower ones, {length}"),
@@ -43,14 +42,8 @@ class _Delta(OnLegs):
         """The size of the machine."""
         return np.full(3, self.size)
 
-    def modes(self, legs: Array) -> Array:
-        """Return the position below the upper joints of the rods."""
-        return np.asarray(self._position(legs))[:, None]
-
     def least_singular_value(self, poses: Array) -> Array:
         """Return the least singular value of the directions of the rods."""
-        from rodgen.kinematics import delta
-
         rods: Array = delta.rods(poses, self._geometry())
         good = np.asarray(np.isfinite(rods).all(axis=(1, 2)))
         gains = np.linalg.svd(np.where(good[:, None, None], rods, 0.0), compute_uv=False)
@@ -60,11 +53,12 @@ class _Delta(OnLegs):
         """Say where the platform hangs."""
         return "below the upper joints of the rods"
 
-    def _position(self, legs: Array) -> Array:
+    def _geometry(self) -> Any:
+        """Return the geometry as `rodgen.kinematics.delta` has it."""
         raise NotImplementedError
 
-    def _geometry(self) -> delta.LinearGeometry | delta.RotaryGeometry:
-        raise NotImplementedError
+    def _headings(self) -> tuple[float, ...]:
+        return tuple(float(x) for x in self.legs.values())
 
     # the platform hangs where three spheres about the upper joints of the rods meet
 
@@ -97,10 +91,6 @@ class _Delta(OnLegs):
         place, unit = m.let("platform", meet.foot + meet.normal * down), m.matrix.eye(3)
         return Pose(place, unit, place, [place] * len(rods), [unit] * len(rods)), m.select(meets, 0, 1)
 
-    def carried(self, m: Steps, pose: Pose, x: Any) -> Any:
-        """Shift a target."""
-        return x + pose.shift if m.structure.moving else x
-
 
 @dataclass(frozen=True)
 class LinearDelta(_Delta):
@@ -113,7 +103,6 @@ class LinearDelta(_Delta):
     keys = ("R", "L")
     leg = "tower"
     coordinate = "height of the carriage of tower"
-    dimensions = ("zero_offset", "delta_angle")
 
     @property
     def size(self) -> float:
@@ -129,16 +118,12 @@ class LinearDelta(_Delta):
         height = float(self.usual_legs()[leg])
         return height - self.L / 8, height + self.L / 8
 
-    def _position(self, legs: Array) -> Array:
-        from rodgen.kinematics import delta
-
-        return np.asarray(delta.linear_direct(legs, self._geometry())[0])
+    def modes(self, legs: Array) -> Array:
+        """Return the position below the carriages."""
+        return np.asarray(delta.linear_direct(legs, self._geometry())[0])[:, None]
 
     def _geometry(self) -> delta.LinearGeometry:
-        from rodgen.kinematics import delta
-
-        heading = tuple(float(x) for x in self.legs.values())
-        return delta.LinearGeometry(self.R, self.L, heading)  # type: ignore[arg-type]
+        return delta.LinearGeometry(self.R, self.L, self._headings())  # type: ignore[arg-type]
 
     def reach(self, m: Steps, leg: int, coordinate: Any) -> tuple[Any, Any]:
         """Return the radius of the towers, and the height of the carriage."""
@@ -159,7 +144,6 @@ class RotaryDelta(_Delta):
     keys = ("R", "A", "L")
     leg = "arm"
     coordinate = "angle of arm"
-    dimensions = ("zero_offset", "delta_angle")
 
     @property
     def size(self) -> float:
@@ -174,16 +158,12 @@ class RotaryDelta(_Delta):
         """Return an eighth of a turn up and down."""
         return -np.pi / 4, np.pi / 4
 
-    def _position(self, legs: Array) -> Array:
-        from rodgen.kinematics import delta
-
-        return np.asarray(delta.rotary_direct(legs, self._geometry())[0])
+    def modes(self, legs: Array) -> Array:
+        """Return the position below the ends of the arms."""
+        return np.asarray(delta.rotary_direct(legs, self._geometry())[0])[:, None]
 
     def _geometry(self) -> delta.RotaryGeometry:
-        from rodgen.kinematics import delta
-
-        heading = tuple(float(x) for x in self.legs.values())
-        return delta.RotaryGeometry(self.R, self.A, self.L, heading)  # type: ignore[arg-type]
+        return delta.RotaryGeometry(self.R, self.A, self.L, self._headings())  # type: ignore[arg-type]
 
     def reach(self, m: Steps, leg: int, coordinate: Any) -> tuple[Any, Any]:
         """Return where the end of the arm is."""

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.kinematics import hexapod
 from rodgen.machines.families.kinematics import Vector
 from rodgen.machines.families.on_legs import NEWTON_STEPS, OnLegs, Pose, Steps, rotation_vectors
 from rodgen.symbolic import legs as leg_steps
-
-if TYPE_CHECKING:
-    from rodgen.kinematics import hexapod
 
 
 @dataclass(frozen=True)
@@ -77,22 +75,16 @@ class Hexapod(OnLegs):
 
     def modes(self, legs: Array) -> Array:
         """Return the one pose that belongs to `home`."""
-        from rodgen.kinematics import hexapod
-
         position, turn, _ = hexapod.direct(legs, self._geometry(), self.home)
         return np.concatenate([position, turn.reshape(-1, 9)], axis=1)[:, None]
 
     def found_by_code(self, legs: Array) -> Array:
         """Return the poses, (n, 12), that emitted code finds, right or wrong."""
-        from rodgen.kinematics import hexapod
-
         position, turn = hexapod.by_newton(legs, self._geometry(), self.home, NEWTON_STEPS)
         return np.concatenate([position, turn.reshape(-1, 9)], axis=1)
 
     def least_singular_value(self, poses: Array) -> Array:
         """Return the least singular value of the derivative of the legs."""
-        from rodgen.kinematics import hexapod
-
         turns = poses[:, 3:].reshape(-1, 3, 3)
         return hexapod.least_singular_value(poses[:, :3], turns, self._geometry())
 
@@ -102,8 +94,6 @@ class Hexapod(OnLegs):
 
     def usual_legs(self) -> Array:
         """Return the lengths at `home`."""
-        from rodgen.kinematics import hexapod
-
         return hexapod.legs(self.home, np.eye(3), self._geometry())
 
     def mode_words(self) -> str:
@@ -112,8 +102,6 @@ class Hexapod(OnLegs):
         return f"by Newton's steps from where it is parallel to the base at ({x})"
 
     def _geometry(self) -> hexapod.Geometry:
-        from rodgen.kinematics import hexapod
-
         base, platform = (np.array([self.number(f"{of}{k}") for k in range(1, 7)]) for of in "BP")
         return hexapod.Geometry(base, platform)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -176,6 +177,15 @@ class OnThreeLegs(OnLegs):
     R: float
     r: float
     """Radii of the circles of the joints on the base and on the platform."""
+
+    number_words = MappingProxyType(
+        {
+            "R": ("base_radius", "radius of the joints on the base, {length}"),
+            "r": ("platform_radius", "radius of the joints on the platform, {length}"),
+            "q": ("offset", "from the middle of the platform's joints to its centre, {length}"),
+            "h": ("pivot_height", "height of the pivot, {length}"),
+        }
+    )
 
     @property
     def size(self) -> float:

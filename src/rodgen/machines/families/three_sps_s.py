@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rodgen.array_types import Array
+from rodgen.kinematics import three_sps_s
+from rodgen.kinematics.rotation import matrix_from_rodrigues_vector, quaternion_from_matrix
 from rodgen.machines.families.kinematics import Vector
 from rodgen.machines.families.on_legs import NEAR, NEWTON_STEPS, OnThreeLegs, Pose, Steps, rotation_vectors
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 from rodgen.symbolic import legs as leg_steps
-
-if TYPE_CHECKING:
-    from rodgen.kinematics import three_sps_s
 
 MOST_SEEN = 32
 """Poses at most, in addition to the first, that emitted code chooses from to begin."""
@@ -38,13 +37,6 @@ class ThreeSpsS(OnThreeLegs):
     words = "3-SPS-S: three legs, and a pivot about which the platform turns"
     legs = MappingProxyType({"L1": -30, "L2": 90, "L3": 210})
     numbers = MappingProxyType({"R": ("",), "r": ("",), "h": ("",)})
-    number_words = MappingProxyType(
-        {
-            "R": ("base_radius", "radius of the joints on the base, {length}"),
-            "r": ("platform_radius", "radius of the joints on the platform, {length}"),
-            "h": ("pivot_height", "height of the pivot, {length}"),
-        }
-    )
     keys = ("R", "r", "h", "start")
     pose_numbers = 9
     has_modes = True
@@ -55,8 +47,6 @@ class ThreeSpsS(OnThreeLegs):
         """Lengths of the legs, and unit quaternions."""
         if self.start is None:
             return np.zeros((0, 7))
-        from rodgen.kinematics.rotation import quaternion_from_matrix
-
         turns = rotation_matrix([self.start, *self.seen])
         return np.concatenate([self.legs_at(turns), quaternion_from_matrix(turns)[0]], axis=1)
 
@@ -66,8 +56,6 @@ class ThreeSpsS(OnThreeLegs):
 
     def modes(self, legs: Array) -> Array:
         """Return the rotation matrices of up to eight modes, (n, 8, 9)."""
-        from rodgen.kinematics import three_sps_s
-
         turns = np.asarray(three_sps_s.direct_all(legs, self._geometry())[0])
         return turns.reshape(*turns.shape[:-2], 9)
 
@@ -78,8 +66,6 @@ class ThreeSpsS(OnThreeLegs):
 
     def least_singular_value(self, poses: Array) -> Array:
         """Return the least gain of the legs' lengths over a turn of the platform."""
-        from rodgen.kinematics import three_sps_s
-
         gains = three_sps_s.singularity(poses.reshape(-1, 3, 3), self._geometry()).gains
         return np.asarray(gains[:, -1] / self.r)
 
@@ -101,8 +87,6 @@ class ThreeSpsS(OnThreeLegs):
 
     def legs_at(self, turns: Array) -> Array:
         """Return the lengths of the legs, (..., 3), at rotations, (..., 3, 3)."""
-        from rodgen.kinematics import three_sps_s
-
         return np.asarray(three_sps_s.legs(turns, self._geometry()))
 
     def found_by_code(self, legs: Array) -> Array:
@@ -135,9 +119,6 @@ class ThreeSpsS(OnThreeLegs):
         begins : ndarray, shape (k, 3, 3)
         legs : ndarray, shape (n, 3)
         """
-        from rodgen.kinematics import three_sps_s
-        from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
-
         geometry = self._geometry()
         apart = np.sum((legs[:, None] - self.legs_at(begins)) ** 2, axis=2)
         turns = begins[np.argmin(apart, axis=1)]
@@ -151,8 +132,6 @@ class ThreeSpsS(OnThreeLegs):
         return np.asarray(turns)
 
     def _geometry(self) -> three_sps_s.Geometry:
-        from rodgen.kinematics import three_sps_s
-
         return three_sps_s.Geometry(self.R, self.r, self.h)
 
     # unknowns: a small turn after the one before, as the Rodrigues vector of half of it (Cayley's map)

@@ -29,13 +29,6 @@ class Tricept(OnThreeLegs):
     words = "Tricept: three legs, and a passive one that turns about the origin and slides"
     legs = MappingProxyType({"A0": 0, "A1": 120, "A-1": -120})
     numbers = MappingProxyType({"R": ("",), "r": ("",), "q": ("x", "y", "z")})
-    number_words = MappingProxyType(
-        {
-            "R": ("base_radius", "radius of the joints on the base, {length}"),
-            "r": ("platform_radius", "radius of the joints on the platform, {length}"),
-            "q": ("offset", "from the middle of the platform's joints to its centre, {length}"),
-        }
-    )
     keys = ("R", "r", "q")
     pose_numbers = 3
 
