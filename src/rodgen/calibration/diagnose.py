@@ -191,7 +191,14 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 if reason := why_undecidable(base, checked=True):
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
-        selected = _State(base, evidence, select(evidence), [base], stretch=stretch)
+        chosen = select(evidence)
+        for _ in range(ROUNDS):  # forms and fits only beside a dependence that the effects leave as it is
+            if evidence.correlation.independent or (there := _lasting(chosen)) == known:
+                break
+            known = there
+            evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
+            chosen = select(evidence)
+        selected = _State(base, evidence, chosen, [base], stretch=stretch)
         asked = geometry is None and number < ROUNDS - 1
         found = _wrong_geometry(selected) if asked else None
         if found is None:
@@ -204,7 +211,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             continue
         rows = Rows.of(state.last)
         outliers = wrong_rows(state.last, rows)
-        again = frozenset(c.key for c in state.chosen if not c.effect.definition.follows_time)
+        again = _lasting(state.chosen)
         same_rows = np.array_equal(outliers, base.outliers)
         pushed = stretch or _stretch(state, rows)
         if same_rows and pushed is stretch and (again == known or evidence.correlation.independent):
@@ -225,6 +232,11 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
         not_held_out=_not_held_out(geometry.before.held_out()) or answer.rms.not_held_out,
     )
     return replace(answer, geometry=geometry, verdict=verdict, rms=rms)
+
+
+def _lasting(chosen: Sequence[Candidate]) -> frozenset[tuple[str, str | None]]:
+    """Return the effects beside which it is estimated how readings depend on each other: no drift."""
+    return frozenset(c.key for c in chosen if not c.effect.definition.follows_time)
 
 
 def _rows(evidence: Evidence) -> Rows:
