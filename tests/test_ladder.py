@@ -423,6 +423,20 @@ def test_what_a_pose_does_by_itself_is_told(errors, shared, size):
     assert found.size(shared) == size
 
 
+def test_a_joint_that_moves_in_one_fold_only_is_held_out_with_it():
+    """Points of one body, whose poses are shifted and turn; a second joint about the same axis moves at the end."""
+    random = np.random.default_rng(12)
+    targets = tuple(replace(ball, point=tuple(np.add(ball.point, (400.0, 0, 0)))) for ball in BALLS)
+    joints = (*TABLE.joints, replace(TABLE.joints[0], name="D"))
+    table = replace(TABLE, joints=joints, targets=targets, estimate=("target",))
+    turn, second = np.linspace(0, 60, 21), np.repeat([0.0, 200.0], [20, 1])
+    split = {"C [deg]": turn - second, "D [deg]": second}
+    data = turned(turn, random, noise=1e-7, pose=0.02, body=1e-4, targets=targets, **split)
+    found = fit(table, data)
+    assert found.dependence.weighed
+    assert found.rms < held_out(found).rms < 1.5 * found.rms  # three means of 21 poses, of which one is new
+
+
 def test_a_real_effect_in_noisy_poses_is_found():
     random = np.random.default_rng(8)
     data = turned(random.uniform(0, 360, 40), random, angle=1e-4, eccentricity=4e-4)

@@ -292,9 +292,7 @@ class FitRows:
     @property
     def several(self) -> bool:
         """Whether poses have several readings."""
-        read = believed_readings(self).any(axis=1)
-        _, pose = np.unique(self.observations.pose, return_inverse=True)
-        return int(np.count_nonzero(np.bincount(pose[read]) > 1)) >= FEWEST_LEVELS
+        return _have_several(self.observations.pose[believed_readings(self).any(axis=1)])
 
     @cached_property
     def motions_of_poses(self) -> dict[str, Array]:
@@ -303,16 +301,20 @@ class FitRows:
         A tool turns by a small w about the middle c of the places that are measured in the pose, so that a place p
         moves by w x (p - c): about the middle of all poses it would be shifted much more than it turns. Joints stop
         beside their readings q by an error e, so that places move by e dp/dq.
+
+        Which motions there are depends on all rows of the fit: some of them are whitened by the variances of all.
         """
         o, model, solution = self.observations, self.fit.problem.model, self.fit.solution
-        found = dict[str, Array]()
+        found, every = dict[str, Array](), self.fit.observations
+        if not _have_several(every.pose):
+            return found
         if self.frame.shape[2] > 3:
             _, pose = np.unique(o.pose, return_inverse=True)
             places = Problem(model, o).places(solution.theta, solution.frame)
             middle = np.stack([np.bincount(pose, x) for x in places.T], axis=1) / np.bincount(pose)[:, None]
             own = frame_motion(model, o, solution.theta, solution.frame, self.weight, middle=middle[pose])
             found["own"] = own[:, :, 3:]
-        for j in np.flatnonzero(np.ptp(o.q, axis=0) > 0):
+        for j in np.flatnonzero(np.ptp(every.q, axis=0) > 0):
             stops = motion_with_reading(self.fit, o, int(j), weighted=True)
             found[f"j{j}"] = np.nan_to_num(stops)[:, :, None]
         return found
@@ -578,7 +580,7 @@ def shared_motion(linear: FitRows, *, runs: bool = True, poses: bool = True) -> 
     order = Poses.among(o.pose, run, o.t, None if position is None else position[pose])
     believed, columns, end = believed_readings(linear), list[Array](), 0
     of_frame = {"r": frame} if frame.shape[2] == 3 else {"t": frame[:, :, :3], "r": frame[:, :, 3:]}
-    of_pose = linear.motions_of_poses if poses and linear.several else {}
+    of_pose = linear.motions_of_poses if poses else {}
     groups: dict[str, dict[str, slice]] = {}
     for kind, motions in (("frame", of_frame), ("pose", of_pose)):
         groups[kind] = dict(groups.get("frame", {}))
@@ -590,6 +592,11 @@ def shared_motion(linear: FitRows, *, runs: bool = True, poses: bool = True) -> 
             if size > 0:
                 groups[kind][name] = some
     return SharedMotion(order, np.concatenate(columns, axis=2)), groups
+
+
+def _have_several(pose: Ints) -> bool:
+    """Return whether poses have several rows, from the pose of each row."""
+    return int(np.count_nonzero(np.unique(pose, return_counts=True)[1] > 1)) >= FEWEST_LEVELS
 
 
 def _few_positions(q: Array) -> NDArray[np.intp] | None:
