@@ -185,6 +185,18 @@ def test_without_a_turn_there_is_no_axis() -> None:
     assert fit_axis(exact[0], exact[1]).status is AxisFitStatus.ANY_AXIS
 
 
+@pytest.mark.parametrize("moves", ["rests", "slides", "turns where it is read"])
+def test_readings_without_any_error_are_fitted(moves: str) -> None:
+    turns = moves.startswith("turns")
+    attitude = Rotation.from_rotvec(np.outer(np.linspace(0, 1, 5) * turns, [0, 0, 1])).as_matrix()
+    place = np.linspace([0, 0, 0], [2.0, 0, 0], 5) * (moves == "slides")
+    fit = fit_pose_axis(place, attitude)
+    assert fit.rms < 1e-15
+    assert fit.status is (AxisFitStatus.DETERMINED if turns else AxisFitStatus.ANY_AXIS)
+    assert np.isnan(fit.axis_uncertainty).all() != turns
+    assert fit.motions.no_slide == pytest.approx(float(moves != "slides"))
+
+
 @pytest.mark.parametrize("kind", ["points", "poses"])
 def test_half_turns_have_an_axis_without_a_sign(kind: str) -> None:
     if kind == "points":

@@ -216,6 +216,8 @@ def _assess(readings: Readings, state: State, noise: _Noise, origin: ArrayLike |
     )
     judged = max(variance, (64 * _EPS) ** 2 / noise.length) if math.isfinite(variance) else (64 * _EPS) ** 2
     status, free, undetermined = _status(readings, judged * (unit + unit.T) / 2, basis, angles, spread[:, 0])
+    if status is AxisFitStatus.ANY_AXIS and not variance:  # exact readings
+        joint[:] = math.nan
     tests = _slides(equations, state, normal, variance, dof, noise.known)
     outliers = np.zeros(len(readings.motion), bool)
     worst = _outlier(equations, state, basis, factor, cost, total)
@@ -230,7 +232,7 @@ def _assess(readings: Readings, state: State, noise: _Noise, origin: ArrayLike |
         )[0]
     rms = math.sqrt(float((missed[~outliers] ** 2).sum(axis=1).mean())) * scale
     points = readings.value[readings.slides]
-    arm = math.sqrt(float(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    arm = math.sqrt(float(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())) or 1.0  # all at one place
     determined = status < AxisFitStatus.ONE_FREEDOM
     information = np.asarray(np.linalg.inv((unit + unit.T) / 2), float) if determined else unit
     several = len(slides) > 1
@@ -382,7 +384,7 @@ def _slides(
     others = np.setdiff1d(np.arange(size), column + 1)
 
     def chance(squares: float, count: int) -> float:
-        squares /= variance
+        squares /= variance or _EPS**2  # of exact readings nothing is left, not even by rounding
         return float(chdtrc(count, squares) if known else fdtrc(count, dof, squares / count))
 
     def constrained(pitch: float, extra: bool) -> tuple[float, float, float]:
