@@ -136,9 +136,7 @@ def test_dimensions_that_are_not_those_of_the_file_are_named_first():
         fits=(second, mount().final),
         rms=mount().rms,
     )
-    assert "writes. Apart from that, this is missing: refraction (TX); the error falls from 0." in headline(
-        beside
-    )
+    assert "Apart from that, this is missing: refraction (TX); the error falls from 0." in headline(beside)
     assert len(rungs(beside)) == 3
     assert "+ refraction" in report_page(beside)
 
