@@ -56,6 +56,10 @@ standard deviation is 1.7 times as large. With fewer it would have no end."""
 STEPS = 3
 """Steps from independent readings to those of one body: the model is nearly linear there."""
 
+WORSE = 4.0
+"""Factor on the sum of squares beyond which no estimate by other weights is taken. It is expected to grow by at most
+one variance for each parameter, and there are fewer of these than degrees of freedom: so it doubles, at most."""
+
 ALIKE = 1e-6
 """Part of the largest difference of two variances below which others are rounding."""
 
@@ -430,6 +434,8 @@ def as_one_body(fit: Fit, correlation: Correlation | None = None) -> Fit:
         solution, problem = fit.solution, fit.problem
         theta, frame = moved(problem, solution.theta, solution.frame, step)
         there = replace(solution, theta=theta, frame=frame, cost=problem.cost(theta, frame))
+        if not there.cost < WORSE * solution.cost:
+            break
         fit = Fit.of(problem, there, fit.free, fit.outliers, fit.loss)
     return fit
 

@@ -232,7 +232,9 @@ def _assess(readings: Readings, state: State, noise: _Noise, origin: ArrayLike |
         )[0]
     rms = math.sqrt(float((missed[~outliers] ** 2).sum(axis=1).mean())) * scale
     points = readings.value[readings.slides]
-    arm = math.sqrt(float(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())) or 1.0  # all at one place
+    arm = (
+        math.sqrt(float(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())) or 1.0
+    )  # all at one place
     determined = status < AxisFitStatus.ONE_FREEDOM
     information = np.asarray(np.linalg.inv((unit + unit.T) / 2), float) if determined else unit
     several = len(slides) > 1
