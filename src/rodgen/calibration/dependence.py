@@ -397,7 +397,7 @@ def dependence(fit: Fit) -> Dependence:
             return Dependence(found, None)
     if _is_weighed(fit, found):
         covariance, _, p_value = _generalized(fit, found)
-        if p_value > LACK_OF_FIT.rare:
+        if fit.weighed or p_value > LACK_OF_FIT.rare:
             return Dependence(found, covariance, weighed=True)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
@@ -436,7 +436,7 @@ def as_one_body(fit: Fit, correlation: Correlation | None = None) -> Fit:
         there = replace(solution, theta=theta, frame=frame, cost=problem.cost(theta, frame))
         if not there.cost < WORSE * solution.cost:
             break
-        fit = Fit.of(problem, there, fit.free, fit.outliers, fit.loss)
+        fit = Fit.of(problem, there, fit.free, fit.outliers, fit.loss, weighed=True)
     return fit
 
 
@@ -600,7 +600,7 @@ def shared_motion(linear: FitRows, *, runs: bool = True, poses: bool = True) -> 
     return SharedMotion(order, np.concatenate(columns, axis=2)), groups
 
 
-def _have_several(pose: Ints) -> bool:
+def _have_several(pose: NDArray[np.int32]) -> bool:
     """Return whether poses have several rows, from the pose of each row."""
     return int(np.count_nonzero(np.unique(pose, return_counts=True)[1] > 1)) >= FEWEST_LEVELS
 

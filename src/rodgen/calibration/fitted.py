@@ -119,6 +119,8 @@ class Fit:
         Rows that a robust fit does not believe.
     loss : str
         With which they were found.
+    weighed : bool
+        Whether the estimates weigh what poses share by its noise, as those of points of one body may.
     """
 
     machine: Machine
@@ -128,6 +130,7 @@ class Fit:
     free: tuple[int, ...]
     outliers: NDArray[np.bool_] = field(repr=False)
     loss: str = field(default="linear", repr=False)
+    weighed: bool = field(default=False, repr=False)
 
     # implemented by modules above, as rodgen.facade says
     load = cast("Callable[..., Fit]", method(of_class=True))
@@ -172,6 +175,8 @@ class Fit:
         free: Sequence[int],
         outliers: NDArray[np.bool_],
         loss: str = "linear",
+        *,
+        weighed: bool = False,
     ) -> Fit:
         """Return the fit of a problem's model whose parameters are those of a solution."""
         model = problem.model
@@ -188,7 +193,7 @@ class Fit:
         )
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
-        found = cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss)
+        found = cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss, weighed)
         return replace(found, machine=replace(machine, doubts=found._doubts))
 
     @property

@@ -28,7 +28,6 @@ import numpy as np
 from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.dependence import as_one_body
 from rodgen.calibration.fitted import Fit
-from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise, moved
 from rodgen.calibration.whitened import Whitened
@@ -284,7 +283,7 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
         if without.unheld:
             return HeldOut(None, fit.unit, folds, poses, by, because=without.unheld)
         wanted = ~fit.outliers & ~without.unpredicted
-        shared = fit.dependence.correlation if is_one_body(fit) else None
+        shared = fit.dependence.correlation if fit.weighed else None
         predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
         for k in each("error on poses left out", predicted):
             out = (fold == k) | fit.outliers
