@@ -437,6 +437,23 @@ def test_a_joint_that_moves_in_one_fold_only_is_held_out_with_it():
     assert found.rms < held_out(found).rms < 1.5 * found.rms  # three means of 21 poses, of which one is new
 
 
+@pytest.mark.parametrize(("eccentricity", "weighed"), [(0.0, True), (1e-3, False)])
+def test_poses_are_held_out_by_the_weights_of_the_fit(monkeypatch, eccentricity, weighed):
+    """Points of one body: what the model misses refuses to weigh them by the noise of poses, in folds too."""
+    random = np.random.default_rng(12)
+    targets = tuple(replace(ball, point=tuple(np.add(ball.point, (400.0, 0, 0)))) for ball in BALLS)
+    table = replace(TABLE, targets=targets, estimate=("target",))
+    angles = random.uniform(0, 360, 40)
+    data = turned(
+        angles, random, noise=1e-7, pose=0.02, body=2e-5, eccentricity=eccentricity, targets=targets
+    )
+    found = fit(table, data)
+    by_fit = held_out(found).rms
+    monkeypatch.setattr("rodgen.calibration.held_out.as_one_body", lambda other, shared: other)
+    assert (found.weighed, found.dependence.weighed) == (weighed, weighed)
+    assert (held_out(found).rms != by_fit) == weighed
+
+
 def test_a_real_effect_in_noisy_poses_is_found():
     random = np.random.default_rng(8)
     data = turned(random.uniform(0, 360, 40), random, angle=1e-4, eccentricity=4e-4)
