@@ -87,3 +87,18 @@ def test_the_command_shows_the_block_and_knows_no_other_name(capsys):
 def test_what_the_catalogue_has_is_no_term_of_one_s_own(name):
     assert symbols(name)
     assert own_term(name) is None
+
+
+def test_a_term_that_the_latitude_is_in_is_no_parameter_itself():
+    """FO is a cos(latitude), so that a is FO/cos(latitude); the effect is called FO."""
+    joints = "".join(
+        f'[[joint]]\nname = "{name}"\ntype = "revolute"\naxis = {axis}\n'
+        for name, axis in MOUNTS["equatorial"][:2]
+    )
+    text = (
+        f'name = "m"\n[units]\nlength = "mm"\nangle = "deg"\n{joints}[[target]]\nname = "p"\npoint = [1, 0, 0]\n'
+        '[measured]\nkind = "direction"\nframe = "machine"\n'
+    )
+    fork = machine_of(text, "m.toml").effect("fork_flexure", "DEC")
+    assert fork.label("a") == "a = FO/cos(latitude)"
+    assert fork.title == "fork_flexure at DEC (FO)"

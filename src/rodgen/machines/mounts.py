@@ -146,4 +146,5 @@ def _names(mount: Mount, definition: EffectDefinition, place: str | None) -> Ite
     for term in definition.tpoint.keys() - OF_NASMYTH.keys():
         relation = relation_of(term, definition, mount)
         if relation is not None and relation.place == place and not relation.has_period:
-            yield relation.parameter, f"{'-' * (relation.sign < 0)}{term}"
+            divided = "/cos(latitude)" if relation.of_latitude else ""
+            yield relation.parameter, f"{'-' * (relation.sign < 0)}{term}{divided}"

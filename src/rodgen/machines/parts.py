@@ -244,7 +244,7 @@ class Effect:
     @property
     def term_names(self) -> Set[str]:
         """TPOINT's terms that its parameters are, in the order of these."""
-        return {term.removeprefix("-"): None for term in self.terms.values()}.keys()
+        return {term.removeprefix("-").partition("/")[0]: None for term in self.terms.values()}.keys()
 
     def titled(self, *more: str) -> str:
         """Return the title, with what more is to be said of the effect in the brackets of its terms."""
