@@ -283,8 +283,9 @@ def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):
     np.testing.assert_allclose(run.seen, ALTAZ.direction(az[:, 0], el[:, 0]), atol=1e-8)
 
 
-def test_azimuths_may_be_from_north(tmp_path, rodgen_command: Run):
-    (tmp_path / "a.dat").write_text("Run\n:ALTAZ\n31 41 19.6 2021 8 21\n10 20 10.1 20.2\n100 40 100.1 40.2\n")
+@pytest.mark.parametrize("date", [" 2021 8 21", ""])
+def test_azimuths_may_be_from_north(date, tmp_path, rodgen_command: Run):
+    (tmp_path / "a.dat").write_text(f"Run\n:ALTAZ\n31 41 19.6{date}\n10 20 10.1 20.2\n100 40 100.1 40.2\n")
     north = read_pointings(tmp_path / "a.dat", from_south=False)
     np.testing.assert_allclose(np.degrees(north.commanded), [[10.1, 20.2], [100.1, 40.2]])
     south = read_pointings(tmp_path / "a.dat")
@@ -292,6 +293,16 @@ def test_azimuths_may_be_from_north(tmp_path, rodgen_command: Run):
     files = ("-o", tmp_path / "m.toml", "-d", tmp_path / "d.csv")
     _, out, _ = rodgen_command("import", tmp_path / "a.dat", "--azimuth", "north", *files)
     assert "Azimuths of the file run from north through east." in out
+
+
+def test_a_mean_place_needs_the_date(tmp_path):
+    star = "2 0 0.0 +10 0 0 0 0 2000.0 1 59 50.0 +10 0 20.0 3 30.0"
+    (tmp_path / "a.dat").write_text(f"Run\n:EQUAT\n31 41 19.6\n{star}\nEND\n")
+    pytest.importorskip("erfa")
+    with pytest.raises(
+        InputFileError, match="line 4: the mean place of a star, and no date with the latitude"
+    ):
+        read_pointings(tmp_path / "a.dat")
 
 
 def test_refraction_is_that_of_an_independent_formula(tmp_path):

@@ -1,7 +1,7 @@
 """Pointing runs: TPOINT's data files, and the log of the MMT's mount control from which such files are made.
 
-A TPOINT file has a caption, options such as ``:ALTAZ``, a record of the site (latitude, date, and where there are more
-numbers temperature, pressure, height, humidity, wavelength), then a record an observation:
+A TPOINT file has a caption, options such as ``:ALTAZ``, a record of the site (latitude, and where there are more
+numbers date, temperature, pressure, height, humidity, wavelength), then a record an observation:
 
 1. mean place of the star (h m s, deg ' ", proper motions in s and " a year, equinox), the telescope's own (h m s,
    deg ' "), and the sidereal time (h m): 17 numbers;
@@ -56,8 +56,8 @@ class Site:
 
     latitude: float
     """rad."""
-    date: tuple[int, int, int]
-    """Year, month and day."""
+    date: tuple[int, int, int] | None = None
+    """Year, month and day, which mean places are reduced with."""
     temperature: float | None = None
     """Degrees Celsius."""
     pressure: float | None = None
@@ -220,11 +220,11 @@ def _numbers(file: str, number: int, line: str) -> list[float]:
 
 def _site(file: str, number: int, line: str) -> Site:
     values = _numbers(file, number, line)
-    if len(values) < 6:
-        expected = "latitude (deg ' \"), year, month, day, and where known °C, hPa, m, humidity"
+    if len(values) != 3 and len(values) < 6:
+        expected = "latitude (deg ' \"), and where known year, month, day, °C, hPa, m, humidity"
         raise InputFileError(file, f"line {number}", f"{len(values)} numbers of the site", expected)
     latitude = _sexagesimal(values[:3])
-    year, month, day = (int(x) for x in values[3:6])
+    year, month, day = [int(x) for x in values[3:6]] or (2000, 1, 1)
     if not (abs(latitude) <= 90 and 1800 <= year <= 2300 and 1 <= month <= 12 and 1 <= day <= 31):
         raise InputFileError(
             file, f"line {number}", shown(line), "a latitude (deg ' \"), a year, a month and a day"
@@ -234,7 +234,7 @@ def _site(file: str, number: int, line: str) -> Site:
     )
     if air.get("humidity", 0.0) > 1:  # in per cent
         air["humidity"] /= 100
-    return replace(Site(math.radians(latitude), (year, month, day)), **air)
+    return replace(Site(math.radians(latitude), (year, month, day) if values[3:] else None), **air)
 
 
 def _record(file: str, number: int, line: str, before: Sequence[_Record]) -> _Record:
@@ -322,6 +322,9 @@ def _apparent(file: str, line: int, mean: Sequence[float], rest: Sequence[float]
             f"the equinox {equinox:g}",
             "one from 1984 on: places of FK4 are reduced first",
         )
+    if site.date is None:
+        found = "the mean place of a star, and no date with the latitude of the site"
+        raise InputFileError(file, f"line {line}", found, "year, month and day after the latitude")
     tt = erfa.cal2jd(*site.date)
     place = erfa.s2c(*np.radians(mean))
     ra, dec = erfa.c2s(erfa.pmat06(*erfa.epj2jd(equinox)).T @ place)
