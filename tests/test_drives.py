@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_simulator import (
-    ARCSEC,
     ISO,
     Array,
     bidirectional,
@@ -286,48 +285,6 @@ def test_play_and_scale_of_a_slide_are_found_there_and_back() -> None:
     found = diagnosed("linear-axis", slid(q, (1 + 3e-5) * with_play(q, 0.012)))
     assert named(found) == {"backlash", "scale"}
     assert estimate(found, "X.backlash.b") == pytest.approx(0.012, abs=3e-4)
-
-
-@pytest.mark.thorough
-def test_an_axis_that_runs_over_its_ends_comes_back_from_beyond() -> None:
-    way = np.concatenate([ISO, [1000.0], ISO[::-1], [-20.0]])  # the ends of the way are not read
-    driven = np.tile(way, 5)
-    read = np.isin(driven, ISO)
-    q, at = driven[read], with_play(driven, 0.008)[read]
-    found = diagnosed("linear-axis", slid(q, (1 + 2e-5) * at, 1e-3))
-    assert named(found) == {"backlash", "scale"}
-    play = found.estimates["X.backlash.b"]
-    assert play.value == pytest.approx(0.008, abs=4 * play.std)
-    # 1 um in each of 50 readings makes 2 um / sqrt(50); with two wrong ends a run it would be 0.95 um
-    assert play.std < 5e-4
-
-
-@pytest.mark.thorough
-def test_fine_waves_of_a_screw_are_found_beside_its_first() -> None:
-    q = np.sort(np.random.default_rng(7).uniform(5, 795, 240))
-    waves = {10.0: 3e-3, 5.0: 1.5e-3, 2.5: 8e-4}  # 80, 160 and 320 of them over the way
-    error = sum(size * np.sin(2 * np.pi * q / period + period) for period, size in waves.items())
-    found = diagnosed("linear-axis", slid(q, (1 + 4e-5) * q + error, 5e-4))
-    assert named(found) == {
-        "scale",
-        "periodic_drive_error",
-        "periodic_drive_error_2",
-        "periodic_drive_error_3",
-    }
-    of_steps = [step.parameters for step in found.steps if step.effect.name != "scale"]
-    periods = [next(e for name, e in step.items() if name == "P") for step in of_steps]
-    for period, estimated in zip(waves, sorted(periods, key=lambda e: -e.value), strict=True):
-        assert estimated.value == pytest.approx(period, abs=4 * estimated.std)
-
-
-@pytest.mark.thorough
-def test_a_wave_of_teeth_is_found_beside_that_of_a_motor() -> None:
-    q = np.random.default_rng(23).uniform(-170, 170, 150)
-    turn = np.radians(q)
-    error = 20 * np.cos(12.5 * turn + 1) + 8 * np.sin(37 * turn) + 30 * np.cos(turn)
-    found = diagnosed("rotary-axis", turned(q, q + error * ARCSEC, 2 * ARCSEC))
-    assert named(found) == {"encoder_eccentricity", "periodic_drive_error", "periodic_drive_error_2"}
-    assert found.final.rms < 2 * 1.2  # arcsec; without the teeth 5.9
 
 
 @pytest.mark.thorough

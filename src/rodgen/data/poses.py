@@ -20,20 +20,16 @@ ONE_WAY = 0.9
 """Net over total travel from which on a joint moved one way: its slow effects look like a wandering set-up."""
 
 
-def approach(coordinate: NDArray[np.float64], alone: bool = False) -> NDArray[np.int8]:
+def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
     """Return the direction from which a joint approached its position in each row.
 
     A row that does not move the joint keeps the last direction; rows before its first motion take that
-    motion's. A new run is no exception: the machine stood where the run before had left it. An axis that is measured
-    alone, there and back, with twice as many rows where it turns as elsewhere, ran over the end between them, as
-    ISO 230-2 has it: the second half of these came from beyond.
+    motion's. A new run is no exception: the machine stood where the run before had left it.
 
     Parameters
     ----------
     coordinate : ndarray, shape (n,)
         What was commanded, in the order in which the rows were taken.
-    alone : bool, optional
-        No other joint moves.
 
     Returns
     -------
@@ -44,8 +40,6 @@ def approach(coordinate: NDArray[np.float64], alone: bool = False) -> NDArray[np
     --------
     >>> approach(np.array([0.0, 0.0, 90.0, 90.0, 45.0]))
     array([ 1,  1,  1,  1, -1], dtype=int8)
-    >>> approach(np.array([0.0, 45.0, 90.0, 90.0, 45.0, 0.0]), alone=True)
-    array([ 1,  1,  1, -1, -1, -1], dtype=int8)
     """
     n = len(coordinate)
     motion = np.zeros(n, np.int8)
@@ -57,15 +51,7 @@ def approach(coordinate: NDArray[np.float64], alone: bool = False) -> NDArray[np
         return motion
     last = np.where(moved, np.arange(n, dtype=np.int32), np.int32(np.argmax(moved)))
     np.maximum.accumulate(last, out=last)
-    found = motion[last]
-    if alone:
-        starts, counts = stretches(coordinate)
-        turns = 1 + np.flatnonzero(found[starts[2:]] != found[starts[1:-1]])
-        reads = np.delete(counts, turns)[0]
-        if np.all(counts == np.where(np.isin(np.arange(len(counts)), turns), 2 * reads, reads)):
-            for start in starts[turns]:
-                found[start + reads : start + 2 * reads] *= -1
-    return found
+    return motion[last]
 
 
 def moved_one_way(q: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -349,11 +349,10 @@ class _Binder:
     def approach(self, q: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the directions of approach, (n, J)."""
         s = np.empty(q.shape, np.int8)
-        alone = q.shape[1] == 1 or np.count_nonzero(np.ptp(q, axis=0) if len(q) else q) == 1
         for j, joint in enumerate(self.machine.joints):
             column = self.columns.get(f"dir_{joint.column}") if joint.is_read else None
             if column is None:
-                s[:, j] = approach(self.columns[joint.column].values, alone)
+                s[:, j] = approach(self.columns[joint.column].values)
                 continue
             values = self._unitless(column, "a direction of approach is +1 or -1, or 0 where it is not known")
             wrong = ~np.isin(values, (-1.0, 0.0, 1.0))
