@@ -61,7 +61,9 @@ def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candida
     dimensions, so those beside them are selected anew.
     """
     one = evidence.as_one_cause(off)
-    rests = [c for c in chosen if c not in off], select(evidence.beside(off))
+    rests = (
+        [c for c in some if c.effect.name not in GEOMETRY] for some in (chosen, select(evidence.beside(off)))
+    )
     costs = (one.cost([*rest, *off]) - one.choice([*rest, *off]) + one.choice(rest) for rest in rests)
     return min(costs) + 2 * one.log_choices
 
