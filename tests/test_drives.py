@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_simulator import (
+    ARCSEC,
     ISO,
     Array,
     bidirectional,
