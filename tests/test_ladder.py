@@ -401,28 +401,6 @@ def test_chance_in_whole_poses_is_no_effect():
     assert np.mean(found) < 0.05
 
 
-@pytest.mark.parametrize(
-    ("errors", "shared", "size"),
-    [
-        # a turn of the axis moves balls at 100 mm along two of three directions; two standard errors
-        ({"angle": 1e-4}, "pose j0", pytest.approx(100 * 1e-4 / np.sqrt(3), rel=0.25)),
-        ({"pose": 0.01}, "pose t", pytest.approx(0.01, rel=0.15)),
-        # points whose coordinates scatter by 78, 41 and 22 mm about their middle
-        ({"body": 1e-4}, "pose own", pytest.approx(1e-4 * np.sqrt(2 * (78**2 + 41**2 + 22**2) / 3), rel=0.2)),
-    ],
-)
-def test_what_a_pose_does_by_itself_is_told(errors, shared, size):
-    """The axis stops at random; or poses are shifted; or a body at the edge turns about its middle."""
-    random = np.random.default_rng(11)
-    targets = tuple(replace(ball, point=tuple(np.add(ball.point, (400.0, 0, 0)))) for ball in BALLS)
-    targets = targets if "body" in errors else BALLS
-    table = replace(TABLE, targets=targets)
-    data = turned(random.uniform(0, 360, 40), random, targets=targets, **errors)
-    found = fit(table, data).dependence.correlation
-    assert found.components.names == (shared,)
-    assert found.size(shared) == size
-
-
 def test_a_joint_that_moves_in_one_fold_only_is_held_out_with_it():
     """Points of one body, whose poses are shifted and turn; a second joint about the same axis moves at the end."""
     random = np.random.default_rng(12)

@@ -19,7 +19,7 @@ from rodgen.statistics.robust import (
 from rodgen.statistics.variance_components import RestrictedLikelihood, VarianceEstimator, _falls
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
-GROUPS = {"frame": {"t": slice(0, 2), "r": slice(2, 3)}}
+GROUPS = {"t": slice(0, 2), "r": slice(2, 3)}
 
 
 def unit(columns: np.ndarray) -> np.ndarray:
@@ -262,7 +262,7 @@ def test_the_cheapest_component_is_what_there_is(part: MotionDeviations, kind: s
         y = y @ random.normal(size=720)
         y -= X @ (X.T @ y)
         with one_thread_in_blas():
-            found = VarianceEstimator(motion, {"frame": {"all": slice(0, 3)}}, X, [], y, 720).best(kinds)
+            found = VarianceEstimator(motion, {"all": slice(0, 3)}, X, [], y, 720).best(kinds)
         right += found.names == (f"{kind} all",)
         assert f"{kind} all" in found.names
     assert right >= 3
@@ -273,7 +273,7 @@ def test_a_sign_is_what_a_component_is_worth_in_a_balanced_design() -> None:
     pose = np.repeat(np.arange(12), 5)
     motion = SharedMotion(Poses.among(pose, np.zeros(60, int), None), np.ones((60, 1, 1)))
     y = (random.normal(size=60) + random.normal(size=12)[pose])[:, None, None]
-    likelihood = RestrictedLikelihood(Moments(motion, y), 60, 0, {"frame": {"all": slice(0, 1)}})
+    likelihood = RestrictedLikelihood(Moments(motion, y), 60, 0, {"all": slice(0, 1)})
     ((worth, name, size, _),) = likelihood.signs(("pose",))
     there = [likelihood.at((name,), (part * size,), np.inf).likelihood for part in (0.99, 1.0, 1.01)]
     assert there[1] > max(there[0], there[2])
@@ -340,9 +340,9 @@ def test_an_effect_is_not_taken_for_wander_nor_wander_for_an_effect() -> None:
 
     def best(y: np.ndarray, candidates: list[np.ndarray]) -> tuple:
         residual = y - own @ (own.T @ y)
-        estimator = VarianceEstimator(motion, {"frame": {"all": slice(0, 3)}}, own, candidates, residual, N)
+        estimator = VarianceEstimator(motion, {"all": slice(0, 3)}, own, candidates, residual, N)
         found = estimator.best(("pose", "wander"))
-        return found, found.deviations({"frame": {"all": slice(0, 3)}}, 3)
+        return found, found.deviations({"all": slice(0, 3)}, 3)
 
     with_effect = error + 60 * effects[1][:, 0]
     found, deviations = best(with_effect, effects)

@@ -20,7 +20,6 @@ from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.noise_floor import is_one_body
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.calibration.solve.least_squares import moved
 from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import capitalized, two_digits
@@ -34,7 +33,7 @@ from rodgen.statistics.columns import orthonormal_basis, project_out, unit_colum
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.digits import resolution
 from rodgen.statistics.thresholds import LACK_OF_FIT, VARIANCES
-from rodgen.statistics.variance_components import Groups, VarianceComponents, VarianceEstimator
+from rodgen.statistics.variance_components import VarianceComponents, VarianceEstimator
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Weighted, Whitener
 from rodgen.views import Result
 
@@ -87,7 +86,7 @@ class Correlation:
     text: str = ""
     """The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed."""
     _motion: SharedMotion | None = field(default=None, repr=False)
-    _groups: Groups = field(default_factory=dict, repr=False)
+    _groups: dict[str, slice] = field(default_factory=dict, repr=False)
 
     @property
     def independent(self) -> bool:
@@ -136,7 +135,7 @@ class Correlation:
         ----------
         kind : str
             ``"pose"``, ``"position"``, ``"run"`` or ``"wander"``, with `` t`` or `` r`` for that from translations or
-            turns alone.
+            turns of the frame alone.
         """
         if self.components is None:
             return 0.0
@@ -292,36 +291,6 @@ class FitRows:
         """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
         model, solution = self.fit.problem.model, self.fit.solution
         return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
-
-    @property
-    def several(self) -> bool:
-        """Whether poses have several readings."""
-        return _have_several(self.observations.pose[believed_readings(self).any(axis=1)])
-
-    @cached_property
-    def motions_of_poses(self) -> dict[str, Array]:
-        """How a pose moves by itself, otherwise than with the frame: derivatives by motions, (n, m, k), by name.
-
-        A tool turns by a small w about the middle c of the places that are measured in the pose, so that a place p
-        moves by w x (p - c): about the middle of all poses it would be shifted much more than it turns. Joints stop
-        beside their readings q by an error e, so that places move by e dp/dq.
-
-        Which motions there are depends on all rows of the fit: some of them are whitened by the variances of all.
-        """
-        o, model, solution = self.observations, self.fit.problem.model, self.fit.solution
-        found, every = dict[str, Array](), self.fit.observations
-        if not _have_several(every.pose):
-            return found
-        if self.frame.shape[2] > 3:
-            _, pose = np.unique(o.pose, return_inverse=True)
-            places = Problem(model, o).places(solution.theta, solution.frame)
-            middle = np.stack([np.bincount(pose, x) for x in places.T], axis=1) / np.bincount(pose)[:, None]
-            own = frame_motion(model, o, solution.theta, solution.frame, self.weight, middle=middle[pose])
-            found["own"] = own[:, :, 3:]
-        for j in np.flatnonzero(np.ptp(every.q, axis=0) > 0):
-            stops = motion_with_reading(self.fit, o, int(j), weighted=True)
-            found[f"j{j}"] = np.nan_to_num(stops)[:, :, None]
-        return found
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -479,7 +448,6 @@ def estimate_correlation(
     included: Sequence[Array] = (),
     *,
     runs: bool = True,
-    poses: bool = True,
     alone: Correlation | None = None,
 ) -> Correlation:
     """Return how the residuals of a fit depend on each other, estimated by REML.
@@ -495,8 +463,6 @@ def estimate_correlation(
     runs : bool
         Whether runs may differ for no reason, and what wanders begins anew in each: not where a candidate says how they
         differ.
-    poses : bool
-        Whether poses move by themselves otherwise than the frame does.
     alone : Correlation, optional
         The same without candidates, where it is known.
     """
@@ -505,12 +471,12 @@ def estimate_correlation(
     with one_thread_in_blas():
         fit, o = linear.fit, linear.observations
         believed = believed_readings(linear)
-        motion, groups = shared_motion(linear, runs=runs, poses=poses)
-        order = motion.poses
-        rows = _chosen(order.count)[order.of]
+        motion, groups = shared_motion(linear, runs=runs)
+        poses = motion.poses
+        rows = _chosen(poses.count)[poses.of]
         rows &= _often_read(o.target, rows)
         every = bool(rows.all())
-        some = order if every else order.taken(rows)
+        some = poses if every else poses.taken(rows)
         residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
         readings = int(believed[rows].sum())
         model = np.concatenate([linear.model, *included], axis=2) if included else linear.model
@@ -524,15 +490,15 @@ def estimate_correlation(
         if dof < 1 or scatter <= rounding:
             return INDEPENDENT
         white = float(np.sqrt(scatter / dof))
-        known = np.bincount(order.of[believed.any(axis=1)], minlength=order.count)
+        known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
         columns = [_flat(effect[rows]) for effect in nuisance]
-        kinds = ["pose"] if linear.several else []
+        kinds = ["pose"] if int(np.count_nonzero(known > 1)) >= FEWEST_LEVELS else []
         levels = {"position": some.position} | ({"run": some.run} if runs else {})
         kinds += [
             kind
             for kind, level in levels.items()
             if level is not None
-            and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // linear.frame.shape[2]
+            and FEWEST_LEVELS <= int(level.max(initial=0)) + 1 <= MOST_LEVELS // motion.dof
         ]
         kinds += ["wander"] if np.count_nonzero(known) >= LEAST_POSES else []
         if not kinds or dof < LEAST_POSES:
@@ -554,7 +520,7 @@ def estimate_correlation(
         typical = 1 / (
             float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
         )
-        return replace(found, text=_text(found, typical, fit.unit, order))
+        return replace(found, text=_text(found, typical, fit.unit, poses))
 
 
 def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float:
@@ -569,40 +535,29 @@ def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float
     return max(rounding, 1.0 if stated else 0.0)
 
 
-def shared_motion(linear: FitRows, *, runs: bool = True, poses: bool = True) -> tuple[SharedMotion, Groups]:
-    """Return motions in units of what each does to the mean reading, and their degrees of freedom by name.
+def shared_motion(linear: FitRows, *, runs: bool = True) -> tuple[SharedMotion, dict[str, slice]]:
+    """Return the frame's motion in units of what it does to the mean reading, and its degrees of freedom by name.
 
     Parameters
     ----------
     runs : bool
         Whether what wanders begins anew in each run.
-    poses : bool
-        Whether poses move by themselves otherwise than the frame does.
     """
-    o, frame = linear.observations, linear.frame
+    o = linear.observations
     run = o.run if runs else np.zeros_like(o.run)
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
     position = _few_positions(o.q[first])
-    order = Poses.among(o.pose, run, o.t, None if position is None else position[pose])
-    believed, columns, end = believed_readings(linear), list[Array](), 0
-    of_frame = {"r": frame} if frame.shape[2] == 3 else {"t": frame[:, :, :3], "r": frame[:, :, 3:]}
-    of_pose = linear.motions_of_poses if poses else {}
-    groups: dict[str, dict[str, slice]] = {}
-    for kind, motions in (("frame", of_frame), ("pose", of_pose)):
-        groups[kind] = dict(groups.get("frame", {}))
-        for name, motion in motions.items():
-            H = np.where(believed[:, :, None], motion, 0.0)
-            size = float(np.sqrt(np.sum(H**2) / max(int(believed.sum()), 1)))
-            columns.append(H / (size or 1.0))
-            some = slice(end, end := end + H.shape[2])
-            if size > 0:
-                groups[kind][name] = some
-    return SharedMotion(order, np.concatenate(columns, axis=2)), groups
-
-
-def _have_several(pose: NDArray[np.int32]) -> bool:
-    """Return whether poses have several rows, from the pose of each row."""
-    return int(np.count_nonzero(np.unique(pose, return_counts=True)[1] > 1)) >= FEWEST_LEVELS
+    poses = Poses.among(o.pose, run, o.t, None if position is None else position[pose])
+    believed = believed_readings(linear)
+    H = np.where(believed[:, :, None], linear.frame, 0.0)
+    named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
+    groups = {}
+    for name, of in named.items():
+        size = np.sqrt(np.sum(H[:, :, of] ** 2) / max(int(believed.sum()), 1))
+        if size > 0:
+            H[:, :, of] /= size
+            groups[name] = of
+    return SharedMotion(poses, H), groups
 
 
 def _few_positions(q: Array) -> NDArray[np.intp] | None:

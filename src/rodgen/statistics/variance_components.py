@@ -18,7 +18,7 @@ time only: what a component is worth there by the likelihood ratio of a balanced
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,9 +30,6 @@ from rodgen.array_types import Array, Index
 from rodgen.statistics.columns import directions_above, orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.whitening import Moments, MotionDeviations, SharedMotion, Weighted, Whitener, sums
-
-Groups = Mapping[str, Mapping[str, slice]]
-"""Degrees of freedom that share a variance, by kind and name: of a kind that is not there those of `frame`."""
 
 MOST_EFFECTS = 6
 """Most effects that are taken as fixed, one after the other."""
@@ -99,7 +96,9 @@ class VarianceComponents:
         """-2 ln of the likelihood, and the price of their number."""
         return self.price - 2 * self.likelihood
 
-    def deviations(self, groups: Groups, dof: int, factors: Array | None = None) -> MotionDeviations:
+    def deviations(
+        self, groups: dict[str, slice], dof: int, factors: Array | None = None
+    ) -> MotionDeviations:
         """Return the standard deviation along each degree of freedom.
 
         Parameters
@@ -111,14 +110,9 @@ class VarianceComponents:
         factors = np.ones(len(self.sizes) + 1) if factors is None else factors
         for name, size, factor in zip(self.names, self.sizes, factors[: len(self.sizes)], strict=True):
             kind, group = name.split()
-            by[kind][of_kind(groups, kind)[group]] = size * factor
+            by[kind][groups[group]] = size * factor
         time = self.time * float(factors[-1]) if self.wanders else self.time
         return MotionDeviations(by["pose"], by["wander"], time, by["position"], by["run"])
-
-
-def of_kind(groups: Groups, kind: str) -> Mapping[str, slice]:
-    """Return the degrees of freedom that components of a kind may have, by name."""
-    return groups.get(kind, groups["frame"])
 
 
 class RestrictedLikelihood:
@@ -130,7 +124,8 @@ class RestrictedLikelihood:
         Of an orthonormal basis of fixed effects, of further ones, and of the residuals last.
     fixed : int
         Number of fixed effects that are not further ones: what they explain is no evidence of anything.
-    groups : mapping
+    groups : mapping of str to slice
+        Degrees of freedom that share a variance.
     least : float
         Least variance of a reading's own error.
     """
@@ -140,7 +135,7 @@ class RestrictedLikelihood:
         moments: Moments,
         readings: int,
         fixed: int,
-        groups: Groups,
+        groups: dict[str, slice],
         least: float = 0.0,
     ) -> None:
         self.moments = moments
@@ -246,7 +241,7 @@ class RestrictedLikelihood:
 
         All other sizes, and the time, go where they are likeliest (the score test of Rao 1948).
         """
-        names = [f"{kind} {group}" for group in of_kind(self.groups, kind)]
+        names = [f"{kind} {group}" for group in self.groups]
         sizes = (*now.sizes, *[SMALLEST] * len(names))
         there, weighted = self._weighed(_unweighed((*now.names, *names), sizes, time))
         of, known = slice(len(now.sizes), len(sizes)), len(sizes) + now.wanders
@@ -321,7 +316,7 @@ class RestrictedLikelihood:
         alike the likelihood is greatest at the ratio of the mean squares of both kinds of directions.
         """
         n = self.dof
-        for group, of in of_kind(self.groups, kind).items():
+        for group, of in self.groups.items():
             g, o, z = products[:, of, of], products[:, of, self.count : -1], products[:, of, -1]
             flat = o.reshape(o.shape[0] * o.shape[1], o.shape[2])
             inner = flat.T @ flat
@@ -418,7 +413,7 @@ class RestrictedLikelihood:
 
     def _derivatives(self, now: VarianceComponents, weighted: Weighted | None) -> tuple[Array, Array]:
         """Return the slope and the information by logarithms of sizes and time; zeros where there is no likelihood."""
-        parts = [(kind, of_kind(self.groups, kind)[group]) for kind, group in map(str.split, now.names)]
+        parts = [(kind, self.groups[group]) for kind, group in map(str.split, now.names)]
         parts += [("time", slice(None))] * now.wanders
         if weighted is None:
             return np.zeros(len(parts)), np.zeros((len(parts), len(parts)))
@@ -454,7 +449,8 @@ class VarianceEstimator:
     Parameters
     ----------
     motion : SharedMotion
-    groups : mapping
+    groups : mapping of str to slice
+        Degrees of freedom that share a variance.
     own : ndarray, shape (N, q)
         Orthonormal basis of the model's columns.
     effects : sequence of ndarray, each of shape (N, k)
@@ -470,7 +466,7 @@ class VarianceEstimator:
     def __init__(
         self,
         motion: SharedMotion,
-        groups: Groups,
+        groups: dict[str, slice],
         own: Array,
         effects: Sequence[Array],
         residual: Array,

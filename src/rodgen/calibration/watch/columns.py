@@ -110,7 +110,7 @@ class WatchedColumns:
         extra = [*(e for e in effects if is_direct(e)), *bare_effects(fit.machine)]
         self._model, self._theta = model_with(fit, extra, compiled=True)
         self.rows = self._stacked(sensitivities, found)
-        self.correlation = estimate_correlation(sensitivities, [c.columns for c in found], poses=False)
+        self.correlation = estimate_correlation(sensitivities, [c.columns for c in found])
         self._motion(sensitivities)
         self.free = len(fit.moving)
         self.alternatives = [*self._adjusted(), *self._lacking(found)]
@@ -129,7 +129,7 @@ class WatchedColumns:
         self._timed = False
         if deviations is None:
             return
-        motion, _ = shared_motion(sensitivities, poses=False)
+        motion, _ = shared_motion(sensitivities)
         ours, frame = (np.sum(x**2, axis=(0, 1)) for x in (motion.columns, sensitivities.frame))
         scale = np.sqrt(np.divide(ours, frame, out=np.zeros_like(frame), where=frame > 0))
         self._scale, self._spacing, self.duration = scale, motion.poses.spacing, motion.poses.duration
