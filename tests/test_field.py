@@ -221,11 +221,11 @@ def test_a_fit_of_the_file_that_a_diagnosis_writes_is_that_of_the_diagnosis() ->
     found = diagnosed("two_windups").final
     again = found.excluding_outliers().fit(rodgen.Measurements.load(FIELD / "two_windups" / "data.csv"))
     assert again.observations.arm == pytest.approx(found.observations.arm, rel=1e-4)
-    for key, expected in found.estimates.items():
+    determined = {key: e for key, e in found.estimates.items() if e.std}
+    assert len(determined) > 10
+    for key, expected in determined.items():
         # a hundredth of a standard deviation changes no answer: fits end where a step is worth less
-        assert again.estimates[key].value == pytest.approx(
-            expected.value, abs=1e-2 * (expected.std or 0.0) + 1e-12
-        )
+        assert again.estimates[key].value == pytest.approx(expected.value, abs=1e-2 * expected.std)
 
 
 def test_eccentricity_of_one_axis_has_its_size() -> None:
