@@ -192,7 +192,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
         chosen = select(evidence)
-        for _ in range(ROUNDS):  # forms and fits only beside a dependence that the effects leave as it is
+        for _ in range(ROUNDS):  # the dependence of readings must settle before forms and full fits
             if evidence.correlation.independent or (there := _lasting(chosen)) == known:
                 break
             known = there
@@ -235,7 +235,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
 
 
 def _lasting(chosen: Sequence[Candidate]) -> frozenset[tuple[str, str | None]]:
-    """Return the effects beside which it is estimated how readings depend on each other: no drift."""
+    """Return the keys of the effects without drifts: with these the dependence of readings is estimated."""
     return frozenset(c.key for c in chosen if not c.effect.definition.follows_time)
 
 
@@ -277,7 +277,7 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
 def _wrong_geometry(state: _State) -> tuple[WrongGeometry, Fit] | None:
     """Return the geometry of the file as one cause, with the fit of it; None where it is not likelier than effects.
 
-    In the place of several dimensions it is preferred, as fewer causes, where the readings cannot distinguish the two.
+    Several single dimensions are more causes: where the readings cannot distinguish the two, the geometry is named.
     """
     base, several = state.base, len(state.chosen) + len(state.refused) >= SEVERAL
     gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else -math.inf

@@ -549,7 +549,7 @@ class Evidence:
         return self._under(model, chosen).variance
 
     def inexact(self, chosen: Sequence[Candidate], model: Columns | None = None) -> float:
-        """Return what of the sum of squares a set explains beside its effects whose formulas are exact."""
+        """Return the sum of squares that a set explains beyond what its exact formulas explain alone."""
         exact = [c for c in chosen if self.known["exact"][self.parts[id(c)]].all()]
         return self.explained(chosen, model) - (self.explained(exact, model) if exact else 0.0)
 

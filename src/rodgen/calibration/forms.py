@@ -236,7 +236,7 @@ class _Search:
             yield found[-1]
 
     def drives(self, given: _Given, scored: Sequence[Scored]) -> Iterator[Candidate]:
-        """Yield a wave of a joint's drive beside the best form that is a wave of that joint: it is plain physics.
+        """Yield a wave of a joint's drive in addition to the best form that is a wave of that joint: plain physics.
 
         One more wave of a drive that has another already is an effect of its own. It may be finer than any form, so it
         is searched among all periods.

@@ -55,7 +55,7 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
 
 
 def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candidate]) -> float:
-    """Return what dimensions cost as one cause, as common as any, with what is there beside them.
+    """Return the cost of dimensions as one cause, with the effects that are selected in addition.
 
     None is chosen, and those with the same usual size are distributed with the same width. Effects may stand for
     dimensions, so those beside them are selected anew.
