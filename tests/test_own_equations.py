@@ -20,7 +20,6 @@ import sympy as sp
 
 from rodgen.cli.main import main
 from rodgen.codegen import KernelBuilder, KernelError, numpy_function
-from rodgen.codegen.printers import ArrayPrinter, CPrinter
 from rodgen.codegen.source_files import KernelModule, render
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -246,9 +245,9 @@ x, y = sp.symbols("x y", real=True)
             0.5 * x,
             "kernel half: y: the float 0.5 stands in a kernel; expected an exact number, such as sp.Rational(1, 2)",
         ),
-        (sp.Max(x, 3), "kernel half: y: NumPy has no Max(); a kernel may use Abs, acos, "),
-        (sp.gamma(x), "NumPy has no gamma()"),
-        (sp.Integral(sp.exp(-(x**2)), (x, 0, x)), "NumPy cannot write Integral(exp("),
+        (sp.Max(x, 3), "kernel half: y: a kernel has no Max(); it may use Abs, acos, "),
+        (sp.gamma(x), "a kernel has no gamma()"),
+        (sp.Integral(sp.exp(-(x**2)), (x, 0, x)), "a kernel has no Integral()"),
     ],
 )
 def test_what_a_kernel_cannot_hold_is_an_error_where_it_is_written(value, complaint):
@@ -302,11 +301,12 @@ def test_errors_of_a_script_lead_to_its_line(tmp_path):
 @pytest.mark.parametrize(
     "value", [1 / (x + y), 1 / (x**2 + y**2), (x + y) ** -3, 2 / (x * y), 1 / (1 + 1 / (x + y))]
 )
-@pytest.mark.parametrize("printer", [ArrayPrinter(), CPrinter()], ids=["numpy", "c"])
-def test_reciprocal_of_a_sum_keeps_its_parentheses(printer, value):
-    assert eval(printer.line(value), {"x": 3.0, "y": 5.0, "K": float}) == pytest.approx(
-        float(value.subs({x: 3, y: 5}))
-    )
+def test_reciprocal_of_a_sum_keeps_its_parentheses(value):
+    k = KernelBuilder("reciprocal", summary="A reciprocal.", source="definition")
+    for name in ("x", "y"):
+        k.input(name, unit="1", doc="a number")
+    k.output("z", value, unit="1", doc="the reciprocal")
+    assert numpy_function(k.build())(3.0, 5.0) == pytest.approx(float(value.subs({x: 3, y: 5})))
 
 
 # A user's words -------------------------------------------------------------------------------------------

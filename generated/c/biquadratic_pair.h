@@ -28,7 +28,7 @@ enum biquadratic_pair_pair_roots {
 
 /* Two equations in two angles, scaled and made perpendicular as vectors of their coefficients.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
- * Operations: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale
+ * Operations: 66 add, 78 mul, 2 div, 21 select, 4 compare, 46 abs, 3 power_of_two_scale
  * first (3, 3), no unit: coefficients of the first equation
  * second (3, 3), no unit: coefficients of the second equation
  * one (3, 3), no unit: the first equation, scaled
@@ -42,7 +42,7 @@ void biquadratic_pair_pair_prepared_batch_f32(size_t count, const float *first, 
 
 /* The octic of two equations in two angles, in the tangent of half the first angle from a turn on.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
- * Operations: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs
+ * Operations: 210 add, 195 mul, 6 sqrt, 20 select, 7 compare, 8 abs
  * one (3, 3), no unit: coefficients of the first equation, by (1, cos, sin) of both angles
  * two (3, 3), no unit: those of the second
  * octic (9), no unit: coefficients, powers ascending
@@ -69,7 +69,7 @@ void biquadratic_pair_pair_aberth_batch_f32(size_t count, const float *octic, co
 
 /* Which roots of an octic are real, proved by inclusion discs.
  * Source: Smith 1970; derivation biquadratic_pair
- * Operations: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs
+ * Operations: 272 add, 342 mul, 8 div, 8 sqrt, 25 select, 44 compare, 33 abs
  * octic (9), no unit: coefficients, powers ascending
  * size, no unit: of the octic's terms, over (1 + x²)⁴, times the loss
  * roots (8, 2), no unit: approximations, real and imaginary part
@@ -98,7 +98,7 @@ void biquadratic_pair_pair_angles_batch_f32(size_t count, const float *one, cons
 
 /* Newton's method for two equations in two angles, with bounds of the errors.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
- * Operations: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
+ * Operations: 135 add, 162 mul, 7 div, 18 select, 13 compare, 31 abs, 6 cos, 6 sin
  * one (3, 3), no unit: coefficients of the first equation
  * two (3, 3), no unit: those of the second
  * angles (2), rad: first and second angle

@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,44 +30,44 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #include "delta.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
-#undef SQRT
-#undef FABS
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #include "delta.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
-#undef SQRT
-#undef FABS
 
 #else
 
-/* linear_delta_direct: 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin */
+/* linear_delta_direct: 53 add, 68 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin */
 KERNEL(delta_linear_delta_direct, const REAL carriage[3], const REAL radius[3], const REAL rod[3], const REAL heading[3], REAL position[3], CODE *status) {
   /* inputs */
   const REAL carriage_1 = carriage[AT(0)];
@@ -85,57 +85,54 @@ KERNEL(delta_linear_delta_direct, const REAL carriage[3], const REAL radius[3], 
   /* intermediate terms */
   const REAL joint_1_1 = radius_1*COS(heading_1);
   const REAL joint_1_2 = radius_1*SIN(heading_1);
-  const REAL joint_1_3 = carriage_1;
   const REAL joint_2_1 = radius_2*COS(heading_2);
   const REAL joint_2_2 = radius_2*SIN(heading_2);
-  const REAL joint_2_3 = carriage_2;
   const REAL joint_3_1 = radius_3*COS(heading_3);
   const REAL joint_3_2 = radius_3*SIN(heading_3);
-  const REAL joint_3_3 = carriage_3;
   const REAL total = FABS(carriage_1) + FABS(carriage_2) + FABS(carriage_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-  const CONDITION valid = (TEST(total <= REAL_MAX)) & (TEST(rod_1 > K(0.0))) & (TEST(rod_2 > K(0.0))) & (TEST(rod_3 > K(0.0)));
-  const REAL square_1 = (rod_1*rod_1);
-  const REAL square_2 = (rod_2*rod_2);
-  const REAL square_3 = (rod_3*rod_3);
-  const REAL x0 = joint_2_1 - joint_1_1;
-  const REAL to_second_0_1 = x0;
-  const REAL x1 = joint_2_2 - joint_1_2;
-  const REAL to_second_0_2 = x1;
-  const REAL x2 = joint_2_3 - joint_1_3;
-  const REAL to_second_0_3 = x2;
-  const REAL x3 = joint_3_1 - joint_1_1;
-  const REAL to_third_1_1 = x3;
-  const REAL x4 = joint_3_2 - joint_1_2;
-  const REAL to_third_1_2 = x4;
-  const REAL x5 = joint_3_3 - joint_1_3;
-  const REAL to_third_1_3 = x5;
+  const CONDITION valid = TEST(total <= REAL_MAX) & TEST(K(0.0) < rod_1) & TEST(K(0.0) < rod_2) & TEST(K(0.0) < rod_3);
+  const REAL square_1 = rod_1*rod_1;
+  const REAL square_2 = rod_2*rod_2;
+  const REAL square_3 = rod_3*rod_3;
+  const REAL to_second_0_1 = joint_2_1 - joint_1_1;
+  const REAL to_second_0_2 = joint_2_2 - joint_1_2;
+  const REAL to_second_0_3 = carriage_2 - carriage_1;
+  const REAL to_third_1_1 = joint_3_1 - joint_1_1;
+  const REAL to_third_1_2 = joint_3_2 - joint_1_2;
+  const REAL to_third_1_3 = carriage_3 - carriage_1;
   const REAL normal_2_1 = to_second_0_2*to_third_1_3 - to_second_0_3*to_third_1_2;
   const REAL normal_2_2 = to_second_0_3*to_third_1_1 - to_second_0_1*to_third_1_3;
   const REAL normal_2_3 = to_second_0_1*to_third_1_2 - to_second_0_2*to_third_1_1;
-  const REAL area_3 = (normal_2_1*normal_2_1) + (normal_2_2*normal_2_2) + (normal_2_3*normal_2_3);
-  const REAL x6 = K(0.5)*square_1;
-  const REAL along_second_4 = K(0.5)*(to_second_0_1*to_second_0_1) + K(0.5)*(to_second_0_2*to_second_0_2) + K(0.5)*(to_second_0_3*to_second_0_3) + x6 - K(0.5)*square_2;
-  const REAL along_third_5 = K(0.5)*(to_third_1_1*to_third_1_1) + K(0.5)*(to_third_1_2*to_third_1_2) + K(0.5)*(to_third_1_3*to_third_1_3) + x6 - K(0.5)*square_3;
-  const REAL x7 = K(1.0)/area_3;
-  const REAL way_6_1 = x7*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2));
-  const REAL way_6_2 = x7*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3));
-  const REAL way_6_3 = x7*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1));
-  const REAL height_7 = square_1 - (way_6_1*way_6_1) - (way_6_2*way_6_2) - (way_6_3*way_6_3);
+  const REAL area_3 = normal_2_1*normal_2_1 + normal_2_2*normal_2_2 + normal_2_3*normal_2_3;
+  const REAL x44 = K(0.5)*square_1;
+  const REAL x46 = to_second_0_1*to_second_0_1;
+  const REAL x48 = to_second_0_2*to_second_0_2;
+  const REAL x50 = to_second_0_3*to_second_0_3;
+  const REAL along_second_4 = x44 + K(0.5)*x46 + K(0.5)*x48 + K(0.5)*x50 - K(0.5)*square_2;
+  const REAL x56 = to_third_1_1*to_third_1_1;
+  const REAL x58 = to_third_1_2*to_third_1_2;
+  const REAL x60 = to_third_1_3*to_third_1_3;
+  const REAL along_third_5 = x44 + K(0.5)*x56 + K(0.5)*x58 + K(0.5)*x60 - K(0.5)*square_3;
+  const REAL x65 = K(1.0)/area_3;
+  const REAL way_6_1 = x65*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2));
+  const REAL way_6_2 = x65*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3));
+  const REAL way_6_3 = x65*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1));
+  const REAL height_7 = square_1 - way_6_1*way_6_1 - way_6_2*way_6_2 - way_6_3*way_6_3;
   const REAL foot_8_1 = joint_1_1 + way_6_1;
   const REAL foot_8_2 = joint_1_2 + way_6_2;
-  const REAL foot_8_3 = joint_1_3 + way_6_3;
-  const REAL ratio_9 = height_7*x7;
+  const REAL foot_8_3 = carriage_1 + way_6_3;
+  const REAL ratio_9 = x65*height_7;
   const REAL bound = K(16.0)*REAL_EPSILON*(K(2.0)*square_1 - height_7);
-  const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5));
+  const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*(x46 + x48 + x50)*(x56 + x58 + x60);
   const CONDITION collinear = TEST(area_3 <= area_bound);
   const CONDITION flat = TEST(FABS(height_7) <= bound);
-  const CONDITION above = TEST(height_7 > bound);
+  const CONDITION above = TEST(bound < height_7);
   const REAL below = SELECT(above, SQRT(ratio_9), K(0.0));
   const REAL down = SELECT(TEST(normal_2_3 < K(0.0)), below, -below);
   const REAL position_found_1 = down*normal_2_1 + foot_8_1;
   const REAL position_found_2 = down*normal_2_2 + foot_8_2;
   const REAL position_found_3 = down*normal_2_3 + foot_8_3;
-  const CONDITION there = (valid) & (NOT(collinear)) & ((above) | (flat));
+  const CONDITION there = valid & NOT(collinear) & (above | flat);
   const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(collinear, K(2.0), SELECT(flat, K(1.0), SELECT(above, K(0.0), K(3.0)))));
   /* outputs */
   position[AT(0)] = SELECT(there, position_found_1, (REAL)NAN);
@@ -147,7 +144,7 @@ KERNEL(delta_linear_delta_direct, const REAL carriage[3], const REAL radius[3], 
   ANGLE(2, heading_3);
 }
 
-/* rotary_delta_direct: 59 add, 80 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin */
+/* rotary_delta_direct: 59 add, 74 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin */
 KERNEL(delta_rotary_delta_direct, const REAL angle[3], const REAL radius[3], const REAL arm[3], const REAL rod[3], const REAL heading[3], REAL position[3], CODE *status) {
   /* inputs */
   const REAL angle_1 = angle[AT(0)];
@@ -178,50 +175,52 @@ KERNEL(delta_rotary_delta_direct, const REAL angle[3], const REAL radius[3], con
   const REAL elbow_3_1 = reach_3*COS(heading_3);
   const REAL elbow_3_2 = reach_3*SIN(heading_3);
   const REAL elbow_3_3 = -arm_3*SIN(angle_3);
-  const REAL total = FABS(angle_1) + FABS(angle_2) + FABS(angle_3) + FABS(arm_1) + FABS(arm_2) + FABS(arm_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-  const CONDITION valid = (TEST(total <= REAL_MAX)) & (TEST(arm_1 > K(0.0))) & (TEST(arm_2 > K(0.0))) & (TEST(arm_3 > K(0.0))) & (TEST(rod_1 > K(0.0))) & (TEST(rod_2 > K(0.0))) & (TEST(rod_3 > K(0.0)));
-  const REAL square_1 = (rod_1*rod_1);
-  const REAL square_2 = (rod_2*rod_2);
-  const REAL square_3 = (rod_3*rod_3);
-  const REAL x0 = elbow_2_1 - elbow_1_1;
-  const REAL to_second_0_1 = x0;
-  const REAL x1 = elbow_2_2 - elbow_1_2;
-  const REAL to_second_0_2 = x1;
-  const REAL x2 = elbow_2_3 - elbow_1_3;
-  const REAL to_second_0_3 = x2;
-  const REAL x3 = elbow_3_1 - elbow_1_1;
-  const REAL to_third_1_1 = x3;
-  const REAL x4 = elbow_3_2 - elbow_1_2;
-  const REAL to_third_1_2 = x4;
-  const REAL x5 = elbow_3_3 - elbow_1_3;
-  const REAL to_third_1_3 = x5;
+  const REAL x43 = FABS(angle_1) + FABS(angle_2) + FABS(angle_3) + FABS(arm_1) + FABS(arm_2) + FABS(arm_3) + FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3);
+  const REAL total = x43 + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
+  const CONDITION x57 = TEST(total <= REAL_MAX) & TEST(K(0.0) < arm_1) & TEST(K(0.0) < arm_2) & TEST(K(0.0) < arm_3) & TEST(K(0.0) < rod_1) & TEST(K(0.0) < rod_2);
+  const CONDITION valid = x57 & TEST(K(0.0) < rod_3);
+  const REAL square_1 = rod_1*rod_1;
+  const REAL square_2 = rod_2*rod_2;
+  const REAL square_3 = rod_3*rod_3;
+  const REAL to_second_0_1 = elbow_2_1 - elbow_1_1;
+  const REAL to_second_0_2 = elbow_2_2 - elbow_1_2;
+  const REAL to_second_0_3 = elbow_2_3 - elbow_1_3;
+  const REAL to_third_1_1 = elbow_3_1 - elbow_1_1;
+  const REAL to_third_1_2 = elbow_3_2 - elbow_1_2;
+  const REAL to_third_1_3 = elbow_3_3 - elbow_1_3;
   const REAL normal_2_1 = to_second_0_2*to_third_1_3 - to_second_0_3*to_third_1_2;
   const REAL normal_2_2 = to_second_0_3*to_third_1_1 - to_second_0_1*to_third_1_3;
   const REAL normal_2_3 = to_second_0_1*to_third_1_2 - to_second_0_2*to_third_1_1;
-  const REAL area_3 = (normal_2_1*normal_2_1) + (normal_2_2*normal_2_2) + (normal_2_3*normal_2_3);
-  const REAL x6 = K(0.5)*square_1;
-  const REAL along_second_4 = K(0.5)*(to_second_0_1*to_second_0_1) + K(0.5)*(to_second_0_2*to_second_0_2) + K(0.5)*(to_second_0_3*to_second_0_3) + x6 - K(0.5)*square_2;
-  const REAL along_third_5 = K(0.5)*(to_third_1_1*to_third_1_1) + K(0.5)*(to_third_1_2*to_third_1_2) + K(0.5)*(to_third_1_3*to_third_1_3) + x6 - K(0.5)*square_3;
-  const REAL x7 = K(1.0)/area_3;
-  const REAL way_6_1 = x7*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2));
-  const REAL way_6_2 = x7*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3));
-  const REAL way_6_3 = x7*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1));
-  const REAL height_7 = square_1 - (way_6_1*way_6_1) - (way_6_2*way_6_2) - (way_6_3*way_6_3);
+  const REAL area_3 = normal_2_1*normal_2_1 + normal_2_2*normal_2_2 + normal_2_3*normal_2_3;
+  const REAL x68 = K(0.5)*square_1;
+  const REAL x70 = to_second_0_1*to_second_0_1;
+  const REAL x72 = to_second_0_2*to_second_0_2;
+  const REAL x74 = to_second_0_3*to_second_0_3;
+  const REAL along_second_4 = x68 + K(0.5)*x70 + K(0.5)*x72 + K(0.5)*x74 - K(0.5)*square_2;
+  const REAL x80 = to_third_1_1*to_third_1_1;
+  const REAL x82 = to_third_1_2*to_third_1_2;
+  const REAL x84 = to_third_1_3*to_third_1_3;
+  const REAL along_third_5 = x68 + K(0.5)*x80 + K(0.5)*x82 + K(0.5)*x84 - K(0.5)*square_3;
+  const REAL x89 = K(1.0)/area_3;
+  const REAL way_6_1 = x89*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2));
+  const REAL way_6_2 = x89*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3));
+  const REAL way_6_3 = x89*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1));
+  const REAL height_7 = square_1 - way_6_1*way_6_1 - way_6_2*way_6_2 - way_6_3*way_6_3;
   const REAL foot_8_1 = elbow_1_1 + way_6_1;
   const REAL foot_8_2 = elbow_1_2 + way_6_2;
   const REAL foot_8_3 = elbow_1_3 + way_6_3;
-  const REAL ratio_9 = height_7*x7;
+  const REAL ratio_9 = x89*height_7;
   const REAL bound = K(16.0)*REAL_EPSILON*(K(2.0)*square_1 - height_7);
-  const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5));
+  const REAL area_bound = K(256.0)*(REAL_EPSILON*REAL_EPSILON)*(x70 + x72 + x74)*(x80 + x82 + x84);
   const CONDITION collinear = TEST(area_3 <= area_bound);
   const CONDITION flat = TEST(FABS(height_7) <= bound);
-  const CONDITION above = TEST(height_7 > bound);
+  const CONDITION above = TEST(bound < height_7);
   const REAL below = SELECT(above, SQRT(ratio_9), K(0.0));
   const REAL down = SELECT(TEST(normal_2_3 < K(0.0)), below, -below);
   const REAL position_found_1 = down*normal_2_1 + foot_8_1;
   const REAL position_found_2 = down*normal_2_2 + foot_8_2;
   const REAL position_found_3 = down*normal_2_3 + foot_8_3;
-  const CONDITION there = (valid) & (NOT(collinear)) & ((above) | (flat));
+  const CONDITION there = valid & NOT(collinear) & (above | flat);
   const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(collinear, K(2.0), SELECT(flat, K(1.0), SELECT(above, K(0.0), K(3.0)))));
   /* outputs */
   position[AT(0)] = SELECT(there, position_found_1, (REAL)NAN);
@@ -253,31 +252,31 @@ KERNEL(delta_linear_delta_inverse, const REAL position[3], const REAL radius[3],
   const REAL heading_3 = heading[AT(2)];
   /* intermediate terms */
   const REAL total = FABS(heading_1) + FABS(heading_2) + FABS(heading_3) + FABS(position_1) + FABS(position_2) + FABS(position_3) + FABS(radius_1) + FABS(radius_2) + FABS(radius_3) + FABS(rod_1) + FABS(rod_2) + FABS(rod_3);
-  const CONDITION valid = (TEST(total <= REAL_MAX)) & (TEST(rod_1 > K(0.0))) & (TEST(rod_2 > K(0.0))) & (TEST(rod_3 > K(0.0)));
+  const CONDITION valid = TEST(total <= REAL_MAX) & TEST(K(0.0) < rod_1) & TEST(K(0.0) < rod_2) & TEST(K(0.0) < rod_3);
   const REAL dx_1 = position_1 - radius_1*COS(heading_1);
   const REAL dy_1 = position_2 - radius_1*SIN(heading_1);
-  const REAL away_1 = SQRT((dx_1*dx_1) + (dy_1*dy_1));
+  const REAL away_1 = SQRT(dx_1*dx_1 + dy_1*dy_1);
   const REAL height_1 = (rod_1 - away_1)*(away_1 + rod_1);
-  const REAL x0 = K(16.0)*REAL_EPSILON;
-  const REAL bound_1 = (rod_1*rod_1)*x0;
-  const CONDITION above_1 = TEST(height_1 > bound_1);
+  const REAL x38 = K(16.0)*REAL_EPSILON;
+  const REAL bound_1 = x38*(rod_1*rod_1);
+  const CONDITION above_1 = TEST(bound_1 < height_1);
   const CONDITION level_1 = TEST(FABS(height_1) <= bound_1);
   const REAL dx_2 = position_1 - radius_2*COS(heading_2);
   const REAL dy_2 = position_2 - radius_2*SIN(heading_2);
-  const REAL away_2 = SQRT((dx_2*dx_2) + (dy_2*dy_2));
+  const REAL away_2 = SQRT(dx_2*dx_2 + dy_2*dy_2);
   const REAL height_2 = (rod_2 - away_2)*(away_2 + rod_2);
-  const REAL bound_2 = (rod_2*rod_2)*x0;
-  const CONDITION above_2 = TEST(height_2 > bound_2);
+  const REAL bound_2 = x38*(rod_2*rod_2);
+  const CONDITION above_2 = TEST(bound_2 < height_2);
   const CONDITION level_2 = TEST(FABS(height_2) <= bound_2);
   const REAL dx_3 = position_1 - radius_3*COS(heading_3);
   const REAL dy_3 = position_2 - radius_3*SIN(heading_3);
-  const REAL away_3 = SQRT((dx_3*dx_3) + (dy_3*dy_3));
+  const REAL away_3 = SQRT(dx_3*dx_3 + dy_3*dy_3);
   const REAL height_3 = (rod_3 - away_3)*(away_3 + rod_3);
-  const REAL bound_3 = (rod_3*rod_3)*x0;
-  const CONDITION above_3 = TEST(height_3 > bound_3);
+  const REAL bound_3 = x38*(rod_3*rod_3);
+  const CONDITION above_3 = TEST(bound_3 < height_3);
   const CONDITION level_3 = TEST(FABS(height_3) <= bound_3);
-  const CONDITION there = (valid) & ((above_1) | (level_1)) & ((above_2) | (level_2)) & ((above_3) | (level_3));
-  const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(NOT(there), K(3.0), SELECT((level_1) | (level_2) | (level_3), K(1.0), K(0.0))));
+  const CONDITION there = valid & (above_1 | level_1) & (above_2 | level_2) & (above_3 | level_3);
+  const REAL status_value = SELECT(NOT(valid), K(4.0), SELECT(NOT(there), K(3.0), SELECT(level_1 | level_2 | level_3, K(1.0), K(0.0))));
   /* outputs */
   carriage[AT(0)] = SELECT(there, position_3 + SELECT(above_1, SQRT(height_1), K(0.0)), (REAL)NAN);
   carriage[AT(1)] = SELECT(there, position_3 + SELECT(above_2, SQRT(height_2), K(0.0)), (REAL)NAN);
@@ -319,18 +318,18 @@ KERNEL(delta_rotary_delta_equations, const REAL position[3], const REAL radius[3
   const REAL sine_3 = SIN(heading_3);
   const REAL along_3 = cosine_3*position_1 + position_2*sine_3 - radius_3;
   const REAL across_3 = cosine_3*position_2 - position_1*sine_3;
-  const REAL x0 = K(2.0)*position_3;
-  const REAL x1 = (position_3*position_3);
+  const REAL b_1 = K(2.0)*position_3;
+  const REAL x20 = position_3*position_3;
   /* outputs */
   a[AT(0)] = -K(2.0)*along_1;
   a[AT(1)] = -K(2.0)*along_2;
   a[AT(2)] = -K(2.0)*along_3;
-  b[AT(0)] = x0;
-  b[AT(1)] = x0;
-  b[AT(2)] = x0;
-  c[AT(0)] = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
-  c[AT(1)] = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
-  c[AT(2)] = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
+  b[AT(0)] = b_1;
+  b[AT(1)] = b_1;
+  b[AT(2)] = b_1;
+  c[AT(0)] = (across_1*across_1 + along_1*along_1 + x20 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1;
+  c[AT(1)] = (across_2*across_2 + along_2*along_2 + x20 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2;
+  c[AT(2)] = (across_3*across_3 + along_3*along_3 + x20 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3;
   ANGLE(0, heading_1);
   ANGLE(1, heading_2);
   ANGLE(2, heading_3);

@@ -35,7 +35,7 @@ enum delta_delta_status {
 
 /* Where the platform of a linear delta is, from its carriages.
  * Source: Clavel 1991; derivation delta
- * Operations: 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin
+ * Operations: 53 add, 68 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin
  * carriage (3), length: height of each carriage
  * radius (3), length: of each tower or arm, less that of the platform
  * rod (3), length: length of each rod
@@ -50,7 +50,7 @@ void delta_linear_delta_direct_batch_f32(size_t count, const float *carriage, co
 
 /* Where the platform of a rotary delta is, from its arms.
  * Source: Clavel 1991; derivation delta
- * Operations: 59 add, 80 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin
+ * Operations: 59 add, 74 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin
  * angle (3), rad: of each arm, zero where it is level, positive downwards
  * radius (3), length: of each tower or arm, less that of the platform
  * arm (3), length: length of each arm

@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,40 +30,40 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
-#define SQRT(x) sqrt(x)
 #include "helical_axis.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef SQRT
 #undef SIN
 #undef COS
-#undef SQRT
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
-#define SQRT(x) sqrtf(x)
 #include "helical_axis.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef SQRT
 #undef SIN
 #undef COS
-#undef SQRT
 
 #else
 
-/* screw_residual: 63 add, 115 mul, 1 cos, 1 sin */
+/* screw_residual: 66 add, 103 mul, 1 cos, 1 sin */
 KERNEL(helical_axis_screw_residual, const REAL before[3], const REAL reading[3], REAL angle, REAL slide, const REAL axis[3], const REAL point[3], REAL residual[3], REAL residual_jacobian[33]) {
   /* inputs */
   const REAL before_1 = before[AT(0)];
@@ -80,142 +80,101 @@ KERNEL(helical_axis_screw_residual, const REAL before[3], const REAL reading[3],
   const REAL point_3 = point[AT(2)];
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
-  const REAL x1 = SIN(half_angle);
-  const REAL sine = x1;
-  const REAL x2 = COS(half_angle);
-  const REAL d_sine_d_angle = K(0.5)*x2;
-  const REAL cosine = x2;
-  const REAL d_cosine_d_angle = -K(0.5)*x1;
+  const REAL sine = SIN(half_angle);
+  const REAL cosine = COS(half_angle);
+  const REAL d_sine_d_angle = K(0.5)*cosine;
+  const REAL d_cosine_d_angle = -K(0.5)*sine;
   const REAL arm_1 = before_1 - point_1;
   const REAL arm_2 = before_2 - point_2;
   const REAL arm_3 = before_3 - point_3;
-  const REAL x3 = arm_3*axis_2 - arm_2*axis_3;
-  const REAL inner_1 = arm_1*cosine + sine*x3;
-  const REAL x4 = axis_3*sine;
-  const REAL d_inner_1_d_before_2 = -x4;
-  const REAL x6 = axis_2*sine;
-  const REAL d_inner_1_d_before_3 = x6;
-  const REAL d_inner_1_d_angle = arm_1*d_cosine_d_angle + d_sine_d_angle*x3;
-  const REAL x7 = arm_3*sine;
-  const REAL d_inner_1_d_axis_2 = x7;
-  const REAL x8 = arm_2*sine;
-  const REAL d_inner_1_d_axis_3 = -x8;
+  const REAL x4 = arm_3*axis_2 - arm_2*axis_3;
+  const REAL inner_1 = arm_1*cosine + sine*x4;
+  const REAL d_inner_1_d_point_2 = axis_3*sine;
+  const REAL d_inner_1_d_before_2 = -d_inner_1_d_point_2;
+  const REAL d_inner_1_d_before_3 = axis_2*sine;
+  const REAL d_inner_1_d_angle = arm_1*d_cosine_d_angle + d_sine_d_angle*x4;
+  const REAL d_inner_1_d_axis_2 = arm_3*sine;
+  const REAL d_inner_3_d_axis_1 = arm_2*sine;
+  const REAL d_inner_1_d_axis_3 = -d_inner_3_d_axis_1;
   const REAL d_inner_1_d_point_1 = -cosine;
-  const REAL d_inner_1_d_point_2 = x4;
-  const REAL d_inner_1_d_point_3 = -x6;
+  const REAL d_inner_1_d_point_3 = -d_inner_1_d_before_3;
   const REAL x11 = arm_1*axis_3 - arm_3*axis_1;
   const REAL inner_2 = arm_2*cosine + sine*x11;
-  const REAL d_inner_2_d_before_1 = x4;
-  const REAL x12 = axis_1*sine;
-  const REAL d_inner_2_d_before_3 = -x12;
+  const REAL d_inner_2_d_point_3 = axis_1*sine;
+  const REAL d_inner_2_d_before_3 = -d_inner_2_d_point_3;
   const REAL d_inner_2_d_angle = arm_2*d_cosine_d_angle + d_sine_d_angle*x11;
-  const REAL d_inner_2_d_axis_1 = -x7;
-  const REAL x14 = arm_1*sine;
-  const REAL d_inner_2_d_axis_3 = x14;
-  const REAL d_inner_2_d_point_1 = -x4;
-  const REAL d_inner_2_d_point_2 = -cosine;
-  const REAL d_inner_2_d_point_3 = x12;
-  const REAL x15 = arm_2*axis_1 - arm_1*axis_2;
-  const REAL inner_3 = arm_3*cosine + sine*x15;
-  const REAL d_inner_3_d_before_1 = -x6;
-  const REAL d_inner_3_d_before_2 = x12;
-  const REAL d_inner_3_d_angle = arm_3*d_cosine_d_angle + d_sine_d_angle*x15;
-  const REAL d_inner_3_d_axis_1 = x8;
-  const REAL d_inner_3_d_axis_2 = -x14;
-  const REAL d_inner_3_d_point_1 = x6;
-  const REAL d_inner_3_d_point_2 = -x12;
-  const REAL d_inner_3_d_point_3 = -cosine;
+  const REAL d_inner_2_d_axis_1 = -d_inner_1_d_axis_2;
+  const REAL d_inner_2_d_axis_3 = arm_1*sine;
+  const REAL x18 = arm_2*axis_1 - arm_1*axis_2;
+  const REAL inner_3 = arm_3*cosine + sine*x18;
+  const REAL d_inner_3_d_angle = arm_3*d_cosine_d_angle + d_sine_d_angle*x18;
+  const REAL d_inner_3_d_axis_2 = -d_inner_2_d_axis_3;
   const REAL moved_1 = reading_1 - before_1;
   const REAL moved_2 = reading_2 - before_2;
   const REAL moved_3 = reading_3 - before_3;
-  const REAL x0 = K(2.0)*sine;
-  const REAL d_x0_d_angle = K(2.0)*d_sine_d_angle;
-  const REAL x16 = axis_2*inner_3 - axis_3*inner_2;
-  const REAL x17 = axis_2*x0;
-  const REAL d_residual_1_d_before_1 = axis_3*d_inner_2_d_before_1*x0 - d_inner_3_d_before_1*x17 - K(1.0);
-  const REAL x18 = axis_3*x0;
-  const REAL x19 = -cosine*x18;
-  const REAL d_residual_1_d_before_2 = -d_inner_3_d_before_2*x17 - x19;
-  const REAL x20 = cosine*x17;
-  const REAL d_residual_1_d_before_3 = axis_3*d_inner_2_d_before_3*x0 - x20;
-  const REAL d_residual_1_d_angle = d_inner_2_d_angle*x18 - d_inner_3_d_angle*x17 - d_x0_d_angle*x16;
-  const REAL d_residual_1_d_slide = -axis_1;
-  const REAL d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x17 - slide;
-  const REAL x21 = inner_3*x0;
-  const REAL d_residual_1_d_axis_2 = -d_inner_3_d_axis_2*x17 - x21;
-  const REAL x22 = inner_2*x0;
-  const REAL d_residual_1_d_axis_3 = d_inner_2_d_axis_3*x18 + x22;
-  const REAL d_residual_1_d_point_1 = axis_3*d_inner_2_d_point_1*x0 - d_inner_3_d_point_1*x17;
-  const REAL d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x17;
-  const REAL d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x17;
-  const REAL x23 = axis_1*inner_3 - axis_3*inner_1;
-  const REAL x24 = axis_1*x0;
-  const REAL d_residual_2_d_before_1 = d_inner_3_d_before_1*x24 + x19;
-  const REAL d_residual_2_d_before_2 = axis_1*d_inner_3_d_before_2*x0 - d_inner_1_d_before_2*x18 - K(1.0);
-  const REAL x25 = cosine*x24;
-  const REAL d_residual_2_d_before_3 = x25 - d_inner_1_d_before_3*x18;
-  const REAL d_residual_2_d_angle = d_inner_3_d_angle*x24 + d_x0_d_angle*x23 - d_inner_1_d_angle*x18;
-  const REAL d_residual_2_d_slide = -axis_2;
-  const REAL d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x24 + x21;
-  const REAL d_residual_2_d_axis_2 = axis_1*d_inner_3_d_axis_2*x0 - d_inner_1_d_axis_2*x18 - slide;
-  const REAL x26 = inner_1*x0;
-  const REAL d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x18 - x26;
-  const REAL d_residual_2_d_point_1 = d_inner_3_d_point_1*x24 - d_inner_1_d_point_1*x18;
-  const REAL d_residual_2_d_point_2 = d_inner_3_d_point_2*x24 - d_inner_1_d_point_2*x18;
-  const REAL d_residual_2_d_point_3 = d_inner_3_d_point_3*x24 - d_inner_1_d_point_3*x18;
-  const REAL x27 = axis_1*inner_2 - axis_2*inner_1;
-  const REAL d_residual_3_d_before_1 = x20 - d_inner_2_d_before_1*x24;
-  const REAL d_residual_3_d_before_2 = axis_2*d_inner_1_d_before_2*x0 - x25;
-  const REAL d_residual_3_d_before_3 = axis_2*d_inner_1_d_before_3*x0 - d_inner_2_d_before_3*x24 - K(1.0);
-  const REAL d_residual_3_d_angle = d_inner_1_d_angle*x17 - d_inner_2_d_angle*x24 - d_x0_d_angle*x27;
-  const REAL d_residual_3_d_slide = -axis_3;
-  const REAL d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x24 - x22;
-  const REAL d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x17 + x26;
-  const REAL d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x24 - slide;
-  const REAL d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x24;
-  const REAL d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x24;
-  const REAL d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x24;
+  const REAL x26 = K(2.0)*sine;
+  const REAL x29 = x26*axis_2;
+  const REAL x30 = x29*d_inner_1_d_point_3;
+  const REAL x31 = x26*axis_3;
+  const REAL x32 = x31*d_inner_1_d_point_2;
+  const REAL x36 = x26*(axis_3*cosine);
+  const REAL x38 = x26*(axis_2*cosine);
+  const REAL x42 = K(2.0)*axis_2;
+  const REAL x44 = K(2.0)*axis_3;
+  const REAL x53 = x26*inner_3;
+  const REAL x56 = x26*inner_2;
+  const REAL x57 = x29*d_inner_1_d_before_3;
+  const REAL x58 = x31*d_inner_1_d_before_2;
+  const REAL x60 = x31*d_inner_1_d_point_1;
+  const REAL x61 = x29*d_inner_1_d_point_1;
+  const REAL x69 = x26*axis_1;
+  const REAL x71 = x69*d_inner_2_d_point_3;
+  const REAL x74 = x26*(axis_1*cosine);
+  const REAL x78 = K(2.0)*axis_1;
+  const REAL x89 = x26*inner_1;
+  const REAL x92 = x69*d_inner_2_d_before_3;
+  const REAL x93 = x69*d_inner_1_d_point_1;
   /* outputs */
-  residual[AT(0)] = moved_1 - axis_1*slide - x0*x16;
-  residual[AT(1)] = moved_2 + x0*x23 - axis_2*slide;
-  residual[AT(2)] = moved_3 - axis_3*slide - x0*x27;
-  residual_jacobian[AT(0)] = d_residual_1_d_before_1;
-  residual_jacobian[AT(1)] = d_residual_1_d_before_2;
-  residual_jacobian[AT(2)] = d_residual_1_d_before_3;
-  residual_jacobian[AT(3)] = d_residual_1_d_angle;
-  residual_jacobian[AT(4)] = d_residual_1_d_slide;
-  residual_jacobian[AT(5)] = d_residual_1_d_axis_1;
-  residual_jacobian[AT(6)] = d_residual_1_d_axis_2;
-  residual_jacobian[AT(7)] = d_residual_1_d_axis_3;
-  residual_jacobian[AT(8)] = d_residual_1_d_point_1;
-  residual_jacobian[AT(9)] = d_residual_1_d_point_2;
-  residual_jacobian[AT(10)] = d_residual_1_d_point_3;
-  residual_jacobian[AT(11)] = d_residual_2_d_before_1;
-  residual_jacobian[AT(12)] = d_residual_2_d_before_2;
-  residual_jacobian[AT(13)] = d_residual_2_d_before_3;
-  residual_jacobian[AT(14)] = d_residual_2_d_angle;
-  residual_jacobian[AT(15)] = d_residual_2_d_slide;
-  residual_jacobian[AT(16)] = d_residual_2_d_axis_1;
-  residual_jacobian[AT(17)] = d_residual_2_d_axis_2;
-  residual_jacobian[AT(18)] = d_residual_2_d_axis_3;
-  residual_jacobian[AT(19)] = d_residual_2_d_point_1;
-  residual_jacobian[AT(20)] = d_residual_2_d_point_2;
-  residual_jacobian[AT(21)] = d_residual_2_d_point_3;
-  residual_jacobian[AT(22)] = d_residual_3_d_before_1;
-  residual_jacobian[AT(23)] = d_residual_3_d_before_2;
-  residual_jacobian[AT(24)] = d_residual_3_d_before_3;
-  residual_jacobian[AT(25)] = d_residual_3_d_angle;
-  residual_jacobian[AT(26)] = d_residual_3_d_slide;
-  residual_jacobian[AT(27)] = d_residual_3_d_axis_1;
-  residual_jacobian[AT(28)] = d_residual_3_d_axis_2;
-  residual_jacobian[AT(29)] = d_residual_3_d_axis_3;
-  residual_jacobian[AT(30)] = d_residual_3_d_point_1;
-  residual_jacobian[AT(31)] = d_residual_3_d_point_2;
-  residual_jacobian[AT(32)] = d_residual_3_d_point_3;
+  residual[AT(0)] = moved_1 - axis_1*slide - x26*(axis_2*inner_3 - axis_3*inner_2);
+  residual[AT(1)] = moved_2 - axis_2*slide - x26*(axis_3*inner_1 - axis_1*inner_3);
+  residual[AT(2)] = moved_3 - axis_3*slide - x26*(axis_1*inner_2 - axis_2*inner_1);
+  residual_jacobian[AT(0)] = x32 - x30 - K(1.0);
+  residual_jacobian[AT(1)] = x36 - x29*d_inner_2_d_point_3;
+  residual_jacobian[AT(2)] = x31*d_inner_2_d_before_3 - x38;
+  residual_jacobian[AT(3)] = x31*d_inner_2_d_angle + d_sine_d_angle*(x44*inner_2 - x42*inner_3) - x29*d_inner_3_d_angle;
+  residual_jacobian[AT(4)] = -axis_1;
+  residual_jacobian[AT(5)] = x31*d_inner_2_d_axis_1 - x29*d_inner_3_d_axis_1 - slide;
+  residual_jacobian[AT(6)] = -(x29*d_inner_3_d_axis_2 + x53);
+  residual_jacobian[AT(7)] = x31*d_inner_2_d_axis_3 + x56;
+  residual_jacobian[AT(8)] = x58 - x57;
+  residual_jacobian[AT(9)] = x60 - x29*d_inner_2_d_before_3;
+  residual_jacobian[AT(10)] = x31*d_inner_2_d_point_3 - x61;
+  residual_jacobian[AT(11)] = x69*d_inner_1_d_point_3 - x36;
+  residual_jacobian[AT(12)] = x71 - x58 - K(1.0);
+  residual_jacobian[AT(13)] = x74 - x31*d_inner_1_d_before_3;
+  residual_jacobian[AT(14)] = x69*d_inner_3_d_angle + d_sine_d_angle*(x78*inner_3 - x44*inner_1) - x31*d_inner_1_d_angle;
+  residual_jacobian[AT(15)] = -axis_2;
+  residual_jacobian[AT(16)] = x69*d_inner_3_d_axis_1 + x53;
+  residual_jacobian[AT(17)] = x69*d_inner_3_d_axis_2 - x31*d_inner_1_d_axis_2 - slide;
+  residual_jacobian[AT(18)] = -(x31*d_inner_1_d_axis_3 + x89);
+  residual_jacobian[AT(19)] = x69*d_inner_1_d_before_3 - x60;
+  residual_jacobian[AT(20)] = x92 - x32;
+  residual_jacobian[AT(21)] = x93 - x31*d_inner_1_d_point_3;
+  residual_jacobian[AT(22)] = x38 - x69*d_inner_1_d_point_2;
+  residual_jacobian[AT(23)] = x29*d_inner_1_d_before_2 - x74;
+  residual_jacobian[AT(24)] = x57 - x92 - K(1.0);
+  residual_jacobian[AT(25)] = x29*d_inner_1_d_angle + d_sine_d_angle*(x42*inner_1 - x78*inner_2) - x69*d_inner_2_d_angle;
+  residual_jacobian[AT(26)] = -axis_3;
+  residual_jacobian[AT(27)] = -(x69*d_inner_2_d_axis_1 + x56);
+  residual_jacobian[AT(28)] = x29*d_inner_1_d_axis_2 + x89;
+  residual_jacobian[AT(29)] = x29*d_inner_1_d_axis_3 - x69*d_inner_2_d_axis_3 - slide;
+  residual_jacobian[AT(30)] = x61 - x69*d_inner_1_d_before_2;
+  residual_jacobian[AT(31)] = x29*d_inner_1_d_point_2 - x93;
+  residual_jacobian[AT(32)] = x30 - x71;
   ANGLE(0, half_angle);
 }
 
-/* velocity_axis: 78 add, 122 mul, 3 div, 1 sqrt */
+/* velocity_axis: 86 add, 128 mul, 2 div, 1 sqrt */
 KERNEL(helical_axis_velocity_axis, const REAL omega[3], const REAL velocity[3], const REAL position[3], const REAL origin[3], REAL helical[9], REAL helical_jacobian[81]) {
   /* inputs */
   const REAL omega_1 = omega[AT(0)];
@@ -231,185 +190,157 @@ KERNEL(helical_axis_velocity_axis, const REAL omega[3], const REAL velocity[3], 
   const REAL origin_2 = origin[AT(1)];
   const REAL origin_3 = origin[AT(2)];
   /* intermediate terms */
-  const REAL x2 = SQRT((omega_1*omega_1) + (omega_2*omega_2) + (omega_3*omega_3));
-  const REAL rate = x2;
-  const REAL x3 = K(1.0)/x2;
-  const REAL d_rate_d_omega_1 = omega_1*x3;
-  const REAL d_rate_d_omega_2 = omega_2*x3;
-  const REAL d_rate_d_omega_3 = omega_3*x3;
-  const REAL x0 = K(1.0)/rate;
-  const REAL x4 = K(1.0)/(rate*rate);
-  const REAL d_x0_d_omega_1 = -d_rate_d_omega_1*x4;
-  const REAL d_x0_d_omega_2 = -d_rate_d_omega_2*x4;
-  const REAL d_x0_d_omega_3 = -d_rate_d_omega_3*x4;
-  const REAL along_1 = omega_1*x0;
-  const REAL d_along_1_d_omega_1 = d_x0_d_omega_1*omega_1 + x0;
-  const REAL d_along_1_d_omega_2 = d_x0_d_omega_2*omega_1;
-  const REAL d_along_1_d_omega_3 = d_x0_d_omega_3*omega_1;
-  const REAL along_2 = omega_2*x0;
-  const REAL d_along_2_d_omega_1 = d_x0_d_omega_1*omega_2;
-  const REAL d_along_2_d_omega_2 = d_x0_d_omega_2*omega_2 + x0;
-  const REAL d_along_2_d_omega_3 = d_x0_d_omega_3*omega_2;
-  const REAL along_3 = omega_3*x0;
-  const REAL d_along_3_d_omega_1 = d_x0_d_omega_1*omega_3;
-  const REAL d_along_3_d_omega_2 = d_x0_d_omega_2*omega_3;
-  const REAL d_along_3_d_omega_3 = d_x0_d_omega_3*omega_3 + x0;
+  const REAL helical_8 = SQRT(omega_1*omega_1 + omega_2*omega_2 + omega_3*omega_3);
+  const REAL x5 = K(1.0)/helical_8;
+  const REAL helical_1 = omega_1*x5;
+  const REAL helical_2 = omega_2*x5;
+  const REAL helical_3 = omega_3*x5;
+  const REAL x7 = K(1.0)/(helical_8*helical_8);
+  const REAL x8 = helical_1*x7;
+  const REAL helical_jacobian_1_1 = x5 - x8*omega_1;
+  const REAL x10 = helical_2*x7;
+  const REAL helical_jacobian_1_2 = -x10*omega_1;
+  const REAL x12 = helical_3*x7;
+  const REAL helical_jacobian_1_3 = -x12*omega_1;
+  const REAL helical_jacobian_2_1 = -x8*omega_2;
+  const REAL helical_jacobian_2_2 = x5 - x10*omega_2;
+  const REAL helical_jacobian_2_3 = -x12*omega_2;
+  const REAL helical_jacobian_3_1 = -x8*omega_3;
+  const REAL helical_jacobian_3_2 = -x10*omega_3;
+  const REAL helical_jacobian_3_3 = x5 - x12*omega_3;
   const REAL arm_1 = position_1 - origin_1;
   const REAL arm_2 = position_2 - origin_2;
   const REAL arm_3 = position_3 - origin_3;
-  const REAL x1 = along_1*arm_1 + along_2*arm_2 + along_3*arm_3;
-  const REAL d_x1_d_omega_1 = arm_1*d_along_1_d_omega_1 + arm_2*d_along_2_d_omega_1 + arm_3*d_along_3_d_omega_1;
-  const REAL d_x1_d_omega_2 = arm_1*d_along_1_d_omega_2 + arm_2*d_along_2_d_omega_2 + arm_3*d_along_3_d_omega_2;
-  const REAL d_x1_d_omega_3 = arm_1*d_along_1_d_omega_3 + arm_2*d_along_2_d_omega_3 + arm_3*d_along_3_d_omega_3;
-  const REAL across_1 = arm_1 - along_1*x1;
-  const REAL d_across_1_d_omega_1 = -along_1*d_x1_d_omega_1 - d_along_1_d_omega_1*x1;
-  const REAL d_across_1_d_omega_2 = -along_1*d_x1_d_omega_2 - d_along_1_d_omega_2*x1;
-  const REAL d_across_1_d_omega_3 = -along_1*d_x1_d_omega_3 - d_along_1_d_omega_3*x1;
-  const REAL d_across_1_d_position_1 = K(1.0) - (along_1*along_1);
-  const REAL x5 = -along_1*along_2;
-  const REAL d_across_1_d_position_2 = x5;
-  const REAL x6 = -along_1*along_3;
-  const REAL d_across_1_d_position_3 = x6;
-  const REAL across_2 = arm_2 - along_2*x1;
-  const REAL d_across_2_d_omega_1 = -along_2*d_x1_d_omega_1 - d_along_2_d_omega_1*x1;
-  const REAL d_across_2_d_omega_2 = -along_2*d_x1_d_omega_2 - d_along_2_d_omega_2*x1;
-  const REAL d_across_2_d_omega_3 = -along_2*d_x1_d_omega_3 - d_along_2_d_omega_3*x1;
-  const REAL d_across_2_d_position_1 = x5;
-  const REAL d_across_2_d_position_2 = K(1.0) - (along_2*along_2);
-  const REAL x7 = -along_2*along_3;
-  const REAL d_across_2_d_position_3 = x7;
-  const REAL across_3 = arm_3 - along_3*x1;
-  const REAL d_across_3_d_omega_1 = -along_3*d_x1_d_omega_1 - d_along_3_d_omega_1*x1;
-  const REAL d_across_3_d_omega_2 = -along_3*d_x1_d_omega_2 - d_along_3_d_omega_2*x1;
-  const REAL d_across_3_d_omega_3 = -along_3*d_x1_d_omega_3 - d_along_3_d_omega_3*x1;
-  const REAL d_across_3_d_position_1 = x6;
-  const REAL d_across_3_d_position_2 = x7;
-  const REAL d_across_3_d_position_3 = K(1.0) - (along_3*along_3);
-  const REAL x8 = along_2*velocity_3 - along_3*velocity_2;
-  const REAL place_1 = across_1 + origin_1 + x0*x8;
-  const REAL x9 = velocity_3*x0;
-  const REAL x10 = velocity_2*x0;
-  const REAL d_place_1_d_omega_1 = d_across_1_d_omega_1 + d_along_2_d_omega_1*x9 + d_x0_d_omega_1*x8 - d_along_3_d_omega_1*x10;
-  const REAL d_place_1_d_omega_2 = d_across_1_d_omega_2 + d_along_2_d_omega_2*x9 + d_x0_d_omega_2*x8 - d_along_3_d_omega_2*x10;
-  const REAL d_place_1_d_omega_3 = d_across_1_d_omega_3 + d_along_2_d_omega_3*x9 + d_x0_d_omega_3*x8 - d_along_3_d_omega_3*x10;
-  const REAL x11 = along_3*x0;
-  const REAL d_place_1_d_velocity_2 = -x11;
-  const REAL x12 = along_2*x0;
-  const REAL d_place_1_d_velocity_3 = x12;
-  const REAL x13 = along_3*velocity_1 - along_1*velocity_3;
-  const REAL place_2 = across_2 + origin_2 + x0*x13;
-  const REAL x14 = velocity_1*x0;
-  const REAL d_place_2_d_omega_1 = d_across_2_d_omega_1 + d_along_3_d_omega_1*x14 + d_x0_d_omega_1*x13 - d_along_1_d_omega_1*x9;
-  const REAL d_place_2_d_omega_2 = d_across_2_d_omega_2 + d_along_3_d_omega_2*x14 + d_x0_d_omega_2*x13 - d_along_1_d_omega_2*x9;
-  const REAL d_place_2_d_omega_3 = d_across_2_d_omega_3 + d_along_3_d_omega_3*x14 + d_x0_d_omega_3*x13 - d_along_1_d_omega_3*x9;
-  const REAL d_place_2_d_velocity_1 = x11;
-  const REAL x15 = along_1*x0;
-  const REAL d_place_2_d_velocity_3 = -x15;
-  const REAL x16 = along_1*velocity_2 - along_2*velocity_1;
-  const REAL place_3 = across_3 + origin_3 + x0*x16;
-  const REAL d_place_3_d_omega_1 = d_across_3_d_omega_1 + d_along_1_d_omega_1*x10 + d_x0_d_omega_1*x16 - d_along_2_d_omega_1*x14;
-  const REAL d_place_3_d_omega_2 = d_across_3_d_omega_2 + d_along_1_d_omega_2*x10 + d_x0_d_omega_2*x16 - d_along_2_d_omega_2*x14;
-  const REAL d_place_3_d_omega_3 = d_across_3_d_omega_3 + d_along_1_d_omega_3*x10 + d_x0_d_omega_3*x16 - d_along_2_d_omega_3*x14;
-  const REAL d_place_3_d_velocity_1 = -x12;
-  const REAL d_place_3_d_velocity_2 = x15;
-  const REAL slide_rate = along_1*velocity_1 + along_2*velocity_2 + along_3*velocity_3;
-  const REAL d_slide_rate_d_omega_1 = d_along_1_d_omega_1*velocity_1 + d_along_2_d_omega_1*velocity_2 + d_along_3_d_omega_1*velocity_3;
-  const REAL d_slide_rate_d_omega_2 = d_along_1_d_omega_2*velocity_1 + d_along_2_d_omega_2*velocity_2 + d_along_3_d_omega_2*velocity_3;
-  const REAL d_slide_rate_d_omega_3 = d_along_1_d_omega_3*velocity_1 + d_along_2_d_omega_3*velocity_2 + d_along_3_d_omega_3*velocity_3;
-  const REAL d_helical_7_d_omega_1 = d_slide_rate_d_omega_1*x0 + d_x0_d_omega_1*slide_rate;
-  const REAL d_helical_7_d_omega_2 = d_slide_rate_d_omega_2*x0 + d_x0_d_omega_2*slide_rate;
-  const REAL d_helical_7_d_omega_3 = d_slide_rate_d_omega_3*x0 + d_x0_d_omega_3*slide_rate;
-  const REAL d_helical_7_d_velocity_1 = x15;
-  const REAL d_helical_7_d_velocity_2 = x12;
-  const REAL d_helical_7_d_velocity_3 = x11;
+  const REAL x20 = helical_1*arm_1;
+  const REAL x21 = helical_2*arm_2;
+  const REAL x22 = helical_3*arm_3;
+  const REAL x23 = x20 + x21;
+  const REAL x24 = x23 + x22;
+  const REAL across_1 = arm_1 - helical_1*x24;
+  const REAL x26 = helical_1*arm_2;
+  const REAL x28 = helical_1*arm_3;
+  const REAL x32 = K(2.0)*x20 + (x21 + x22);
+  const REAL d_across_1_d_omega_1 = -(x26*helical_jacobian_2_1 + x28*helical_jacobian_3_1 + helical_jacobian_1_1*x32);
+  const REAL d_across_1_d_omega_2 = -(x26*helical_jacobian_2_2 + x28*helical_jacobian_3_2 + helical_jacobian_1_2*x32);
+  const REAL d_across_1_d_omega_3 = -(x26*helical_jacobian_2_3 + x28*helical_jacobian_3_3 + helical_jacobian_1_3*x32);
+  const REAL helical_jacobian_4_8 = -helical_1*helical_2;
+  const REAL helical_jacobian_4_9 = -helical_1*helical_3;
+  const REAL across_2 = arm_2 - helical_2*x24;
+  const REAL x50 = helical_2*arm_1;
+  const REAL x52 = helical_2*arm_3;
+  const REAL x56 = x20 + x22 + K(2.0)*x21;
+  const REAL d_across_2_d_omega_1 = -(x50*helical_jacobian_1_1 + x52*helical_jacobian_3_1 + helical_jacobian_2_1*x56);
+  const REAL d_across_2_d_omega_2 = -(x50*helical_jacobian_1_2 + x52*helical_jacobian_3_2 + helical_jacobian_2_2*x56);
+  const REAL d_across_2_d_omega_3 = -(x50*helical_jacobian_1_3 + x52*helical_jacobian_3_3 + helical_jacobian_2_3*x56);
+  const REAL helical_jacobian_5_9 = -helical_2*helical_3;
+  const REAL across_3 = arm_3 - helical_3*x24;
+  const REAL x73 = helical_3*arm_1;
+  const REAL x75 = helical_3*arm_2;
+  const REAL x78 = x23 + K(2.0)*x22;
+  const REAL d_across_3_d_omega_1 = -(x73*helical_jacobian_1_1 + x75*helical_jacobian_2_1 + helical_jacobian_3_1*x78);
+  const REAL d_across_3_d_omega_2 = -(x73*helical_jacobian_1_2 + x75*helical_jacobian_2_2 + helical_jacobian_3_2*x78);
+  const REAL d_across_3_d_omega_3 = -(x73*helical_jacobian_1_3 + x75*helical_jacobian_2_3 + helical_jacobian_3_3*x78);
+  const REAL x95 = helical_2*velocity_3 - helical_3*velocity_2;
+  const REAL x98 = x5*velocity_3;
+  const REAL x100 = x5*velocity_2;
+  const REAL helical_jacobian_5_4 = helical_3*x5;
+  const REAL helical_jacobian_4_6 = helical_2*x5;
+  const REAL x117 = helical_3*velocity_1 - helical_1*velocity_3;
+  const REAL x121 = x5*velocity_1;
+  const REAL helical_jacobian_6_5 = helical_1*x5;
+  const REAL x138 = helical_1*velocity_2 - helical_2*velocity_1;
+  const REAL helical_9 = helical_1*velocity_1 + helical_2*velocity_2 + helical_3*velocity_3;
+  const REAL helical_jacobian_9_1 = helical_jacobian_1_1*velocity_1 + helical_jacobian_2_1*velocity_2 + helical_jacobian_3_1*velocity_3;
+  const REAL helical_jacobian_9_2 = helical_jacobian_1_2*velocity_1 + helical_jacobian_2_2*velocity_2 + helical_jacobian_3_2*velocity_3;
+  const REAL helical_jacobian_9_3 = helical_jacobian_1_3*velocity_1 + helical_jacobian_2_3*velocity_2 + helical_jacobian_3_3*velocity_3;
   /* outputs */
-  helical[AT(0)] = along_1;
-  helical[AT(1)] = along_2;
-  helical[AT(2)] = along_3;
-  helical[AT(3)] = place_1;
-  helical[AT(4)] = place_2;
-  helical[AT(5)] = place_3;
-  helical[AT(6)] = slide_rate*x0;
-  helical[AT(7)] = rate;
-  helical[AT(8)] = slide_rate;
-  helical_jacobian[AT(0)] = d_along_1_d_omega_1;
-  helical_jacobian[AT(1)] = d_along_1_d_omega_2;
-  helical_jacobian[AT(2)] = d_along_1_d_omega_3;
+  helical[AT(0)] = helical_1;
+  helical[AT(1)] = helical_2;
+  helical[AT(2)] = helical_3;
+  helical[AT(3)] = across_1 + origin_1 + x5*x95;
+  helical[AT(4)] = across_2 + origin_2 + x5*x117;
+  helical[AT(5)] = across_3 + origin_3 + x5*x138;
+  helical[AT(6)] = x5*helical_9;
+  helical[AT(7)] = helical_8;
+  helical[AT(8)] = helical_9;
+  helical_jacobian[AT(0)] = helical_jacobian_1_1;
+  helical_jacobian[AT(1)] = helical_jacobian_1_2;
+  helical_jacobian[AT(2)] = helical_jacobian_1_3;
   helical_jacobian[AT(3)] = K(0.0);
   helical_jacobian[AT(4)] = K(0.0);
   helical_jacobian[AT(5)] = K(0.0);
   helical_jacobian[AT(6)] = K(0.0);
   helical_jacobian[AT(7)] = K(0.0);
   helical_jacobian[AT(8)] = K(0.0);
-  helical_jacobian[AT(9)] = d_along_2_d_omega_1;
-  helical_jacobian[AT(10)] = d_along_2_d_omega_2;
-  helical_jacobian[AT(11)] = d_along_2_d_omega_3;
+  helical_jacobian[AT(9)] = helical_jacobian_2_1;
+  helical_jacobian[AT(10)] = helical_jacobian_2_2;
+  helical_jacobian[AT(11)] = helical_jacobian_2_3;
   helical_jacobian[AT(12)] = K(0.0);
   helical_jacobian[AT(13)] = K(0.0);
   helical_jacobian[AT(14)] = K(0.0);
   helical_jacobian[AT(15)] = K(0.0);
   helical_jacobian[AT(16)] = K(0.0);
   helical_jacobian[AT(17)] = K(0.0);
-  helical_jacobian[AT(18)] = d_along_3_d_omega_1;
-  helical_jacobian[AT(19)] = d_along_3_d_omega_2;
-  helical_jacobian[AT(20)] = d_along_3_d_omega_3;
+  helical_jacobian[AT(18)] = helical_jacobian_3_1;
+  helical_jacobian[AT(19)] = helical_jacobian_3_2;
+  helical_jacobian[AT(20)] = helical_jacobian_3_3;
   helical_jacobian[AT(21)] = K(0.0);
   helical_jacobian[AT(22)] = K(0.0);
   helical_jacobian[AT(23)] = K(0.0);
   helical_jacobian[AT(24)] = K(0.0);
   helical_jacobian[AT(25)] = K(0.0);
   helical_jacobian[AT(26)] = K(0.0);
-  helical_jacobian[AT(27)] = d_place_1_d_omega_1;
-  helical_jacobian[AT(28)] = d_place_1_d_omega_2;
-  helical_jacobian[AT(29)] = d_place_1_d_omega_3;
+  helical_jacobian[AT(27)] = d_across_1_d_omega_1 + helical_jacobian_2_1*x98 - helical_jacobian_3_1*x100 - x8*x95;
+  helical_jacobian[AT(28)] = d_across_1_d_omega_2 + helical_jacobian_2_2*x98 - helical_jacobian_3_2*x100 - x10*x95;
+  helical_jacobian[AT(29)] = d_across_1_d_omega_3 + helical_jacobian_2_3*x98 - helical_jacobian_3_3*x100 - x12*x95;
   helical_jacobian[AT(30)] = K(0.0);
-  helical_jacobian[AT(31)] = d_place_1_d_velocity_2;
-  helical_jacobian[AT(32)] = d_place_1_d_velocity_3;
-  helical_jacobian[AT(33)] = d_across_1_d_position_1;
-  helical_jacobian[AT(34)] = d_across_1_d_position_2;
-  helical_jacobian[AT(35)] = d_across_1_d_position_3;
-  helical_jacobian[AT(36)] = d_place_2_d_omega_1;
-  helical_jacobian[AT(37)] = d_place_2_d_omega_2;
-  helical_jacobian[AT(38)] = d_place_2_d_omega_3;
-  helical_jacobian[AT(39)] = d_place_2_d_velocity_1;
+  helical_jacobian[AT(31)] = -helical_jacobian_5_4;
+  helical_jacobian[AT(32)] = helical_jacobian_4_6;
+  helical_jacobian[AT(33)] = K(1.0) - helical_1*helical_1;
+  helical_jacobian[AT(34)] = helical_jacobian_4_8;
+  helical_jacobian[AT(35)] = helical_jacobian_4_9;
+  helical_jacobian[AT(36)] = d_across_2_d_omega_1 + helical_jacobian_3_1*x121 - helical_jacobian_1_1*x98 - x8*x117;
+  helical_jacobian[AT(37)] = d_across_2_d_omega_2 + helical_jacobian_3_2*x121 - helical_jacobian_1_2*x98 - x10*x117;
+  helical_jacobian[AT(38)] = d_across_2_d_omega_3 + helical_jacobian_3_3*x121 - helical_jacobian_1_3*x98 - x12*x117;
+  helical_jacobian[AT(39)] = helical_jacobian_5_4;
   helical_jacobian[AT(40)] = K(0.0);
-  helical_jacobian[AT(41)] = d_place_2_d_velocity_3;
-  helical_jacobian[AT(42)] = d_across_2_d_position_1;
-  helical_jacobian[AT(43)] = d_across_2_d_position_2;
-  helical_jacobian[AT(44)] = d_across_2_d_position_3;
-  helical_jacobian[AT(45)] = d_place_3_d_omega_1;
-  helical_jacobian[AT(46)] = d_place_3_d_omega_2;
-  helical_jacobian[AT(47)] = d_place_3_d_omega_3;
-  helical_jacobian[AT(48)] = d_place_3_d_velocity_1;
-  helical_jacobian[AT(49)] = d_place_3_d_velocity_2;
+  helical_jacobian[AT(41)] = -helical_jacobian_6_5;
+  helical_jacobian[AT(42)] = helical_jacobian_4_8;
+  helical_jacobian[AT(43)] = K(1.0) - helical_2*helical_2;
+  helical_jacobian[AT(44)] = helical_jacobian_5_9;
+  helical_jacobian[AT(45)] = d_across_3_d_omega_1 + helical_jacobian_1_1*x100 - helical_jacobian_2_1*x121 - x8*x138;
+  helical_jacobian[AT(46)] = d_across_3_d_omega_2 + helical_jacobian_1_2*x100 - helical_jacobian_2_2*x121 - x10*x138;
+  helical_jacobian[AT(47)] = d_across_3_d_omega_3 + helical_jacobian_1_3*x100 - helical_jacobian_2_3*x121 - x12*x138;
+  helical_jacobian[AT(48)] = -helical_jacobian_4_6;
+  helical_jacobian[AT(49)] = helical_jacobian_6_5;
   helical_jacobian[AT(50)] = K(0.0);
-  helical_jacobian[AT(51)] = d_across_3_d_position_1;
-  helical_jacobian[AT(52)] = d_across_3_d_position_2;
-  helical_jacobian[AT(53)] = d_across_3_d_position_3;
-  helical_jacobian[AT(54)] = d_helical_7_d_omega_1;
-  helical_jacobian[AT(55)] = d_helical_7_d_omega_2;
-  helical_jacobian[AT(56)] = d_helical_7_d_omega_3;
-  helical_jacobian[AT(57)] = d_helical_7_d_velocity_1;
-  helical_jacobian[AT(58)] = d_helical_7_d_velocity_2;
-  helical_jacobian[AT(59)] = d_helical_7_d_velocity_3;
+  helical_jacobian[AT(51)] = helical_jacobian_4_9;
+  helical_jacobian[AT(52)] = helical_jacobian_5_9;
+  helical_jacobian[AT(53)] = K(1.0) - helical_3*helical_3;
+  helical_jacobian[AT(54)] = helical_jacobian_9_1*x5 - x8*helical_9;
+  helical_jacobian[AT(55)] = helical_jacobian_9_2*x5 - x10*helical_9;
+  helical_jacobian[AT(56)] = helical_jacobian_9_3*x5 - x12*helical_9;
+  helical_jacobian[AT(57)] = helical_jacobian_6_5;
+  helical_jacobian[AT(58)] = helical_jacobian_4_6;
+  helical_jacobian[AT(59)] = helical_jacobian_5_4;
   helical_jacobian[AT(60)] = K(0.0);
   helical_jacobian[AT(61)] = K(0.0);
   helical_jacobian[AT(62)] = K(0.0);
-  helical_jacobian[AT(63)] = d_rate_d_omega_1;
-  helical_jacobian[AT(64)] = d_rate_d_omega_2;
-  helical_jacobian[AT(65)] = d_rate_d_omega_3;
+  helical_jacobian[AT(63)] = helical_1;
+  helical_jacobian[AT(64)] = helical_2;
+  helical_jacobian[AT(65)] = helical_3;
   helical_jacobian[AT(66)] = K(0.0);
   helical_jacobian[AT(67)] = K(0.0);
   helical_jacobian[AT(68)] = K(0.0);
   helical_jacobian[AT(69)] = K(0.0);
   helical_jacobian[AT(70)] = K(0.0);
   helical_jacobian[AT(71)] = K(0.0);
-  helical_jacobian[AT(72)] = d_slide_rate_d_omega_1;
-  helical_jacobian[AT(73)] = d_slide_rate_d_omega_2;
-  helical_jacobian[AT(74)] = d_slide_rate_d_omega_3;
-  helical_jacobian[AT(75)] = along_1;
-  helical_jacobian[AT(76)] = along_2;
-  helical_jacobian[AT(77)] = along_3;
+  helical_jacobian[AT(72)] = helical_jacobian_9_1;
+  helical_jacobian[AT(73)] = helical_jacobian_9_2;
+  helical_jacobian[AT(74)] = helical_jacobian_9_3;
+  helical_jacobian[AT(75)] = helical_1;
+  helical_jacobian[AT(76)] = helical_2;
+  helical_jacobian[AT(77)] = helical_3;
   helical_jacobian[AT(78)] = K(0.0);
   helical_jacobian[AT(79)] = K(0.0);
   helical_jacobian[AT(80)] = K(0.0);

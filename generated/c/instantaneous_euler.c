@@ -46,7 +46,7 @@ static inline float power_of_two_scale_f32(float x) {
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -56,11 +56,11 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f64(x)
 #include "instantaneous_euler.c"
 #undef REAL
@@ -68,11 +68,11 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 #undef POWER_OF_TWO_SCALE
 
 #define REAL float
@@ -80,11 +80,11 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f32(x)
 #include "instantaneous_euler.c"
 #undef REAL
@@ -92,11 +92,11 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 #undef POWER_OF_TWO_SCALE
 
 #else
@@ -110,48 +110,50 @@ KERNEL(instantaneous_euler_chi_from_quaternion, const REAL quaternion[4], REAL c
   const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
-  const REAL x2 = FABS(quaternion_unit_3);
-  const REAL x3 = FABS(quaternion_unit_4);
-  const REAL sine_x_scale = POWER_OF_TWO_SCALE(x2 + x3);
+  const REAL x10 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x10;
+  const REAL quaternion_scaled_2 = quaternion_2*x10;
+  const REAL quaternion_scaled_3 = quaternion_3*x10;
+  const REAL quaternion_scaled_4 = quaternion_4*x10;
+  const REAL quaternion_length = SQRT(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4);
+  const REAL x20 = SELECT(TEST(K(0.0) < quaternion_length), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x20;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x20;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x20;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x20;
+  const REAL quaternion_deviation = FABS(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - K(1.0));
+  const CONDITION good = TEST(quaternion_size <= REAL_MAX) & TEST(K(0.0) < quaternion_size);
+  const REAL x31 = FABS(quaternion_unit_3);
+  const REAL x32 = FABS(quaternion_unit_4);
+  const REAL sine_x_scale = POWER_OF_TWO_SCALE(x31 + x32);
   const REAL sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
   const REAL sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
-  const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-  const REAL x4 = FABS(quaternion_unit_1);
-  const REAL x5 = FABS(quaternion_unit_2);
-  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(x4 + x5);
+  const REAL sine_x = SQRT(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale;
+  const REAL x38 = FABS(quaternion_unit_1);
+  const REAL x39 = FABS(quaternion_unit_2);
+  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(x38 + x39);
   const REAL cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
   const REAL cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
-  const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-  const REAL sine_y_scale = POWER_OF_TWO_SCALE(x3 + x5);
+  const REAL cosine_x = SQRT(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale;
+  const REAL sine_y_scale = POWER_OF_TWO_SCALE(x39 + x32);
   const REAL sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
   const REAL sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
-  const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-  const REAL cosine_y_scale = POWER_OF_TWO_SCALE(x2 + x4);
+  const REAL sine_y = SQRT(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale;
+  const REAL cosine_y_scale = POWER_OF_TWO_SCALE(x38 + x31);
   const REAL cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
   const REAL cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
-  const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-  const REAL sine_z_scale = POWER_OF_TWO_SCALE(x2 + x5);
+  const REAL cosine_y = SQRT(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale;
+  const REAL sine_z_scale = POWER_OF_TWO_SCALE(x39 + x31);
   const REAL sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
   const REAL sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
-  const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-  const REAL cosine_z_scale = POWER_OF_TWO_SCALE(x3 + x4);
+  const REAL sine_z = SQRT(sine_z_scaled_1*sine_z_scaled_1 + sine_z_scaled_2*sine_z_scaled_2)/sine_z_scale;
+  const REAL cosine_z_scale = POWER_OF_TWO_SCALE(x38 + x32);
   const REAL cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
   const REAL cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
-  const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
+  const REAL cosine_z = SQRT(cosine_z_scaled_1*cosine_z_scaled_1 + cosine_z_scaled_2*cosine_z_scaled_2)/cosine_z_scale;
+  const CONDITION x81 = TEST(cosine_x <= REAL_EPSILON) | TEST(cosine_y <= REAL_EPSILON) | TEST(cosine_z <= REAL_EPSILON) | TEST(sine_x <= REAL_EPSILON) | TEST(sine_y <= REAL_EPSILON) | TEST(sine_z <= REAL_EPSILON);
+  const REAL x88 = SELECT(TEST(sine_x == K(0.0)) & TEST(sine_y == K(0.0)) & TEST(sine_z == K(0.0)), K(2.0), SELECT(x81, K(1.0), K(0.0)));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(K(16.0)*REAL_EPSILON < quaternion_deviation), K(3.0), x88));
   /* outputs */
   chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
   chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
@@ -159,7 +161,7 @@ KERNEL(instantaneous_euler_chi_from_quaternion, const REAL quaternion[4], REAL c
   *status = (CODE)status_value;
 }
 
-/* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
+/* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 15 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 KERNEL(instantaneous_euler_chi_from_matrix, const REAL matrix[9], REAL chi[3], CODE *status) {
   /* inputs */
   const REAL matrix_1_1 = matrix[AT(0)];
@@ -172,82 +174,81 @@ KERNEL(instantaneous_euler_chi_from_matrix, const REAL matrix[9], REAL chi[3], C
   const REAL matrix_3_2 = matrix[AT(7)];
   const REAL matrix_3_3 = matrix[AT(8)];
   /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
-  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
-  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
-  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
-  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
-  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
-  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
-  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
-  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
-  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
-  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
-  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
-  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
-  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL unit_1 = column_c_1*x10;
-  const REAL unit_2 = column_c_2*x10;
-  const REAL unit_3 = column_c_3*x10;
-  const REAL unit_4 = column_c_4*x10;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
-  const REAL x11 = FABS(unit_3);
-  const REAL x12 = FABS(unit_4);
-  const REAL sine_x_scale = POWER_OF_TWO_SCALE(x11 + x12);
+  const REAL x0 = matrix_1_1 + matrix_2_2;
+  const REAL x1 = matrix_3_3 + K(1.0);
+  const REAL products_1_1 = x0 + x1;
+  const REAL products_1_2 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_3 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_4 = matrix_2_1 - matrix_1_2;
+  const REAL products_2_2 = matrix_1_1 + K(1.0) - (matrix_2_2 + matrix_3_3);
+  const REAL products_2_3 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_4 = matrix_1_3 + matrix_3_1;
+  const REAL products_3_3 = matrix_2_2 + K(1.0) - (matrix_1_1 + matrix_3_3);
+  const REAL products_3_4 = matrix_2_3 + matrix_3_2;
+  const REAL products_4_4 = x1 - x0;
+  const CONDITION x6 = TEST(products_1_1 < products_2_2);
+  const REAL column_a_1 = SELECT(x6, products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(x6, products_2_2, products_1_2);
+  const REAL column_a_3 = SELECT(x6, products_2_3, products_1_3);
+  const REAL column_a_4 = SELECT(x6, products_2_4, products_1_4);
+  const REAL largest_a = SELECT(x6, products_2_2, products_1_1);
+  const CONDITION x7 = TEST(largest_a < products_3_3);
+  const REAL column_b_1 = SELECT(x7, products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(x7, products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(x7, products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(x7, products_3_4, column_a_4);
+  const REAL largest_b = SELECT(x7, products_3_3, largest_a);
+  const CONDITION x8 = TEST(largest_b < products_4_4);
+  const REAL column_c_1 = SELECT(x8, products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(x8, products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(x8, products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(x8, products_4_4, column_b_4);
+  const REAL length = SQRT(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4);
+  const REAL x16 = K(1.0)/length;
+  const REAL unit_1 = column_c_1*x16;
+  const REAL unit_2 = column_c_2*x16;
+  const REAL unit_3 = column_c_3*x16;
+  const REAL unit_4 = column_c_4*x16;
+  const REAL x30 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x37 = K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x44 = FABS(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - K(1.0));
+  const REAL x51 = FABS(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - K(1.0));
+  const REAL x58 = FABS(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x30 + x37 + x44 + x51 + x58;
+  const REAL x74 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x74;
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(K(0.0) < determinant);
+  const REAL x78 = FABS(unit_3);
+  const REAL x79 = FABS(unit_4);
+  const REAL sine_x_scale = POWER_OF_TWO_SCALE(x78 + x79);
   const REAL sine_x_scaled_1 = sine_x_scale*unit_3;
   const REAL sine_x_scaled_2 = sine_x_scale*unit_4;
-  const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-  const REAL x13 = FABS(unit_1);
-  const REAL x14 = FABS(unit_2);
-  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(x13 + x14);
+  const REAL sine_x = SQRT(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale;
+  const REAL x85 = FABS(unit_1);
+  const REAL x86 = FABS(unit_2);
+  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(x85 + x86);
   const REAL cosine_x_scaled_1 = cosine_x_scale*unit_1;
   const REAL cosine_x_scaled_2 = cosine_x_scale*unit_2;
-  const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-  const REAL sine_y_scale = POWER_OF_TWO_SCALE(x12 + x14);
+  const REAL cosine_x = SQRT(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale;
+  const REAL sine_y_scale = POWER_OF_TWO_SCALE(x86 + x79);
   const REAL sine_y_scaled_1 = sine_y_scale*unit_4;
   const REAL sine_y_scaled_2 = sine_y_scale*unit_2;
-  const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-  const REAL cosine_y_scale = POWER_OF_TWO_SCALE(x11 + x13);
+  const REAL sine_y = SQRT(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale;
+  const REAL cosine_y_scale = POWER_OF_TWO_SCALE(x85 + x78);
   const REAL cosine_y_scaled_1 = cosine_y_scale*unit_1;
   const REAL cosine_y_scaled_2 = cosine_y_scale*unit_3;
-  const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-  const REAL sine_z_scale = POWER_OF_TWO_SCALE(x11 + x14);
+  const REAL cosine_y = SQRT(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale;
+  const REAL sine_z_scale = POWER_OF_TWO_SCALE(x86 + x78);
   const REAL sine_z_scaled_1 = sine_z_scale*unit_2;
   const REAL sine_z_scaled_2 = sine_z_scale*unit_3;
-  const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-  const REAL cosine_z_scale = POWER_OF_TWO_SCALE(x12 + x13);
+  const REAL sine_z = SQRT(sine_z_scaled_1*sine_z_scaled_1 + sine_z_scaled_2*sine_z_scaled_2)/sine_z_scale;
+  const REAL cosine_z_scale = POWER_OF_TWO_SCALE(x85 + x79);
   const REAL cosine_z_scaled_1 = cosine_z_scale*unit_1;
   const REAL cosine_z_scaled_2 = cosine_z_scale*unit_4;
-  const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
+  const REAL cosine_z = SQRT(cosine_z_scaled_1*cosine_z_scaled_1 + cosine_z_scaled_2*cosine_z_scaled_2)/cosine_z_scale;
+  const CONDITION x128 = TEST(cosine_x <= REAL_EPSILON) | TEST(cosine_y <= REAL_EPSILON) | TEST(cosine_z <= REAL_EPSILON) | TEST(sine_x <= REAL_EPSILON) | TEST(sine_y <= REAL_EPSILON) | TEST(sine_z <= REAL_EPSILON);
+  const REAL x135 = SELECT(TEST(sine_x == K(0.0)) & TEST(sine_y == K(0.0)) & TEST(sine_z == K(0.0)), K(2.0), SELECT(x128, K(1.0), K(0.0)));
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(K(64.0)*REAL_EPSILON < deviation), K(3.0), x135));
   /* outputs */
   chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
   chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
@@ -255,7 +256,7 @@ KERNEL(instantaneous_euler_chi_from_matrix, const REAL matrix[9], REAL chi[3], C
   *status = (CODE)status_value;
 }
 
-/* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
+/* chi_from_zyx: 18 add, 49 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 KERNEL(instantaneous_euler_chi_from_zyx, const REAL angles[3], REAL chi[3], CODE *status) {
   /* inputs */
   const REAL angles_1 = angles[AT(0)];
@@ -272,43 +273,44 @@ KERNEL(instantaneous_euler_chi_from_zyx, const REAL angles[3], REAL chi[3], CODE
   const REAL cos_2 = COS(half_2);
   const REAL cos_3 = COS(half_3);
   const CONDITION good = TEST(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
-  const REAL x0 = cos_1*cos_2;
-  const REAL x1 = sin_1*sin_2;
-  const REAL w = cos_3*x0 + sin_3*x1;
-  const REAL x2 = cos_2*sin_3;
-  const REAL x3 = cos_3*sin_2;
-  const REAL x = cos_1*x2 - sin_1*x3;
-  const REAL x4 = cos_1*sin_2;
-  const REAL x5 = cos_2*sin_1;
-  const REAL y = cos_3*x4 + sin_3*x5;
-  const REAL z = cos_2*cos_3*sin_1 - sin_3*x4;
-  const REAL sine_x_scale = POWER_OF_TWO_SCALE(FABS(x4) + FABS(x5));
-  const REAL sine_x_scaled_1 = sine_x_scale*x5;
-  const REAL sine_x_scaled_2 = sine_x_scale*x4;
-  const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const REAL x8 = cos_1*cos_2;
+  const REAL x10 = sin_1*sin_2;
+  const REAL w = x8*cos_3 + x10*sin_3;
+  const REAL x = x8*sin_3 - cos_3*x10;
+  const REAL x14 = cos_1*sin_2;
+  const REAL x16 = cos_2*sin_1;
+  const REAL y = x14*cos_3 + x16*sin_3;
+  const REAL z = x16*cos_3 - x14*sin_3;
+  const REAL sine_x_scale = POWER_OF_TWO_SCALE(FABS(x14) + FABS(x16));
+  const REAL sine_x_scaled_1 = x16*sine_x_scale;
+  const REAL sine_x_scaled_2 = x14*sine_x_scale;
+  const REAL sine_x = SQRT(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale;
   const REAL sine_y_scale = POWER_OF_TWO_SCALE(FABS(x) + FABS(z));
   const REAL sine_y_scaled_1 = sine_y_scale*x;
   const REAL sine_y_scaled_2 = sine_y_scale*z;
-  const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-  const REAL sine_z_scale = POWER_OF_TWO_SCALE(FABS(x2) + FABS(x3));
-  const REAL sine_z_scaled_1 = sine_z_scale*x3;
-  const REAL sine_z_scaled_2 = sine_z_scale*x2;
-  const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(FABS(x0) + FABS(x1));
-  const REAL cosine_x_scaled_1 = cosine_x_scale*x0;
-  const REAL cosine_x_scaled_2 = cosine_x_scale*x1;
-  const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const REAL sine_y = SQRT(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale;
+  const REAL x34 = cos_2*sin_3;
+  const REAL x36 = cos_3*sin_2;
+  const REAL sine_z_scale = POWER_OF_TWO_SCALE(FABS(x34) + FABS(x36));
+  const REAL sine_z_scaled_1 = x36*sine_z_scale;
+  const REAL sine_z_scaled_2 = x34*sine_z_scale;
+  const REAL sine_z = SQRT(sine_z_scaled_1*sine_z_scaled_1 + sine_z_scaled_2*sine_z_scaled_2)/sine_z_scale;
+  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(FABS(x8) + FABS(x10));
+  const REAL cosine_x_scaled_1 = x8*cosine_x_scale;
+  const REAL cosine_x_scaled_2 = cosine_x_scale*x10;
+  const REAL cosine_x = SQRT(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale;
   const REAL cosine_y_scale = POWER_OF_TWO_SCALE(FABS(w) + FABS(y));
   const REAL cosine_y_scaled_1 = cosine_y_scale*w;
   const REAL cosine_y_scaled_2 = cosine_y_scale*y;
-  const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-  const REAL x6 = cos_2*cos_3;
-  const REAL x7 = sin_2*sin_3;
-  const REAL cosine_z_scale = POWER_OF_TWO_SCALE(FABS(x6) + FABS(x7));
-  const REAL cosine_z_scaled_1 = cosine_z_scale*x6;
-  const REAL cosine_z_scaled_2 = cosine_z_scale*x7;
-  const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
+  const REAL cosine_y = SQRT(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale;
+  const REAL x57 = cos_2*cos_3;
+  const REAL x59 = sin_2*sin_3;
+  const REAL cosine_z_scale = POWER_OF_TWO_SCALE(FABS(x57) + FABS(x59));
+  const REAL cosine_z_scaled_1 = x57*cosine_z_scale;
+  const REAL cosine_z_scaled_2 = cosine_z_scale*x59;
+  const REAL cosine_z = SQRT(cosine_z_scaled_1*cosine_z_scaled_1 + cosine_z_scaled_2*cosine_z_scaled_2)/cosine_z_scale;
+  const CONDITION x82 = TEST(cosine_x <= REAL_EPSILON) | TEST(cosine_y <= REAL_EPSILON) | TEST(cosine_z <= REAL_EPSILON) | TEST(sine_x <= REAL_EPSILON) | TEST(sine_y <= REAL_EPSILON) | TEST(sine_z <= REAL_EPSILON);
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine_x == K(0.0)) & TEST(sine_y == K(0.0)) & TEST(sine_z == K(0.0)), K(2.0), SELECT(x82, K(1.0), K(0.0))));
   /* outputs */
   chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
   chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
@@ -338,37 +340,38 @@ KERNEL(instantaneous_euler_chi_from_zyz, const REAL angles[3], REAL chi[3], CODE
   const REAL z = cos_2*SIN(half_sum);
   const REAL x = -sin_2*SIN(half_difference);
   const REAL y = sin_2*COS(half_difference);
-  const REAL x0 = FABS(y);
-  const REAL x1 = FABS(z);
-  const REAL sine_x_scale = POWER_OF_TWO_SCALE(x0 + x1);
+  const REAL x13 = FABS(y);
+  const REAL x14 = FABS(z);
+  const REAL sine_x_scale = POWER_OF_TWO_SCALE(x13 + x14);
   const REAL sine_x_scaled_1 = sine_x_scale*y;
   const REAL sine_x_scaled_2 = sine_x_scale*z;
-  const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-  const REAL x2 = FABS(x);
-  const REAL sine_y_scale = POWER_OF_TWO_SCALE(x1 + x2);
+  const REAL sine_x = SQRT(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale;
+  const REAL x20 = FABS(x);
+  const REAL sine_y_scale = POWER_OF_TWO_SCALE(x20 + x14);
   const REAL sine_y_scaled_1 = sine_y_scale*x;
   const REAL sine_y_scaled_2 = sine_y_scale*z;
-  const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+  const REAL sine_y = SQRT(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale;
   const REAL sine_z = FABS(sin_2);
-  const REAL x3 = FABS(w);
-  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(x2 + x3);
+  const REAL x26 = FABS(w);
+  const REAL cosine_x_scale = POWER_OF_TWO_SCALE(x26 + x20);
   const REAL cosine_x_scaled_1 = cosine_x_scale*w;
   const REAL cosine_x_scaled_2 = cosine_x_scale*x;
-  const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-  const REAL cosine_y_scale = POWER_OF_TWO_SCALE(x0 + x3);
+  const REAL cosine_x = SQRT(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale;
+  const REAL cosine_y_scale = POWER_OF_TWO_SCALE(x26 + x13);
   const REAL cosine_y_scaled_1 = cosine_y_scale*w;
   const REAL cosine_y_scaled_2 = cosine_y_scale*y;
-  const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const REAL cosine_y = SQRT(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale;
   const REAL cosine_z = FABS(cos_2);
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT((TEST(sine_x == K(0.0))) & (TEST(sine_y == K(0.0))) & (TEST(sine_z == K(0.0))), K(2.0), SELECT((TEST(cosine_x <= REAL_EPSILON)) | (TEST(cosine_y <= REAL_EPSILON)) | (TEST(cosine_z <= REAL_EPSILON)) | (TEST(sine_x <= REAL_EPSILON)) | (TEST(sine_y <= REAL_EPSILON)) | (TEST(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
+  const CONDITION x53 = TEST(cosine_x <= REAL_EPSILON) | TEST(cosine_y <= REAL_EPSILON) | TEST(cosine_z <= REAL_EPSILON) | TEST(sine_x <= REAL_EPSILON) | TEST(sine_y <= REAL_EPSILON) | TEST(sine_z <= REAL_EPSILON);
+  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine_x == K(0.0)) & TEST(sine_y == K(0.0)) & TEST(sine_z == K(0.0)), K(2.0), SELECT(x53, K(1.0), K(0.0))));
   /* outputs */
   chi[AT(0)] = SELECT(good, K(2.0)*ATAN2(sine_x, cosine_x), (REAL)NAN);
   chi[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine_y, cosine_y), (REAL)NAN);
   chi[AT(2)] = SELECT(good, K(2.0)*ATAN2(sine_z, cosine_z), (REAL)NAN);
   *status = (CODE)status_value;
   ANGLE(0, half_2);
-  ANGLE(1, half_difference);
-  ANGLE(2, half_sum);
+  ANGLE(1, half_sum);
+  ANGLE(2, half_difference);
 }
 
 #ifndef ON_COLUMNS

@@ -46,7 +46,7 @@ void instantaneous_euler_chi_from_quaternion_batch_f32(size_t count, const float
 
 /* Instantaneous Euler angles of a rotation matrix.
  * Source: Zhou and Zhu, eqs. (10), (13), (16), by half angles
- * Operations: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale
+ * Operations: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 15 compare, 10 abs, 3 atan2, 6 power_of_two_scale
  * matrix (3, 3), no unit: rotation matrix
  * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
  * status, codes of AngleStatus: what the angles are
@@ -58,7 +58,7 @@ void instantaneous_euler_chi_from_matrix_batch_f32(size_t count, const float *ma
 
 /* Instantaneous Euler angles of intrinsic Z-Y-X angles.
  * Source: Zhou and Zhu, eqs. (10), (13), (16), by half angles
- * Operations: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
+ * Operations: 18 add, 49 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
  * angles (3), rad: about z0, y1 and x2
  * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
  * status, codes of AngleStatus: what the angles are

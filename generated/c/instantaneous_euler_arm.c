@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -59,7 +59,7 @@
 
 #else
 
-/* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
+/* chi_arm_pose: 32 add, 59 mul, 6 cos, 6 sin */
 KERNEL(instantaneous_euler_arm_chi_arm_pose, const REAL joints[6], const REAL lengths[4], REAL matrix[9], REAL point[3], REAL wrist[3]) {
   /* inputs */
   const REAL joints_1 = joints[AT(0)];
@@ -73,62 +73,63 @@ KERNEL(instantaneous_euler_arm_chi_arm_pose, const REAL joints[6], const REAL le
   const REAL lengths_3 = lengths[AT(2)];
   const REAL lengths_4 = lengths[AT(3)];
   /* intermediate terms */
-  const REAL x0 = SIN(joints_1);
-  const REAL x2 = COS(joints_5);
-  const REAL x1 = SIN(joints_4);
-  const REAL x3 = x1*x2;
-  const REAL x4 = SIN(joints_5);
-  const REAL x5 = COS(joints_1);
-  const REAL x6 = SIN(joints_2);
-  const REAL x7 = COS(joints_3);
-  const REAL x8 = x6*x7;
-  const REAL x9 = SIN(joints_3);
-  const REAL x10 = COS(joints_2);
-  const REAL x11 = x10*x9;
-  const REAL x12 = x11*x5 + x5*x8;
-  const REAL x13 = COS(joints_4);
-  const REAL x14 = x6*x9;
-  const REAL x15 = x10*x5*x7 - x14*x5;
-  const REAL x16 = x13*x15*x2 - x0*x3 - x12*x4;
-  const REAL x19 = SIN(joints_6);
-  const REAL x17 = COS(joints_6);
-  const REAL x18 = x13*x17;
-  const REAL x20 = x1*x19;
-  const REAL x21 = x18 + x20*x4;
-  const REAL x22 = x12*x2;
-  const REAL x23 = x1*x17;
-  const REAL x24 = x13*x19*x4 - x23;
-  const REAL x25 = x23*x4 - x13*x19;
-  const REAL x26 = x18*x4 + x20;
-  const REAL x27 = x0*x11 + x0*x8;
-  const REAL x28 = x0*x10*x7 - x0*x14;
-  const REAL x29 = x13*x2*x28 + x3*x5 - x27*x4;
-  const REAL x30 = x2*x27;
-  const REAL x31 = x10*x7 - x14;
-  const REAL x32 = -x11 - x8;
-  const REAL x33 = x13*x2*x32 - x31*x4;
-  const REAL x34 = x2*x31;
-  const REAL x35 = lengths_2 - lengths_3*x9;
-  const REAL x36 = lengths_3*x10*x7 + x35*x6;
-  const REAL x37 = x36*x5;
-  const REAL x38 = x0*x36;
-  const REAL x39 = lengths_1 + x10*x35 - lengths_3*x8;
+  const REAL x0 = SIN(joints_2);
+  const REAL x1 = SIN(joints_3);
+  const REAL x2 = COS(joints_1);
+  const REAL x3 = x0*x1;
+  const REAL x5 = COS(joints_2);
+  const REAL x6 = COS(joints_3);
+  const REAL x7 = x5*x6;
+  const REAL x9 = x2*x7 - x3*x2;
+  const REAL x10 = COS(joints_4);
+  const REAL x11 = COS(joints_5);
+  const REAL x12 = x10*x11;
+  const REAL x14 = x0*x6;
+  const REAL x16 = x1*x5;
+  const REAL x18 = x14*x2 + x16*x2;
+  const REAL x19 = SIN(joints_5);
+  const REAL x21 = SIN(joints_1);
+  const REAL x22 = SIN(joints_4);
+  const REAL x23 = x22*x11;
+  const REAL matrix_1_1 = x9*x12 - x18*x19 - x21*x23;
+  const REAL x26 = COS(joints_6);
+  const REAL x27 = x22*x26;
+  const REAL x28 = SIN(joints_6);
+  const REAL x29 = x19*x28;
+  const REAL x31 = x29*x10 - x27;
+  const REAL x33 = x28*x11;
+  const REAL x36 = x10*x26;
+  const REAL x37 = x22*x29 + x36;
+  const REAL x42 = x22*x28 + x19*x36;
+  const REAL x44 = x11*x26;
+  const REAL x48 = x27*x19 - x28*x10;
+  const REAL x53 = x21*x7 - x21*x3;
+  const REAL x57 = x21*x14 + x21*x16;
+  const REAL matrix_2_1 = x53*x12 + x23*x2 - x57*x19;
+  const REAL x69 = x7 - x3;
+  const REAL x71 = x14 + x16;
+  const REAL x73 = x69*x19 + x71*x12;
+  const REAL x81 = lengths_2 - lengths_3*x1;
+  const REAL x83 = lengths_3*x7 + x81*x0;
+  const REAL wrist_1 = x83*x2;
+  const REAL wrist_2 = x83*x21;
+  const REAL wrist_3 = lengths_1 + x81*x5 - lengths_3*x14;
   /* outputs */
-  matrix[AT(0)] = x16;
-  matrix[AT(1)] = x15*x24 + x19*x22 - x0*x21;
-  matrix[AT(2)] = x15*x26 + x17*x22 - x0*x25;
-  matrix[AT(3)] = x29;
-  matrix[AT(4)] = x19*x30 + x21*x5 + x24*x28;
-  matrix[AT(5)] = x17*x30 + x25*x5 + x26*x28;
-  matrix[AT(6)] = x33;
-  matrix[AT(7)] = x19*x34 + x24*x32;
-  matrix[AT(8)] = x17*x34 + x26*x32;
-  point[AT(0)] = lengths_4*x16 + x37;
-  point[AT(1)] = lengths_4*x29 + x38;
-  point[AT(2)] = lengths_4*x33 + x39;
-  wrist[AT(0)] = x37;
-  wrist[AT(1)] = x38;
-  wrist[AT(2)] = x39;
+  matrix[AT(0)] = matrix_1_1;
+  matrix[AT(1)] = x31*x9 + x18*x33 - x37*x21;
+  matrix[AT(2)] = x42*x9 + x18*x44 - x48*x21;
+  matrix[AT(3)] = matrix_2_1;
+  matrix[AT(4)] = x31*x53 + x57*x33 + x37*x2;
+  matrix[AT(5)] = x42*x53 + x57*x44 + x48*x2;
+  matrix[AT(6)] = -x73;
+  matrix[AT(7)] = x69*x33 - x71*x31;
+  matrix[AT(8)] = x69*x44 - x71*x42;
+  point[AT(0)] = lengths_4*matrix_1_1 + wrist_1;
+  point[AT(1)] = lengths_4*matrix_2_1 + wrist_2;
+  point[AT(2)] = wrist_3 - lengths_4*x73;
+  wrist[AT(0)] = wrist_1;
+  wrist[AT(1)] = wrist_2;
+  wrist[AT(2)] = wrist_3;
   ANGLE(0, joints_1);
   ANGLE(1, joints_2);
   ANGLE(2, joints_3);

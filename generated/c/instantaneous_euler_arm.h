@@ -18,7 +18,7 @@ extern "C" {
 
 /* Pose of an arm with six joints and a Z-Y-X wrist.
  * Source: Zhou and Zhu, sec. 5.2; derivation instantaneous_euler_arm, entry arm
- * Operations: 32 add, 65 mul, 6 cos, 6 sin
+ * Operations: 32 add, 59 mul, 6 cos, 6 sin
  * joints (6), rad: joint angles, the base's first
  * lengths (4), length: height of the shoulder, upper arm, forearm, wrist's centre to tool point
  * matrix (3, 3), no unit: rotation of the tool, in axes of the base

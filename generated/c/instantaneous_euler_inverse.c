@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,187 +30,214 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
 #include "instantaneous_euler_inverse.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
 #include "instantaneous_euler_inverse.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
 
 #else
 
-/* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
+/* chi_rotations: 43 add, 40 mul, 1 div, 12 sqrt, 111 select, 40 compare, 3 atan2, 3 cos, 3 sin */
 KERNEL(instantaneous_euler_inverse_chi_rotations, const REAL chi[3], REAL tolerance, REAL quaternions[32], REAL *distance, REAL nearest[3], CODE *status) {
   /* inputs */
   const REAL chi_1 = chi[AT(0)];
   const REAL chi_2 = chi[AT(1)];
   const REAL chi_3 = chi[AT(2)];
   /* intermediate terms */
-  const REAL x22 = K(3.141592653589793)*(K(4.0)*REAL_EPSILON + K(1.0));
-  const CONDITION good = (TEST(chi_1 >= K(0.0))) & (TEST(chi_2 >= K(0.0))) & (TEST(chi_3 >= K(0.0))) & (TEST(tolerance >= K(0.0))) & (TEST(chi_1 <= x22)) & (TEST(chi_2 <= x22)) & (TEST(chi_3 <= x22));
-  const REAL x0 = K(16.0)*REAL_EPSILON;
-  const REAL slack = SELECT(TEST(tolerance < x0), x0, tolerance);
-  const REAL x1 = K(0.5)*chi_1;
-  const REAL s_1 = (SIN(x1)*SIN(x1));
-  const REAL x2 = K(0.5)*chi_2;
-  const REAL s_2 = (SIN(x2)*SIN(x2));
-  const REAL x3 = K(0.5)*chi_3;
-  const REAL s_3 = (SIN(x3)*SIN(x3));
-  const REAL c_1 = (COS(x1)*COS(x1));
-  const REAL c_2 = (COS(x2)*COS(x2));
-  const REAL c_3 = (COS(x3)*COS(x3));
+  const REAL x6 = K(3.141592653589793)*(K(4.0)*REAL_EPSILON + K(1.0));
+  const CONDITION x14 = TEST(K(0.0) <= chi_1) & TEST(K(0.0) <= chi_2) & TEST(K(0.0) <= chi_3) & TEST(K(0.0) <= tolerance) & TEST(chi_1 <= x6) & TEST(chi_2 <= x6);
+  const CONDITION good = x14 & TEST(chi_3 <= x6);
+  const REAL x15 = K(16.0)*REAL_EPSILON;
+  const REAL slack = SELECT(TEST(tolerance < x15), x15, tolerance);
+  const REAL x17 = K(0.5)*chi_1;
+  const REAL x18 = SIN(x17);
+  const REAL s_1 = x18*x18;
+  const REAL x19 = K(0.5)*chi_2;
+  const REAL x20 = SIN(x19);
+  const REAL s_2 = x20*x20;
+  const REAL x21 = K(0.5)*chi_3;
+  const REAL x22 = SIN(x21);
+  const REAL s_3 = x22*x22;
+  const REAL x23 = COS(x17);
+  const REAL c_1 = x23*x23;
+  const REAL x24 = COS(x19);
+  const REAL c_2 = x24*x24;
+  const REAL x25 = COS(x21);
+  const REAL c_3 = x25*x25;
   const REAL whole = K(0.5)*s_1 + K(0.5)*s_2 + K(0.5)*s_3;
   const REAL share_0 = K(1.0) - whole;
   const REAL share_1 = whole - s_1;
   const REAL share_2 = whole - s_2;
   const REAL share_3 = whole - s_3;
-  const CONDITION above_1 = TEST(share_1 > share_0);
+  const CONDITION above_1 = TEST(share_0 < share_1);
   const REAL largest_1 = SELECT(above_1, share_1, share_0);
-  const CONDITION above_2 = TEST(share_2 > largest_1);
+  const CONDITION above_2 = TEST(largest_1 < share_2);
   const REAL largest_2 = SELECT(above_2, share_2, largest_1);
-  const CONDITION above_3 = TEST(share_3 > largest_2);
-  const CONDITION at_2 = (above_2) & (NOT(above_3));
-  const CONDITION at_1 = (above_1) & (NOT(above_2)) & (NOT(above_3));
-  const REAL part_1 = SELECT((above_3) | (at_2), c_1, s_1);
-  const REAL part_2 = SELECT((above_3) | (at_1), c_2, s_2);
-  const REAL part_3 = SELECT((at_1) | (at_2), c_3, s_3);
+  const CONDITION above_3 = TEST(largest_2 < share_3);
+  const CONDITION x30 = NOT(above_3);
+  const CONDITION at_2 = above_2 & x30;
+  const CONDITION at_1 = above_1 & NOT(above_2) & x30;
+  const REAL part_1 = SELECT(above_3 | at_2, c_1, s_1);
+  const CONDITION x34 = above_3 | at_1;
+  const REAL part_2 = SELECT(x34, c_2, s_2);
+  const REAL part_3 = SELECT(at_1 | at_2, c_3, s_3);
   const REAL size = part_1 + part_2 + part_3;
-  const REAL x5 = -K(0.5)*size;
-  const REAL raw_1 = -part_1 - x5;
-  const REAL raw_2 = -part_2 - x5;
-  const REAL raw_3 = -part_3 - x5;
-  const REAL coarse = SELECT((above_3) | (at_1) | (at_2), x0*(REAL_EPSILON + SQRT(size)), K(0.0));
+  const REAL x37 = K(0.5)*size;
+  const REAL raw_1 = x37 - part_1;
+  const REAL raw_2 = x37 - part_2;
+  const REAL raw_3 = x37 - part_3;
+  const REAL coarse = SELECT(x34 | at_2, x15*(REAL_EPSILON + SQRT(size)), K(0.0));
   const REAL floor = coarse + size*slack;
-  const CONDITION outside = (TEST(raw_1 < -floor)) | (TEST(raw_2 < -floor)) | (TEST(raw_3 < -floor));
-  const REAL rest_1 = SELECT(TEST(floor >= raw_1), K(0.0), raw_1);
-  const REAL rest_2 = SELECT(TEST(floor >= raw_2), K(0.0), raw_2);
-  const REAL rest_3 = SELECT(TEST(floor >= raw_3), K(0.0), raw_3);
+  const REAL x43 = -floor;
+  const CONDITION outside = TEST(raw_1 < x43) | TEST(raw_2 < x43) | TEST(raw_3 < x43);
+  const REAL rest_1 = SELECT(TEST(raw_1 <= floor), K(0.0), raw_1);
+  const REAL rest_2 = SELECT(TEST(raw_2 <= floor), K(0.0), raw_2);
+  const REAL rest_3 = SELECT(TEST(raw_3 <= floor), K(0.0), raw_3);
   const REAL rest_0 = K(1.0) - rest_1 - rest_2 - rest_3;
-  const REAL x6 = SQRT(rest_3);
-  const REAL x7 = SQRT(rest_2);
-  const REAL x8 = SQRT(rest_1);
-  const REAL x9 = SQRT(rest_0);
-  const REAL component_0 = SELECT(above_3, x6, SELECT(at_2, x7, SELECT(at_1, x8, x9)));
-  const REAL component_1 = SELECT(above_3, x7, SELECT(at_2, x6, SELECT(at_1, x9, x8)));
-  const REAL component_2 = SELECT(above_3, x8, SELECT(at_2, x9, SELECT(at_1, x6, x7)));
-  const REAL component_3 = SELECT(above_3, x9, SELECT(at_2, x8, SELECT(at_1, x7, x6)));
-  const CONDITION present_0 = TEST(component_0 > K(0.0));
-  const CONDITION present_1 = TEST(component_1 > K(0.0));
-  const CONDITION present_2 = TEST(component_2 > K(0.0));
-  const CONDITION present_3 = TEST(component_3 > K(0.0));
-  const CONDITION free_1 = (present_0) & (present_1);
-  const CONDITION free_2 = (present_2) & ((present_0) | (present_1));
-  const CONDITION free_3 = (present_3) & ((present_0) | (present_1) | (present_2));
-  const REAL x10 = SELECT(free_1, K(1.0), K(0.0));
-  const REAL x11 = SELECT(free_2, K(1.0), K(0.0));
-  const REAL freedom = x10 + x11 + SELECT(free_3, K(1.0), K(0.0));
-  const REAL before_2 = x10;
-  const REAL before_3 = before_2 + x11;
-  const CONDITION known = (good) & (NOT(outside));
-  const REAL x12 = SELECT(free_1, -component_1, component_1);
-  const REAL x13 = SELECT((known) & (TEST(freedom > K(1.5))), component_0, (REAL)NAN);
-  const REAL x14 = SELECT(TEST(before_2 < K(1.5)), -K(1.0), K(1.0));
-  const REAL x15 = SELECT(TEST(before_3 < K(1.5)), -K(1.0), K(1.0));
-  const REAL x16 = SELECT((known) & (TEST(freedom > K(2.5))), component_0, (REAL)NAN);
-  const REAL x17 = SELECT((known) & (TEST(freedom > K(2.5))), component_1, (REAL)NAN);
-  const REAL x18 = SELECT(TEST(before_2 < K(1.5)), K(1.0), -K(1.0));
-  const REAL x19 = SELECT(TEST(before_3 < K(1.5)), K(1.0), -K(1.0));
-  const REAL x20 = SELECT((known) & (TEST(freedom > K(2.5))), x12, (REAL)NAN);
-  const REAL upper_0 = SELECT(TEST(share_0 < share_1), share_1, share_0);
-  const REAL lower_0 = SELECT(TEST(share_0 < share_1), share_0, share_1);
-  const REAL upper_1 = SELECT(TEST(share_2 < share_3), share_3, share_2);
-  const REAL lower_1 = SELECT(TEST(share_2 < share_3), share_2, share_3);
-  const REAL upper_2 = SELECT(TEST(upper_0 < upper_1), upper_1, upper_0);
-  const REAL lower_2 = SELECT(TEST(upper_0 < upper_1), upper_0, upper_1);
-  const REAL upper_3 = SELECT(TEST(lower_0 < lower_1), lower_1, lower_0);
-  const REAL lower_3 = SELECT(TEST(lower_0 < lower_1), lower_0, lower_1);
-  const REAL upper_4 = SELECT(TEST(lower_2 > upper_3), lower_2, upper_3);
-  const REAL lower_4 = SELECT(TEST(lower_2 > upper_3), upper_3, lower_2);
-  const REAL total_1 = upper_2;
-  const REAL mean_1 = total_1 - K(1.0);
-  const REAL total_2 = total_1 + upper_4;
+  const REAL x53 = SQRT(rest_0);
+  const REAL x54 = SQRT(rest_1);
+  const REAL x56 = SQRT(rest_2);
+  const REAL x58 = SQRT(rest_3);
+  const REAL component_0 = SELECT(above_3, x58, SELECT(at_2, x56, SELECT(at_1, x54, x53)));
+  const REAL component_1 = SELECT(above_3, x56, SELECT(at_2, x58, SELECT(at_1, x53, x54)));
+  const REAL component_2 = SELECT(above_3, x54, SELECT(at_2, x53, SELECT(at_1, x58, x56)));
+  const REAL component_3 = SELECT(above_3, x53, SELECT(at_2, x54, SELECT(at_1, x56, x58)));
+  const CONDITION present_0 = TEST(K(0.0) < component_0);
+  const CONDITION present_1 = TEST(K(0.0) < component_1);
+  const CONDITION present_2 = TEST(K(0.0) < component_2);
+  const CONDITION present_3 = TEST(K(0.0) < component_3);
+  const CONDITION free_1 = present_0 & present_1;
+  const CONDITION x65 = present_0 | present_1;
+  const CONDITION free_2 = present_2 & x65;
+  const CONDITION free_3 = present_3 & (x65 | present_2);
+  const REAL before_2 = SELECT(free_1, K(1.0), K(0.0));
+  const REAL before_3 = before_2 + SELECT(free_2, K(1.0), K(0.0));
+  const REAL freedom = before_3 + SELECT(free_3, K(1.0), K(0.0));
+  const CONDITION known = good & NOT(outside);
+  const CONDITION x71 = known & TEST(K(-0.5) < freedom);
+  const CONDITION x72 = TEST(K(0.5) < freedom);
+  const CONDITION x73 = known & x72;
+  const REAL x75 = SELECT(free_1, -component_1, component_1);
+  const CONDITION x76 = TEST(before_2 < K(0.5));
+  const CONDITION x80 = TEST(before_3 < K(0.5));
+  const CONDITION x84 = TEST(K(1.5) < freedom);
+  const CONDITION x85 = known & x84;
+  const REAL quaternions_3_1 = SELECT(x85, component_0, (REAL)NAN);
+  const CONDITION x86 = TEST(before_2 < K(1.5));
+  const REAL x87 = SELECT(x86, K(-1.0), K(1.0));
+  const CONDITION x91 = TEST(before_3 < K(1.5));
+  const REAL x92 = SELECT(x91, K(-1.0), K(1.0));
+  const CONDITION x102 = TEST(K(2.5) < freedom);
+  const CONDITION x103 = known & x102;
+  const REAL quaternions_5_1 = SELECT(x103, component_0, (REAL)NAN);
+  const REAL quaternions_5_2 = SELECT(x103, component_1, (REAL)NAN);
+  const REAL x104 = SELECT(x86, K(1.0), K(-1.0));
+  const REAL x108 = SELECT(x91, K(1.0), K(-1.0));
+  const REAL quaternions_6_2 = SELECT(x103, x75, (REAL)NAN);
+  const REAL lower_0 = SELECT(above_1, share_0, share_1);
+  const CONDITION x128 = TEST(share_2 < share_3);
+  const REAL upper_1 = SELECT(x128, share_3, share_2);
+  const REAL lower_1 = SELECT(x128, share_2, share_3);
+  const CONDITION x129 = TEST(largest_1 < upper_1);
+  const REAL upper_2 = SELECT(x129, upper_1, largest_1);
+  const REAL lower_2 = SELECT(x129, largest_1, upper_1);
+  const CONDITION x130 = TEST(lower_0 < lower_1);
+  const REAL upper_3 = SELECT(x130, lower_1, lower_0);
+  const REAL lower_3 = SELECT(x130, lower_0, lower_1);
+  const CONDITION x131 = TEST(upper_3 < lower_2);
+  const REAL upper_4 = SELECT(x131, lower_2, upper_3);
+  const REAL lower_4 = SELECT(x131, upper_3, lower_2);
+  const REAL mean_1 = upper_2 - K(1.0);
+  const REAL total_2 = upper_2 + upper_4;
   const REAL mean_2 = K(0.5)*total_2 - K(0.5);
   const REAL shift_2 = SELECT(TEST(mean_1 < mean_2), mean_2, mean_1);
   const REAL total_3 = lower_4 + total_2;
   const REAL mean_3 = total_3/K(3.0) - K(1.0)/K(3.0);
-  const REAL shift_3 = SELECT(TEST(mean_3 > shift_2), mean_3, shift_2);
+  const REAL shift_3 = SELECT(TEST(shift_2 < mean_3), mean_3, shift_2);
   const REAL total_4 = lower_3 + total_3;
   const REAL mean_4 = K(0.25)*total_4 - K(0.25);
-  const REAL shift_4 = SELECT(TEST(mean_4 > shift_3), mean_4, shift_3);
-  const REAL kept_0 = SELECT(TEST(share_0 > shift_4), share_0 - shift_4, K(0.0));
-  const REAL kept_1 = SELECT(TEST(share_1 > shift_4), share_1 - shift_4, K(0.0));
-  const REAL kept_2 = SELECT(TEST(share_2 > shift_4), share_2 - shift_4, K(0.0));
-  const REAL kept_3 = SELECT(TEST(share_3 > shift_4), share_3 - shift_4, K(0.0));
-  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT(outside, K(4.0), SELECT(TEST(freedom > K(2.5)), K(0.0), SELECT(TEST(freedom > K(1.5)), K(1.0), SELECT(TEST(freedom > K(0.5)), K(2.0), K(3.0))))));
+  const REAL shift_4 = SELECT(TEST(shift_3 < mean_4), mean_4, shift_3);
+  const REAL kept_0 = SELECT(TEST(shift_4 < share_0), share_0 - shift_4, K(0.0));
+  const REAL kept_1 = SELECT(TEST(shift_4 < share_1), share_1 - shift_4, K(0.0));
+  const REAL kept_2 = SELECT(TEST(shift_4 < share_2), share_2 - shift_4, K(0.0));
+  const REAL kept_3 = SELECT(TEST(shift_4 < share_3), share_3 - shift_4, K(0.0));
+  const REAL x147 = share_0 - kept_0;
+  const REAL x149 = share_1 - kept_1;
+  const REAL x151 = share_2 - kept_2;
+  const REAL x153 = share_3 - kept_3;
+  const REAL x160 = SELECT(outside, K(2.0)*SQRT(x147*x147 + x149*x149 + x151*x151 + x153*x153), K(0.0));
+  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT(outside, K(4.0), SELECT(x102, K(0.0), SELECT(x84, K(1.0), SELECT(x72, K(2.0), K(3.0))))));
   /* outputs */
-  quaternions[AT(0)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_0, (REAL)NAN);
-  quaternions[AT(1)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_1, (REAL)NAN);
-  quaternions[AT(2)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_2, (REAL)NAN);
-  quaternions[AT(3)] = SELECT((known) & (TEST(freedom > -K(0.5))), component_3, (REAL)NAN);
-  quaternions[AT(4)] = SELECT((known) & (TEST(freedom > K(0.5))), component_0, (REAL)NAN);
-  quaternions[AT(5)] = SELECT((known) & (TEST(freedom > K(0.5))), x12, (REAL)NAN);
-  quaternions[AT(6)] = SELECT((known) & (TEST(freedom > K(0.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), -K(1.0), K(1.0)), component_2), (REAL)NAN);
-  quaternions[AT(7)] = SELECT((known) & (TEST(freedom > K(0.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), -K(1.0), K(1.0)), component_3), (REAL)NAN);
-  quaternions[AT(8)] = x13;
-  quaternions[AT(9)] = SELECT((known) & (TEST(freedom > K(1.5))), component_1, (REAL)NAN);
-  quaternions[AT(10)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), K(1.0), x14), component_2), (REAL)NAN);
-  quaternions[AT(11)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), K(1.0), x15), component_3), (REAL)NAN);
-  quaternions[AT(12)] = x13;
-  quaternions[AT(13)] = SELECT((known) & (TEST(freedom > K(1.5))), x12, (REAL)NAN);
-  quaternions[AT(14)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), -K(1.0), x14), component_2), (REAL)NAN);
-  quaternions[AT(15)] = SELECT((known) & (TEST(freedom > K(1.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), -K(1.0), x15), component_3), (REAL)NAN);
-  quaternions[AT(16)] = x16;
-  quaternions[AT(17)] = x17;
-  quaternions[AT(18)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), K(1.0), x18), component_2), (REAL)NAN);
-  quaternions[AT(19)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), K(1.0), x19), component_3), (REAL)NAN);
-  quaternions[AT(20)] = x16;
-  quaternions[AT(21)] = x20;
-  quaternions[AT(22)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), -K(1.0), x18), component_2), (REAL)NAN);
-  quaternions[AT(23)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), -K(1.0), x19), component_3), (REAL)NAN);
-  quaternions[AT(24)] = x16;
-  quaternions[AT(25)] = x17;
-  quaternions[AT(26)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, component_2*SELECT(TEST(before_2 < K(0.5)), K(1.0), -K(1.0)), component_2), (REAL)NAN);
-  quaternions[AT(27)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, component_3*SELECT(TEST(before_3 < K(0.5)), K(1.0), -K(1.0)), component_3), (REAL)NAN);
-  quaternions[AT(28)] = x16;
-  quaternions[AT(29)] = x20;
-  quaternions[AT(30)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_2, -component_2, component_2), (REAL)NAN);
-  quaternions[AT(31)] = SELECT((known) & (TEST(freedom > K(2.5))), SELECT(free_3, -component_3, component_3), (REAL)NAN);
-  *distance = SELECT(good, SELECT(outside, K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), K(0.0)), (REAL)NAN);
+  quaternions[AT(0)] = SELECT(x71, component_0, (REAL)NAN);
+  quaternions[AT(1)] = SELECT(x71, component_1, (REAL)NAN);
+  quaternions[AT(2)] = SELECT(x71, component_2, (REAL)NAN);
+  quaternions[AT(3)] = SELECT(x71, component_3, (REAL)NAN);
+  quaternions[AT(4)] = SELECT(x73, component_0, (REAL)NAN);
+  quaternions[AT(5)] = SELECT(x73, x75, (REAL)NAN);
+  quaternions[AT(6)] = SELECT(x73, SELECT(free_2, component_2*SELECT(x76, K(-1.0), K(1.0)), component_2), (REAL)NAN);
+  quaternions[AT(7)] = SELECT(x73, SELECT(free_3, component_3*SELECT(x80, K(-1.0), K(1.0)), component_3), (REAL)NAN);
+  quaternions[AT(8)] = quaternions_3_1;
+  quaternions[AT(9)] = SELECT(x85, component_1, (REAL)NAN);
+  quaternions[AT(10)] = SELECT(x85, SELECT(free_2, component_2*SELECT(x76, K(1.0), x87), component_2), (REAL)NAN);
+  quaternions[AT(11)] = SELECT(x85, SELECT(free_3, component_3*SELECT(x80, K(1.0), x92), component_3), (REAL)NAN);
+  quaternions[AT(12)] = quaternions_3_1;
+  quaternions[AT(13)] = SELECT(x85, x75, (REAL)NAN);
+  quaternions[AT(14)] = SELECT(x85, SELECT(free_2, component_2*SELECT(x76, K(-1.0), x87), component_2), (REAL)NAN);
+  quaternions[AT(15)] = SELECT(x85, SELECT(free_3, component_3*SELECT(x80, K(-1.0), x92), component_3), (REAL)NAN);
+  quaternions[AT(16)] = quaternions_5_1;
+  quaternions[AT(17)] = quaternions_5_2;
+  quaternions[AT(18)] = SELECT(x103, SELECT(free_2, component_2*SELECT(x76, K(1.0), x104), component_2), (REAL)NAN);
+  quaternions[AT(19)] = SELECT(x103, SELECT(free_3, component_3*SELECT(x80, K(1.0), x108), component_3), (REAL)NAN);
+  quaternions[AT(20)] = quaternions_5_1;
+  quaternions[AT(21)] = quaternions_6_2;
+  quaternions[AT(22)] = SELECT(x103, SELECT(free_2, component_2*SELECT(x76, K(-1.0), x104), component_2), (REAL)NAN);
+  quaternions[AT(23)] = SELECT(x103, SELECT(free_3, component_3*SELECT(x80, K(-1.0), x108), component_3), (REAL)NAN);
+  quaternions[AT(24)] = quaternions_5_1;
+  quaternions[AT(25)] = quaternions_5_2;
+  quaternions[AT(26)] = SELECT(x103, SELECT(free_2, component_2*SELECT(x76, K(1.0), K(-1.0)), component_2), (REAL)NAN);
+  quaternions[AT(27)] = SELECT(x103, SELECT(free_3, component_3*SELECT(x80, K(1.0), K(-1.0)), component_3), (REAL)NAN);
+  quaternions[AT(28)] = quaternions_5_1;
+  quaternions[AT(29)] = quaternions_6_2;
+  quaternions[AT(30)] = SELECT(x103, SELECT(free_2, -component_2, component_2), (REAL)NAN);
+  quaternions[AT(31)] = SELECT(x103, SELECT(free_3, -component_3, component_3), (REAL)NAN);
+  *distance = SELECT(good, x160, (REAL)NAN);
   nearest[AT(0)] = SELECT(good, SELECT(outside, K(2.0)*ATAN2(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)), chi_1), (REAL)NAN);
   nearest[AT(1)] = SELECT(good, SELECT(outside, K(2.0)*ATAN2(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)), chi_2), (REAL)NAN);
   nearest[AT(2)] = SELECT(good, SELECT(outside, K(2.0)*ATAN2(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)), chi_3), (REAL)NAN);
   *status = (CODE)status_value;
-  ANGLE(0, x1);
-  ANGLE(1, x2);
-  ANGLE(2, x3);
+  ANGLE(0, x17);
+  ANGLE(1, x19);
+  ANGLE(2, x21);
 }
 
 #ifndef ON_COLUMNS

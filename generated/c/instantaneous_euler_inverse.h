@@ -36,7 +36,7 @@ enum instantaneous_euler_inverse_rotations_status {
 
 /* All rotations with three given instantaneous Euler angles.
  * Source: derivation instantaneous_euler_inverse; Zhou and Zhu, eqs. (10), (13), (16)
- * Operations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
+ * Operations: 43 add, 40 mul, 1 div, 12 sqrt, 111 select, 40 compare, 3 atan2, 3 cos, 3 sin
  * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
  * tolerance, no unit: square of a component, relative to the rotation's size, that is taken for 0; at least 16 eps
  * quaternions (8, 4), no unit: unit quaternions, one a row, scalar part first

@@ -46,7 +46,7 @@ static inline float power_of_two_scale_f32(float x) {
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -56,11 +56,11 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f64(x)
 #include "instantaneous_euler_motion.c"
 #undef REAL
@@ -68,11 +68,11 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 #undef POWER_OF_TWO_SCALE
 
 #define REAL float
@@ -80,11 +80,11 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f32(x)
 #include "instantaneous_euler_motion.c"
 #undef REAL
@@ -92,11 +92,11 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 #undef POWER_OF_TWO_SCALE
 
 #else
@@ -117,42 +117,52 @@ KERNEL(instantaneous_euler_motion_chi_rates, const REAL matrix[9], const REAL om
   const REAL omega_2 = omega[AT(1)];
   const REAL omega_3 = omega[AT(2)];
   /* intermediate terms */
-  const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-  const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-  const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-  const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-  const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(handed > K(0.0)));
-  const CONDITION abnormal = TEST(deviation > K(64.0)*REAL_EPSILON);
-  const REAL sine_x = SQRT(x0);
-  const REAL sine_y = SQRT(x1);
-  const REAL sine_z = SQRT(x2);
-  const REAL x6 = K(4.0)*REAL_EPSILON;
-  const CONDITION kink_x = TEST(sine_x <= x6);
-  const CONDITION kink_y = TEST(sine_y <= x6);
-  const CONDITION kink_z = TEST(sine_z <= x6);
+  const REAL x24 = matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1;
+  const REAL x31 = matrix_1_2*matrix_1_2 + matrix_3_2*matrix_3_2;
+  const REAL x38 = matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3;
+  const REAL x13 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x20 = K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x27 = FABS(matrix_1_1*matrix_1_1 + x24 - K(1.0));
+  const REAL x34 = FABS(x31 + matrix_2_2*matrix_2_2 - K(1.0));
+  const REAL x41 = FABS(x38 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x13 + x20 + x27 + x34 + x41;
+  const REAL x57 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x57;
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(K(0.0) < handed);
+  const CONDITION abnormal = TEST(K(64.0)*REAL_EPSILON < deviation);
+  const REAL sine_x = SQRT(x24);
+  const REAL sine_y = SQRT(x31);
+  const REAL sine_z = SQRT(x38);
+  const REAL x62 = K(4.0)*REAL_EPSILON;
+  const CONDITION kink_x = TEST(sine_x <= x62);
+  const CONDITION kink_y = TEST(sine_y <= x62);
+  const CONDITION kink_z = TEST(sine_z <= x62);
   const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
   const REAL most = sine_x*sine_y*sine_z;
-  const REAL x7 = FABS(volume);
-  const CONDITION flat = TEST(x7 <= K(16.0)*REAL_EPSILON*most);
-  const CONDITION near = TEST(x7 <= SQRT(REAL_EPSILON)*most);
-  const CONDITION known = (good) & (TEST(K(0.25)*FABS(omega_1) + K(0.25)*FABS(omega_2) + K(0.25)*FABS(omega_3) <= REAL_MAX));
-  const REAL x3 = (omega_2*omega_2);
-  const REAL x4 = (omega_3*omega_3);
-  const REAL speed_x = SQRT(x3 + x4);
-  const REAL x5 = (omega_1*omega_1);
-  const REAL speed_y = SQRT(x4 + x5);
-  const REAL speed_z = SQRT(x3 + x5);
-  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT((kink_x) | (kink_y) | (kink_z), K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
+  const REAL x66 = FABS(volume);
+  const CONDITION flat = TEST(x66 <= K(16.0)*REAL_EPSILON*most);
+  const CONDITION near = TEST(x66 <= SQRT(REAL_EPSILON)*most);
+  const CONDITION known = good & TEST(K(0.25)*FABS(omega_1) + K(0.25)*FABS(omega_2) + K(0.25)*FABS(omega_3) <= REAL_MAX);
+  const REAL x80 = omega_2*omega_2;
+  const REAL x81 = omega_3*omega_3;
+  const REAL speed_x = SQRT(x80 + x81);
+  const REAL x83 = omega_1*omega_1;
+  const REAL speed_y = SQRT(x83 + x81);
+  const REAL speed_z = SQRT(x83 + x80);
+  const REAL x91 = (matrix_2_1*omega_3 - matrix_3_1*omega_2)*SELECT(kink_x, K(1.0), K(1.0)/sine_x);
+  const REAL x101 = (matrix_3_2*omega_1 - matrix_1_2*omega_3)*SELECT(kink_y, K(1.0), K(1.0)/sine_y);
+  const REAL x111 = (matrix_1_3*omega_2 - matrix_2_3*omega_1)*SELECT(kink_z, K(1.0), K(1.0)/sine_z);
+  const REAL x121 = SELECT(kink_x | kink_y | kink_z, K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0)))));
+  const REAL status_value = SELECT(NOT(known), K(5.0), x121);
   /* outputs */
-  rate[AT(0)] = SELECT(known, SELECT(kink_x, SELECT(TEST(matrix_1_1 > K(0.0)), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*SELECT(kink_x, K(1.0), K(1.0)/sine_x)), (REAL)NAN);
-  rate[AT(1)] = SELECT(known, SELECT(kink_y, SELECT(TEST(matrix_2_2 > K(0.0)), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*SELECT(kink_y, K(1.0), K(1.0)/sine_y)), (REAL)NAN);
-  rate[AT(2)] = SELECT(known, SELECT(kink_z, SELECT(TEST(matrix_3_3 > K(0.0)), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*SELECT(kink_z, K(1.0), K(1.0)/sine_z)), (REAL)NAN);
+  rate[AT(0)] = SELECT(known, SELECT(kink_x, SELECT(TEST(K(0.0) < matrix_1_1), speed_x, -speed_x), x91), (REAL)NAN);
+  rate[AT(1)] = SELECT(known, SELECT(kink_y, SELECT(TEST(K(0.0) < matrix_2_2), speed_y, -speed_y), x101), (REAL)NAN);
+  rate[AT(2)] = SELECT(known, SELECT(kink_z, SELECT(TEST(K(0.0) < matrix_3_3), speed_z, -speed_z), x111), (REAL)NAN);
   *determinant = SELECT(good, volume, (REAL)NAN);
   *status = (CODE)status_value;
 }
 
-/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
+/* chi_angular_velocity: 35 add, 60 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 KERNEL(instantaneous_euler_motion_chi_angular_velocity, const REAL matrix[9], const REAL rate[3], REAL omega[3], CODE *status) {
   /* inputs */
   const REAL matrix_1_1 = matrix[AT(0)];
@@ -168,41 +178,50 @@ KERNEL(instantaneous_euler_motion_chi_angular_velocity, const REAL matrix[9], co
   const REAL rate_2 = rate[AT(1)];
   const REAL rate_3 = rate[AT(2)];
   /* intermediate terms */
-  const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-  const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-  const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-  const REAL x3 = matrix_3_1*matrix_3_2;
-  const REAL x4 = matrix_2_1*matrix_2_3;
-  const REAL x5 = matrix_1_2*matrix_1_3;
-  const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + K(2.0)*FABS(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5);
-  const REAL x6 = matrix_1_2*matrix_2_3;
-  const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(handed > K(0.0)));
-  const CONDITION abnormal = TEST(deviation > K(64.0)*REAL_EPSILON);
-  const REAL sine_x = SQRT(x0);
-  const REAL sine_y = SQRT(x1);
-  const REAL sine_z = SQRT(x2);
-  const REAL x8 = K(4.0)*REAL_EPSILON;
-  const CONDITION kink_x = TEST(sine_x <= x8);
-  const CONDITION kink_y = TEST(sine_y <= x8);
-  const CONDITION kink_z = TEST(sine_z <= x8);
+  const REAL x14 = matrix_1_2*matrix_1_3;
+  const REAL x24 = matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1;
+  const REAL x31 = matrix_1_2*matrix_1_2 + matrix_3_2*matrix_3_2;
+  const REAL x38 = matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3;
+  const REAL x13 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x20 = K(2.0)*FABS(x14 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x27 = FABS(matrix_1_1*matrix_1_1 + x24 - K(1.0));
+  const REAL x34 = FABS(x31 + matrix_2_2*matrix_2_2 - K(1.0));
+  const REAL x41 = FABS(x38 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x13 + x20 + x27 + x34 + x41;
+  const REAL x51 = matrix_1_3*matrix_3_2;
+  const REAL x54 = matrix_1_2*matrix_2_3;
+  const REAL x57 = matrix_3_1*(x54 - matrix_1_3*matrix_2_2);
+  const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(x51 - matrix_1_2*matrix_3_3) + x57;
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(K(0.0) < handed);
+  const CONDITION abnormal = TEST(K(64.0)*REAL_EPSILON < deviation);
+  const REAL sine_x = SQRT(x24);
+  const REAL sine_y = SQRT(x31);
+  const REAL sine_z = SQRT(x38);
+  const REAL x62 = K(4.0)*REAL_EPSILON;
+  const CONDITION kink_x = TEST(sine_x <= x62);
+  const CONDITION kink_y = TEST(sine_y <= x62);
+  const CONDITION kink_z = TEST(sine_z <= x62);
   const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
   const REAL most = sine_x*sine_y*sine_z;
-  const REAL x9 = FABS(volume);
-  const CONDITION flat = TEST(x9 <= K(16.0)*REAL_EPSILON*most);
-  const CONDITION near = TEST(x9 <= SQRT(REAL_EPSILON)*most);
-  const CONDITION known = (good) & (TEST(K(0.25)*FABS(rate_1) + K(0.25)*FABS(rate_2) + K(0.25)*FABS(rate_3) <= REAL_MAX));
+  const REAL x66 = FABS(volume);
+  const CONDITION flat = TEST(x66 <= K(16.0)*REAL_EPSILON*most);
+  const CONDITION near = TEST(x66 <= SQRT(REAL_EPSILON)*most);
+  const CONDITION known = good & TEST(K(0.25)*FABS(rate_1) + K(0.25)*FABS(rate_2) + K(0.25)*FABS(rate_3) <= REAL_MAX);
   const REAL b_x = rate_1*sine_x;
   const REAL b_y = rate_2*sine_y;
   const REAL b_z = rate_3*sine_z;
-  const CONDITION lost = (flat) | (kink_x) | (kink_y) | (kink_z);
+  const CONDITION x80 = kink_x | kink_y;
+  const CONDITION lost = flat | x80 | kink_z;
   const REAL divisor = SELECT(lost, K(1.0), volume);
-  const REAL x7 = K(1.0)/divisor;
-  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT((kink_x) | (kink_y) | (kink_z), K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
+  const CONDITION x83 = known & NOT(lost);
+  const REAL x84 = K(1.0)/divisor;
+  const REAL x86 = b_y*matrix_2_1;
+  const REAL x88 = b_z*matrix_3_1;
+  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT(x80 | kink_z, K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
   /* outputs */
-  omega[AT(0)] = SELECT((known) & (NOT(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (REAL)NAN);
-  omega[AT(1)] = SELECT((known) & (NOT(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (REAL)NAN);
-  omega[AT(2)] = SELECT((known) & (NOT(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (REAL)NAN);
+  omega[AT(0)] = SELECT(x83, x84*(b_x*x14 + x86*matrix_1_3 + x88*matrix_1_2), (REAL)NAN);
+  omega[AT(1)] = SELECT(x83, x84*(b_x*x54 + x86*matrix_2_3 + b_z*matrix_3_2*matrix_2_1), (REAL)NAN);
+  omega[AT(2)] = SELECT(x83, x84*(b_x*x51 + b_y*matrix_2_3*matrix_3_1 + x88*matrix_3_2), (REAL)NAN);
   *status = (CODE)status_value;
 }
 
@@ -218,33 +237,33 @@ KERNEL(instantaneous_euler_motion_chi_motion_from_zyx, const REAL angles[3], con
   /* intermediate terms */
   const REAL x0 = COS(angles_1);
   const REAL x1 = COS(angles_2);
+  const REAL matrix_1_1 = x0*x1;
   const REAL x2 = SIN(angles_1);
   const REAL x3 = COS(angles_3);
   const REAL x4 = x2*x3;
   const REAL x5 = SIN(angles_2);
   const REAL x6 = SIN(angles_3);
-  const REAL x7 = x2*x6;
-  const REAL x8 = x0*x3;
-  const REAL x9 = x1*x2;
+  const REAL x9 = x2*x6;
+  const REAL matrix_2_1 = x2*x1;
   /* outputs */
-  matrix[AT(0)] = x0*x1;
-  matrix[AT(1)] = x0*x5*x6 - x4;
-  matrix[AT(2)] = x5*x8 + x7;
-  matrix[AT(3)] = x9;
-  matrix[AT(4)] = x5*x7 + x8;
-  matrix[AT(5)] = x4*x5 - x0*x6;
+  matrix[AT(0)] = matrix_1_1;
+  matrix[AT(1)] = x5*x6*x0 - x4;
+  matrix[AT(2)] = x9 + x5*x0*x3;
+  matrix[AT(3)] = matrix_2_1;
+  matrix[AT(4)] = x9*x5 + x0*x3;
+  matrix[AT(5)] = x4*x5 - x6*x0;
   matrix[AT(6)] = -x5;
-  matrix[AT(7)] = x1*x6;
+  matrix[AT(7)] = x6*x1;
   matrix[AT(8)] = x1*x3;
-  omega[AT(0)] = angle_rates_3*x0*x1 - angle_rates_2*x2;
-  omega[AT(1)] = angle_rates_2*x0 + angle_rates_3*x9;
+  omega[AT(0)] = angle_rates_3*matrix_1_1 - angle_rates_2*x2;
+  omega[AT(1)] = angle_rates_2*x0 + angle_rates_3*matrix_2_1;
   omega[AT(2)] = angle_rates_1 - angle_rates_3*x5;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
 }
 
-/* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
+/* chi_motion_from_zyz: 7 add, 18 mul, 3 cos, 3 sin */
 KERNEL(instantaneous_euler_motion_chi_motion_from_zyz, const REAL angles[3], const REAL angle_rates[3], REAL matrix[9], REAL omega[3]) {
   /* inputs */
   const REAL angles_1 = angles[AT(0)];
@@ -258,31 +277,32 @@ KERNEL(instantaneous_euler_motion_chi_motion_from_zyz, const REAL angles[3], con
   const REAL x1 = SIN(angles_3);
   const REAL x2 = x0*x1;
   const REAL x3 = COS(angles_1);
-  const REAL x4 = COS(angles_2);
-  const REAL x5 = COS(angles_3);
-  const REAL x6 = x0*x5;
-  const REAL x7 = x1*x3;
-  const REAL x8 = SIN(angles_2);
-  const REAL x9 = x0*x8;
+  const REAL matrix_3_3 = COS(angles_2);
+  const REAL x4 = COS(angles_3);
+  const REAL x5 = x3*matrix_3_3;
+  const REAL x7 = x0*x4;
+  const REAL x10 = SIN(angles_2);
+  const REAL matrix_1_3 = x10*x3;
+  const REAL matrix_2_3 = x0*x10;
   /* outputs */
-  matrix[AT(0)] = x3*x4*x5 - x2;
-  matrix[AT(1)] = -x4*x7 - x6;
-  matrix[AT(2)] = x3*x8;
-  matrix[AT(3)] = x4*x6 + x7;
-  matrix[AT(4)] = x3*x5 - x2*x4;
-  matrix[AT(5)] = x9;
-  matrix[AT(6)] = -x5*x8;
-  matrix[AT(7)] = x1*x8;
-  matrix[AT(8)] = x4;
-  omega[AT(0)] = angle_rates_3*x3*x8 - angle_rates_2*x0;
-  omega[AT(1)] = angle_rates_2*x3 + angle_rates_3*x9;
-  omega[AT(2)] = angle_rates_1 + angle_rates_3*x4;
+  matrix[AT(0)] = x5*x4 - x2;
+  matrix[AT(1)] = -(x7 + x1*x5);
+  matrix[AT(2)] = matrix_1_3;
+  matrix[AT(3)] = x7*matrix_3_3 + x1*x3;
+  matrix[AT(4)] = x3*x4 - x2*matrix_3_3;
+  matrix[AT(5)] = matrix_2_3;
+  matrix[AT(6)] = -x10*x4;
+  matrix[AT(7)] = x10*x1;
+  matrix[AT(8)] = matrix_3_3;
+  omega[AT(0)] = angle_rates_3*matrix_1_3 - angle_rates_2*x0;
+  omega[AT(1)] = angle_rates_2*x3 + angle_rates_3*matrix_2_3;
+  omega[AT(2)] = angle_rates_1 + angle_rates_3*matrix_3_3;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
 }
 
-/* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+/* chi_zyx_from_quaternion: 25 add, 41 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 KERNEL(instantaneous_euler_motion_chi_zyx_from_quaternion, const REAL quaternion[4], REAL angles[3], CODE *status) {
   /* inputs */
   const REAL quaternion_1 = quaternion[AT(0)];
@@ -291,48 +311,48 @@ KERNEL(instantaneous_euler_motion_chi_zyx_from_quaternion, const REAL quaternion
   const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
-  const REAL x2 = K(0.5)*SQRT(K(2.0));
-  const REAL turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
-  const REAL turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
-  const REAL turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
-  const REAL turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
+  const REAL x10 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x10;
+  const REAL quaternion_scaled_2 = quaternion_2*x10;
+  const REAL quaternion_scaled_3 = quaternion_3*x10;
+  const REAL quaternion_scaled_4 = quaternion_4*x10;
+  const REAL quaternion_length = SQRT(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4);
+  const REAL x20 = SELECT(TEST(K(0.0) < quaternion_length), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x20;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x20;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x20;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x20;
+  const REAL quaternion_deviation = FABS(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - K(1.0));
+  const CONDITION good = TEST(quaternion_size <= REAL_MAX) & TEST(K(0.0) < quaternion_size);
+  const REAL x33 = K(0.5)*SQRT(K(2.0));
+  const REAL turned_1 = x33*(quaternion_unit_1 - quaternion_unit_3);
+  const REAL turned_2 = x33*(quaternion_unit_2 - quaternion_unit_4);
+  const REAL turned_3 = x33*(quaternion_unit_1 + quaternion_unit_3);
+  const REAL turned_4 = x33*(quaternion_unit_2 + quaternion_unit_4);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(turned_2) + FABS(turned_3));
   const REAL sine_scaled_1 = sine_scale*turned_2;
   const REAL sine_scaled_2 = sine_scale*turned_3;
-  const REAL sine = SQRT((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+  const REAL sine = SQRT(sine_scaled_1*sine_scaled_1 + sine_scaled_2*sine_scaled_2)/sine_scale;
   const REAL cosine_scale = POWER_OF_TWO_SCALE(FABS(turned_1) + FABS(turned_4));
   const REAL cosine_scaled_1 = cosine_scale*turned_1;
   const REAL cosine_scaled_2 = cosine_scale*turned_4;
-  const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-  const REAL x5 = K(4.0)*REAL_EPSILON;
-  const CONDITION low = TEST(sine <= x5);
-  const CONDITION high = TEST(cosine <= x5);
+  const REAL cosine = SQRT(cosine_scaled_1*cosine_scaled_1 + cosine_scaled_2*cosine_scaled_2)/cosine_scale;
+  const REAL x51 = K(4.0)*REAL_EPSILON;
+  const CONDITION low = TEST(sine <= x51);
+  const CONDITION high = TEST(cosine <= x51);
   const REAL sigma = ATAN2(turned_4, turned_1);
   const REAL delta = ATAN2(-turned_2, turned_3);
   const REAL half_sum = SELECT(high, delta, sigma);
   const REAL half_difference = SELECT(low, sigma, delta);
   const REAL first = half_difference + half_sum;
   const REAL third = half_sum - half_difference;
-  const REAL x3 = K(2.0)*K(3.141592653589793);
-  const REAL x6 = -K(3.141592653589793);
-  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT((high) | (low), K(2.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
+  const REAL x53 = -K(3.141592653589793);
+  const REAL x55 = K(2.0)*K(3.141592653589793);
+  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT(high | low, K(2.0), SELECT(TEST(K(16.0)*REAL_EPSILON < quaternion_deviation), K(4.0), K(0.0))));
   /* outputs */
-  angles[AT(0)] = SELECT(good, SELECT(TEST(first > K(3.141592653589793)), first - x3, SELECT(TEST(first <= x6), first + x3, first)), (REAL)NAN);
+  angles[AT(0)] = SELECT(good, SELECT(TEST(K(3.141592653589793) < first), first - x55, SELECT(TEST(first <= x53), first + x55, first)), (REAL)NAN);
   angles[AT(1)] = SELECT(good, ATAN2(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine), (REAL)NAN);
-  angles[AT(2)] = SELECT(good, SELECT(TEST(third > K(3.141592653589793)), third - x3, SELECT(TEST(third <= x6), third + x3, third)), (REAL)NAN);
+  angles[AT(2)] = SELECT(good, SELECT(TEST(K(3.141592653589793) < third), third - x55, SELECT(TEST(third <= x53), third + x55, third)), (REAL)NAN);
   *status = (CODE)status_value;
 }
 
@@ -345,43 +365,43 @@ KERNEL(instantaneous_euler_motion_chi_zyz_from_quaternion, const REAL quaternion
   const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const REAL x10 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x10;
+  const REAL quaternion_scaled_2 = quaternion_2*x10;
+  const REAL quaternion_scaled_3 = quaternion_3*x10;
+  const REAL quaternion_scaled_4 = quaternion_4*x10;
+  const REAL quaternion_length = SQRT(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4);
+  const REAL x20 = SELECT(TEST(K(0.0) < quaternion_length), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x20;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x20;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x20;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x20;
+  const REAL quaternion_deviation = FABS(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - K(1.0));
+  const CONDITION good = TEST(quaternion_size <= REAL_MAX) & TEST(K(0.0) < quaternion_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(quaternion_unit_2) + FABS(quaternion_unit_3));
   const REAL sine_scaled_1 = quaternion_unit_2*sine_scale;
   const REAL sine_scaled_2 = quaternion_unit_3*sine_scale;
-  const REAL sine = SQRT((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+  const REAL sine = SQRT(sine_scaled_1*sine_scaled_1 + sine_scaled_2*sine_scaled_2)/sine_scale;
   const REAL cosine_scale = POWER_OF_TWO_SCALE(FABS(quaternion_unit_1) + FABS(quaternion_unit_4));
   const REAL cosine_scaled_1 = cosine_scale*quaternion_unit_1;
   const REAL cosine_scaled_2 = cosine_scale*quaternion_unit_4;
-  const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-  const REAL x4 = K(4.0)*REAL_EPSILON;
-  const CONDITION low = TEST(sine <= x4);
-  const CONDITION high = TEST(cosine <= x4);
+  const REAL cosine = SQRT(cosine_scaled_1*cosine_scaled_1 + cosine_scaled_2*cosine_scaled_2)/cosine_scale;
+  const REAL x45 = K(4.0)*REAL_EPSILON;
+  const CONDITION low = TEST(sine <= x45);
+  const CONDITION high = TEST(cosine <= x45);
   const REAL sigma = ATAN2(quaternion_unit_4, quaternion_unit_1);
   const REAL delta = ATAN2(-quaternion_unit_2, quaternion_unit_3);
   const REAL half_sum = SELECT(high, delta, sigma);
   const REAL half_difference = SELECT(low, sigma, delta);
   const REAL first = half_difference + half_sum;
   const REAL third = half_sum - half_difference;
-  const REAL x2 = K(2.0)*K(3.141592653589793);
-  const REAL x5 = -K(3.141592653589793);
-  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT((high) | (low), K(2.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
+  const REAL x47 = -K(3.141592653589793);
+  const REAL x49 = K(2.0)*K(3.141592653589793);
+  const REAL status_value = SELECT(NOT(good), K(5.0), SELECT(high | low, K(2.0), SELECT(TEST(K(16.0)*REAL_EPSILON < quaternion_deviation), K(4.0), K(0.0))));
   /* outputs */
-  angles[AT(0)] = SELECT(good, SELECT(TEST(first > K(3.141592653589793)), first - x2, SELECT(TEST(first <= x5), first + x2, first)), (REAL)NAN);
+  angles[AT(0)] = SELECT(good, SELECT(TEST(K(3.141592653589793) < first), first - x49, SELECT(TEST(first <= x47), first + x49, first)), (REAL)NAN);
   angles[AT(1)] = SELECT(good, K(2.0)*ATAN2(sine, cosine), (REAL)NAN);
-  angles[AT(2)] = SELECT(good, SELECT(TEST(third > K(3.141592653589793)), third - x2, SELECT(TEST(third <= x5), third + x2, third)), (REAL)NAN);
+  angles[AT(2)] = SELECT(good, SELECT(TEST(K(3.141592653589793) < third), third - x49, SELECT(TEST(third <= x47), third + x49, third)), (REAL)NAN);
   *status = (CODE)status_value;
 }
 

@@ -53,7 +53,7 @@ void instantaneous_euler_motion_chi_rates_batch_f32(size_t count, const float *m
 
 /* Angular velocity of a body whose instantaneous Euler angles change at given rates.
  * Source: derivation instantaneous_euler_motion, entry angular-velocity
- * Operations: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
+ * Operations: 35 add, 60 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
  * matrix (3, 3), no unit: rotation; its columns are the moved axes
  * rate (3), rad/time: rates of the three angles
  * omega (3), rad/time: angular velocity, in fixed axes
@@ -79,7 +79,7 @@ void instantaneous_euler_motion_chi_motion_from_zyx_batch_f32(size_t count, cons
 
 /* Rotation matrix and angular velocity of intrinsic Z-Y-Z angles and their rates.
  * Source: Zhou and Zhu, eq. (19) or (17) put right, and derivation instantaneous_euler_motion
- * Operations: 7 add, 19 mul, 3 cos, 3 sin
+ * Operations: 7 add, 18 mul, 3 cos, 3 sin
  * angles (3), rad: the three angles in the order of the sequence
  * angle_rates (3), rad/time: their rates
  * matrix (3, 3), no unit: rotation; its columns are the moved axes
@@ -92,7 +92,7 @@ void instantaneous_euler_motion_chi_motion_from_zyz_batch_f32(size_t count, cons
 
 /* Intrinsic Z-Y-X angles of a unit quaternion.
  * Source: derivation instantaneous_euler_motion, entries quarter-turn, middle-angle and zyz-by-halves
- * Operations: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
+ * Operations: 25 add, 41 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
  * quaternion (4), no unit: unit quaternion, scalar part first
  * angles (3), rad: the angles; the middle one is -pi/2 to pi/2, the others are in (-pi, pi]
  * status, codes of MotionStatus: what the angles are

@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,32 +30,32 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
-#define SQRT(x) sqrt(x)
 #define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #include "instantaneous_euler_ridges.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
-#undef SQRT
 #undef FABS
+#undef SQRT
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
-#define SQRT(x) sqrtf(x)
 #define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #include "instantaneous_euler_ridges.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
-#undef SQRT
 #undef FABS
+#undef SQRT
 
 #else
 
@@ -75,56 +75,66 @@ KERNEL(instantaneous_euler_ridges_chi_ridge_lines, const REAL matrix[9], const R
   const REAL point_2 = point[AT(1)];
   const REAL point_3 = point[AT(2)];
   /* intermediate terms */
-  const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-  const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-  const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-  const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL x24 = matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1;
+  const REAL x31 = matrix_1_2*matrix_1_2 + matrix_3_2*matrix_3_2;
+  const REAL x38 = matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3;
+  const REAL x13 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x20 = K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x27 = FABS(matrix_1_1*matrix_1_1 + x24 - K(1.0));
+  const REAL x34 = FABS(x31 + matrix_2_2*matrix_2_2 - K(1.0));
+  const REAL x41 = FABS(x38 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x13 + x20 + x27 + x34 + x41;
+  const REAL x57 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x57;
   const REAL size = FABS(point_1) + FABS(point_2) + FABS(point_3);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(size <= REAL_MAX)) & (TEST(determinant > K(0.0)));
-  const CONDITION abnormal = TEST(deviation > K(64.0)*REAL_EPSILON);
-  const REAL sine_x = SQRT(x0);
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(size <= REAL_MAX) & TEST(K(0.0) < determinant);
+  const CONDITION abnormal = TEST(K(64.0)*REAL_EPSILON < deviation);
+  const REAL sine_x = SQRT(x24);
   const REAL height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-  const REAL x9 = K(4.0)*REAL_EPSILON;
-  const CONDITION flat_x = TEST(sine_x <= x9);
+  const REAL x72 = K(4.0)*REAL_EPSILON;
+  const CONDITION flat_x = TEST(sine_x <= x72);
   const REAL length_x = SELECT(flat_x, (REAL)NAN, sine_x);
-  const REAL sine_y = SQRT(x1);
+  const REAL sine_y = SQRT(x31);
   const REAL height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-  const CONDITION flat_y = TEST(sine_y <= x9);
+  const CONDITION flat_y = TEST(sine_y <= x72);
   const REAL length_y = SELECT(flat_y, (REAL)NAN, sine_y);
-  const REAL sine_z = SQRT(x2);
+  const REAL sine_z = SQRT(x38);
   const REAL height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-  const CONDITION flat_z = TEST(sine_z <= x9);
+  const CONDITION flat_z = TEST(sine_z <= x72);
   const REAL length_z = SELECT(flat_z, (REAL)NAN, sine_z);
-  const REAL x3 = SELECT((flat_x) | (NOT(good)), (REAL)NAN, K(0.0));
-  const REAL x4 = K(1.0)/length_x;
-  const REAL x5 = K(1.0)/length_y;
-  const REAL x6 = SELECT((flat_y) | (NOT(good)), (REAL)NAN, K(0.0));
-  const REAL x7 = K(1.0)/length_z;
-  const REAL x8 = SELECT((flat_z) | (NOT(good)), (REAL)NAN, K(0.0));
-  const REAL x10 = size*x9;
-  const REAL status_x_value = SELECT(NOT(good), K(4.0), SELECT(abnormal, K(3.0), SELECT((flat_x) & (TEST(FABS(height_x) <= x10)), K(1.0), SELECT(flat_x, K(2.0), K(0.0)))));
-  const REAL status_y_value = SELECT(NOT(good), K(4.0), SELECT(abnormal, K(3.0), SELECT((flat_y) & (TEST(FABS(height_y) <= x10)), K(1.0), SELECT(flat_y, K(2.0), K(0.0)))));
-  const REAL status_z_value = SELECT(NOT(good), K(4.0), SELECT(abnormal, K(3.0), SELECT((flat_z) & (TEST(FABS(height_z) <= x10)), K(1.0), SELECT(flat_z, K(2.0), K(0.0)))));
+  const CONDITION x81 = NOT(good);
+  const CONDITION x82 = flat_x | x81;
+  const REAL lines_1_1 = SELECT(x82, (REAL)NAN, K(0.0));
+  const REAL x83 = K(1.0)/length_x;
+  const REAL x88 = K(1.0)/length_y;
+  const CONDITION x90 = flat_y | x81;
+  const REAL lines_2_2 = SELECT(x90, (REAL)NAN, K(0.0));
+  const REAL x94 = K(1.0)/length_z;
+  const CONDITION x97 = flat_z | x81;
+  const REAL lines_3_3 = SELECT(x97, (REAL)NAN, K(0.0));
+  const REAL x102 = x72*size;
+  const REAL status_x_value = SELECT(x81, K(4.0), SELECT(abnormal, K(3.0), SELECT(flat_x & TEST(FABS(height_x) <= x102), K(1.0), SELECT(flat_x, K(2.0), K(0.0)))));
+  const REAL status_y_value = SELECT(x81, K(4.0), SELECT(abnormal, K(3.0), SELECT(flat_y & TEST(FABS(height_y) <= x102), K(1.0), SELECT(flat_y, K(2.0), K(0.0)))));
+  const REAL status_z_value = SELECT(x81, K(4.0), SELECT(abnormal, K(3.0), SELECT(flat_z & TEST(FABS(height_z) <= x102), K(1.0), SELECT(flat_z, K(2.0), K(0.0)))));
   /* outputs */
-  lines[AT(0)] = x3;
-  lines[AT(1)] = SELECT((flat_x) | (NOT(good)), (REAL)NAN, -matrix_3_1*x4);
-  lines[AT(2)] = SELECT((flat_x) | (NOT(good)), (REAL)NAN, matrix_2_1*x4);
-  lines[AT(3)] = SELECT((flat_x) | (NOT(good)), (REAL)NAN, height_x*x4);
-  lines[AT(4)] = x3;
-  lines[AT(5)] = x3;
-  lines[AT(6)] = SELECT((flat_y) | (NOT(good)), (REAL)NAN, matrix_3_2*x5);
-  lines[AT(7)] = x6;
-  lines[AT(8)] = SELECT((flat_y) | (NOT(good)), (REAL)NAN, -matrix_1_2*x5);
-  lines[AT(9)] = x6;
-  lines[AT(10)] = SELECT((flat_y) | (NOT(good)), (REAL)NAN, height_y*x5);
-  lines[AT(11)] = x6;
-  lines[AT(12)] = SELECT((flat_z) | (NOT(good)), (REAL)NAN, -matrix_2_3*x7);
-  lines[AT(13)] = SELECT((flat_z) | (NOT(good)), (REAL)NAN, matrix_1_3*x7);
-  lines[AT(14)] = x8;
-  lines[AT(15)] = x8;
-  lines[AT(16)] = x8;
-  lines[AT(17)] = SELECT((flat_z) | (NOT(good)), (REAL)NAN, height_z*x7);
+  lines[AT(0)] = lines_1_1;
+  lines[AT(1)] = SELECT(x82, (REAL)NAN, -x83*matrix_3_1);
+  lines[AT(2)] = SELECT(x82, (REAL)NAN, x83*matrix_2_1);
+  lines[AT(3)] = SELECT(x82, (REAL)NAN, height_x*x83);
+  lines[AT(4)] = lines_1_1;
+  lines[AT(5)] = lines_1_1;
+  lines[AT(6)] = SELECT(x90, (REAL)NAN, x88*matrix_3_2);
+  lines[AT(7)] = lines_2_2;
+  lines[AT(8)] = SELECT(x90, (REAL)NAN, -x88*matrix_1_2);
+  lines[AT(9)] = lines_2_2;
+  lines[AT(10)] = SELECT(x90, (REAL)NAN, height_y*x88);
+  lines[AT(11)] = lines_2_2;
+  lines[AT(12)] = SELECT(x97, (REAL)NAN, -x94*matrix_2_3);
+  lines[AT(13)] = SELECT(x97, (REAL)NAN, x94*matrix_1_3);
+  lines[AT(14)] = lines_3_3;
+  lines[AT(15)] = lines_3_3;
+  lines[AT(16)] = lines_3_3;
+  lines[AT(17)] = SELECT(x97, (REAL)NAN, height_z*x94);
   *status_x = (CODE)status_x_value;
   *status_y = (CODE)status_y_value;
   *status_z = (CODE)status_z_value;

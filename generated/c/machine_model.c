@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,47 +30,47 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
-#define SIN(x) sin(x)
 #define SQRT(x) sqrt(x)
+#define SIN(x) sin(x)
 #include "machine_model.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
-#undef SIN
 #undef SQRT
+#undef SIN
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
-#define SIN(x) sinf(x)
 #define SQRT(x) sqrtf(x)
+#define SIN(x) sinf(x)
 #include "machine_model.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
-#undef SIN
 #undef SQRT
+#undef SIN
 
 #else
 
-/* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
+/* rotation_from_vector: 44 add, 47 mul, 6 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 KERNEL(machine_model_rotation_from_vector, const REAL w[3], REAL matrix[9], REAL left_jacobian[9]) {
   /* inputs */
   const REAL w_1 = w[AT(0)];
   const REAL w_2 = w[AT(1)];
   const REAL w_3 = w[AT(2)];
   /* intermediate terms */
-  const REAL x0 = (w_1*w_1);
-  const REAL x1 = (w_2*w_2);
-  const REAL x2 = (w_3*w_3);
-  const REAL x3 = x1 + x2;
-  const REAL square = x0 + x3;
+  const REAL x0 = w_1*w_1;
+  const REAL x1 = w_2*w_2;
+  const REAL x2 = w_3*w_3;
+  const REAL x3 = x0 + x1;
+  const REAL square = x3 + x2;
   const CONDITION is_small = TEST(square < K(0.25));
   const REAL safe = SELECT(is_small, K(1.0), square);
   const REAL angle = SQRT(safe);
@@ -78,45 +78,59 @@ KERNEL(machine_model_rotation_from_vector, const REAL w[3], REAL matrix[9], REAL
   const REAL sine = SIN(angle);
   const REAL half_sine = SIN(half_angle);
   const REAL x4 = K(1.0)/angle;
-  const REAL S = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x4);
-  const REAL K = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
-  const REAL T = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x4*(angle - sine)/safe);
-  const REAL x6 = S*w_3;
-  const REAL x7 = K*w_2;
-  const REAL x8 = w_1*x7;
-  const REAL x9 = S*w_2;
-  const REAL x10 = K*w_3;
-  const REAL x11 = w_1*x10;
-  const REAL x12 = -x0 - x2;
-  const REAL x13 = S*w_1;
-  const REAL x14 = w_2*x10;
-  const REAL x15 = -x0 - x1;
-  const REAL x16 = T*w_1;
-  const REAL x17 = K*w_1;
+  const REAL x6 = K(1.0)/K(6227020800.0);
+  const REAL x10 = K(1.0)/K(39916800.0);
+  const REAL x13 = K(1.0)/K(362880.0);
+  const REAL x16 = K(1.0)/K(5040.0);
+  const REAL x19 = K(1.0)/K(120.0);
+  const REAL x22 = K(1.0)/K(6.0);
+  const REAL x21 = square*(square*(square*(square*(square*(x6 - square/K(1307674368000.0)) - x10) + x13) - x16) + x19);
+  const REAL S = SELECT(is_small, square*(x21 - x22) + K(1.0), x4*sine);
+  const REAL x40 = K(1.0)/K(40320.0);
+  const REAL x41 = square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - x40;
+  const REAL x29 = K(2.0)*(half_sine*half_sine)/(angle*angle);
+  const REAL K = SELECT(is_small, square*(square*(square*x41 + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), x29);
+  const REAL x63 = square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - x6) + x10) - x13) + x16;
+  const REAL T = SELECT(is_small, square*(square*x63 - x19) + x22, x4*(angle - sine)/safe);
+  const REAL x68 = x1 + x2;
+  const REAL x70 = K*w_1;
+  const REAL x71 = x70*w_2;
+  const REAL x72 = S*w_3;
+  const REAL x73 = x70*w_3;
+  const REAL x74 = S*w_2;
+  const REAL x75 = x0 + x2;
+  const REAL x77 = K*w_2;
+  const REAL x78 = x77*w_3;
+  const REAL x79 = S*w_1;
+  const REAL x82 = K*w_3;
+  const REAL x83 = T*w_1;
+  const REAL x84 = x83*w_2;
+  const REAL x85 = x83*w_3;
+  const REAL x88 = T*w_2*w_3;
   /* outputs */
-  matrix[AT(0)] = K(1.0) - K*x3;
-  matrix[AT(1)] = x8 - x6;
-  matrix[AT(2)] = x11 + x9;
-  matrix[AT(3)] = x6 + x8;
-  matrix[AT(4)] = K*x12 + K(1.0);
-  matrix[AT(5)] = x14 - x13;
-  matrix[AT(6)] = x11 - x9;
-  matrix[AT(7)] = x13 + x14;
-  matrix[AT(8)] = K*x15 + K(1.0);
-  left_jacobian[AT(0)] = K(1.0) - T*x3;
-  left_jacobian[AT(1)] = T*w_1*w_2 - x10;
-  left_jacobian[AT(2)] = w_3*x16 + x7;
-  left_jacobian[AT(3)] = w_2*x16 + x10;
-  left_jacobian[AT(4)] = T*x12 + K(1.0);
-  left_jacobian[AT(5)] = T*w_2*w_3 - x17;
-  left_jacobian[AT(6)] = T*w_1*w_3 - x7;
-  left_jacobian[AT(7)] = T*w_2*w_3 + x17;
-  left_jacobian[AT(8)] = T*x15 + K(1.0);
+  matrix[AT(0)] = K(1.0) - K*x68;
+  matrix[AT(1)] = x71 - x72;
+  matrix[AT(2)] = x73 + x74;
+  matrix[AT(3)] = x71 + x72;
+  matrix[AT(4)] = K(1.0) - K*x75;
+  matrix[AT(5)] = x78 - x79;
+  matrix[AT(6)] = x73 - x74;
+  matrix[AT(7)] = x78 + x79;
+  matrix[AT(8)] = K(1.0) - K*x3;
+  left_jacobian[AT(0)] = K(1.0) - T*x68;
+  left_jacobian[AT(1)] = x84 - x82;
+  left_jacobian[AT(2)] = x77 + x85;
+  left_jacobian[AT(3)] = x82 + x84;
+  left_jacobian[AT(4)] = K(1.0) - T*x75;
+  left_jacobian[AT(5)] = x88 - x70;
+  left_jacobian[AT(6)] = x85 - x77;
+  left_jacobian[AT(7)] = x70 + x88;
+  left_jacobian[AT(8)] = K(1.0) - T*x3;
   ANGLE(0, angle);
   ANGLE(1, half_angle);
 }
 
-/* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
+/* tilted_axis: 69 add, 99 mul, 6 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 KERNEL(machine_model_tilted_axis, const REAL axis[3], const REAL u[3], const REAL v[3], const REAL tilt[2], REAL tilted[3], REAL tilted_jacobian[6]) {
   /* inputs */
   const REAL axis_1 = axis[AT(0)];
@@ -134,45 +148,56 @@ KERNEL(machine_model_tilted_axis, const REAL axis[3], const REAL u[3], const REA
   const REAL w_1 = tilt_1*u_1 + tilt_2*v_1;
   const REAL w_2 = tilt_1*u_2 + tilt_2*v_2;
   const REAL w_3 = tilt_1*u_3 + tilt_2*v_3;
-  const REAL square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
+  const REAL square = w_1*w_1 + w_2*w_2 + w_3*w_3;
   const CONDITION is_small = TEST(square < K(0.25));
   const REAL safe = SELECT(is_small, K(1.0), square);
   const REAL angle = SQRT(safe);
   const REAL half_angle = K(0.5)*angle;
   const REAL sine = SIN(angle);
   const REAL half_sine = SIN(half_angle);
-  const REAL x0 = K(1.0)/angle;
-  const REAL S = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x0);
-  const REAL K = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
-  const REAL T = SELECT(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x0*(angle - sine)/safe);
+  const REAL x10 = K(1.0)/angle;
+  const REAL x12 = K(1.0)/K(6227020800.0);
+  const REAL x16 = K(1.0)/K(39916800.0);
+  const REAL x19 = K(1.0)/K(362880.0);
+  const REAL x22 = K(1.0)/K(5040.0);
+  const REAL x25 = K(1.0)/K(120.0);
+  const REAL x28 = K(1.0)/K(6.0);
+  const REAL x27 = square*(square*(square*(square*(square*(x12 - square/K(1307674368000.0)) - x16) + x19) - x22) + x25);
+  const REAL S = SELECT(is_small, square*(x27 - x28) + K(1.0), x10*sine);
+  const REAL x46 = K(1.0)/K(40320.0);
+  const REAL x47 = square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - x46;
+  const REAL x35 = K(2.0)*(half_sine*half_sine)/(angle*angle);
+  const REAL K = SELECT(is_small, square*(square*(square*x47 + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), x35);
+  const REAL x69 = square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - x12) + x16) - x19) + x22;
+  const REAL T = SELECT(is_small, square*(square*x69 - x25) + x28, x10*(angle - sine)/safe);
   const REAL across_1 = axis_3*w_2 - axis_2*w_3;
   const REAL across_2 = axis_1*w_3 - axis_3*w_1;
   const REAL across_3 = axis_2*w_1 - axis_1*w_2;
-  const REAL turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
-  const REAL turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
-  const REAL turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
+  const REAL tilted_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
+  const REAL tilted_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
+  const REAL tilted_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
   const REAL beside_a_1 = u_3*w_2 - u_2*w_3;
   const REAL beside_a_2 = u_1*w_3 - u_3*w_1;
   const REAL beside_a_3 = u_2*w_1 - u_1*w_2;
   const REAL beside_b_1 = v_3*w_2 - v_2*w_3;
   const REAL beside_b_2 = v_1*w_3 - v_3*w_1;
   const REAL beside_b_3 = v_2*w_1 - v_1*w_2;
-  const REAL x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
-  const REAL x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
-  const REAL x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
-  const REAL x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
-  const REAL x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
-  const REAL x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
+  const REAL x116 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
+  const REAL x124 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
+  const REAL x132 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
+  const REAL x140 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
+  const REAL x149 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
+  const REAL x158 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
   /* outputs */
-  tilted[AT(0)] = turned_axis_1;
-  tilted[AT(1)] = turned_axis_2;
-  tilted[AT(2)] = turned_axis_3;
-  tilted_jacobian[AT(0)] = turned_axis_3*x2 - turned_axis_2*x1;
-  tilted_jacobian[AT(1)] = turned_axis_3*x4 - turned_axis_2*x3;
-  tilted_jacobian[AT(2)] = turned_axis_1*x1 - turned_axis_3*x5;
-  tilted_jacobian[AT(3)] = turned_axis_1*x3 - turned_axis_3*x6;
-  tilted_jacobian[AT(4)] = turned_axis_2*x5 - turned_axis_1*x2;
-  tilted_jacobian[AT(5)] = turned_axis_2*x6 - turned_axis_1*x4;
+  tilted[AT(0)] = tilted_1;
+  tilted[AT(1)] = tilted_2;
+  tilted[AT(2)] = tilted_3;
+  tilted_jacobian[AT(0)] = tilted_3*x124 - tilted_2*x116;
+  tilted_jacobian[AT(1)] = tilted_3*x140 - tilted_2*x132;
+  tilted_jacobian[AT(2)] = tilted_1*x116 - tilted_3*x149;
+  tilted_jacobian[AT(3)] = tilted_1*x132 - tilted_3*x158;
+  tilted_jacobian[AT(4)] = tilted_2*x149 - tilted_1*x124;
+  tilted_jacobian[AT(5)] = tilted_2*x158 - tilted_1*x140;
   ANGLE(0, angle);
   ANGLE(1, half_angle);
 }

@@ -18,7 +18,7 @@ extern "C" {
 
 /* Matrix of the rotation by a rotation vector, and its left Jacobian.
  * Source: derivation machine_model, entries vector-is-eq-1 and left-jacobian
- * Operations: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
+ * Operations: 44 add, 47 mul, 6 div, 1 sqrt, 4 select, 1 compare, 2 sin
  * w (3), rad: rotation vector
  * matrix (3, 3), no unit: rotation matrix R
  * left_jacobian (3, 3), no unit: left Jacobian L
@@ -30,7 +30,7 @@ void machine_model_rotation_from_vector_batch_f32(size_t count, const float *w, 
 
 /* An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.
  * Source: derivation machine_model, entries tilted-axis and by-tilt-of-the-axis
- * Operations: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
+ * Operations: 69 add, 99 mul, 6 div, 1 sqrt, 4 select, 1 compare, 2 sin
  * axis (3), no unit: unit vector
  * u (3), no unit: unit vector square to it
  * v (3), no unit: axis x u

@@ -46,7 +46,7 @@ static inline float power_of_two_scale_f32(float x) {
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -56,11 +56,11 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f64(x)
 #include "rotations.c"
 #undef REAL
@@ -68,11 +68,11 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 #undef POWER_OF_TWO_SCALE
 
 #define REAL float
@@ -80,11 +80,11 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f32(x)
 #include "rotations.c"
 #undef REAL
@@ -92,16 +92,16 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 #undef POWER_OF_TWO_SCALE
 
 #else
 
-/* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
+/* rotate: 18 add, 32 mul, 1 div, 3 abs, 1 power_of_two_scale */
 KERNEL(rotations_rotate, const REAL rho[3], const REAL theta[3], REAL rotated[3]) {
   /* inputs */
   const REAL rho_1 = rho[AT(0)];
@@ -112,20 +112,22 @@ KERNEL(rotations_rotate, const REAL rho[3], const REAL theta[3], REAL rotated[3]
   const REAL theta_3 = theta[AT(2)];
   /* intermediate terms */
   const REAL factor = POWER_OF_TWO_SCALE(K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0));
-  const REAL x0 = K(0.5)*factor;
-  const REAL turn_1 = theta_1*x0;
-  const REAL turn_2 = theta_2*x0;
-  const REAL turn_3 = theta_3*x0;
-  const REAL divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3);
+  const REAL x9 = K(0.5)*factor;
+  const REAL turn_1 = x9*theta_1;
+  const REAL turn_2 = x9*theta_2;
+  const REAL turn_3 = x9*theta_3;
+  const REAL divisor = factor*factor + turn_1*turn_1 + turn_2*turn_2 + turn_3*turn_3;
   const REAL inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3;
   const REAL inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1;
   const REAL inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2;
-  const REAL x1 = K(1.0)/divisor;
-  const REAL x2 = K(2.0)*turn_3;
+  const REAL x28 = K(1.0)/divisor;
+  const REAL x29 = K(2.0)*inner_2;
+  const REAL x31 = K(2.0)*inner_3;
+  const REAL x35 = K(2.0)*inner_1;
   /* outputs */
-  rotated[AT(0)] = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
-  rotated[AT(1)] = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
-  rotated[AT(2)] = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
+  rotated[AT(0)] = rho_1 + x28*(x31*turn_2 - x29*turn_3);
+  rotated[AT(1)] = rho_2 + x28*(x35*turn_3 - x31*turn_1);
+  rotated[AT(2)] = rho_3 + x28*(x29*turn_1 - x35*turn_2);
 }
 
 /* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
@@ -137,40 +139,41 @@ KERNEL(rotations_rodrigues_vector_from_axis_angle, const REAL axis[3], REAL angl
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
-  const REAL x0 = POWER_OF_TWO_SCALE(axis_size);
-  const REAL axis_scaled_1 = axis_1*x0;
-  const REAL axis_scaled_2 = axis_2*x0;
-  const REAL axis_scaled_3 = axis_3*x0;
-  const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-  const REAL x1 = SELECT(TEST(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
-  const REAL axis_unit_1 = axis_scaled_1*x1;
-  const REAL axis_unit_2 = axis_scaled_2*x1;
-  const REAL axis_unit_3 = axis_scaled_3*x1;
-  const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
-  const REAL x2 = COS(half_angle);
-  const REAL quaternion_sign = SELECT(TEST(x2 < K(0.0)), -K(1.0), K(1.0));
-  const REAL w = quaternion_sign*x2;
-  const REAL x3 = quaternion_sign*SIN(half_angle);
-  const REAL v_1 = axis_unit_1*x3;
-  const REAL v_2 = axis_unit_2*x3;
-  const REAL v_3 = axis_unit_3*x3;
-  const CONDITION good = (TEST(axis_size <= REAL_MAX)) & (TEST(FABS(angle) <= REAL_MAX)) & (TEST(axis_size > K(0.0)));
+  const REAL x7 = POWER_OF_TWO_SCALE(axis_size);
+  const REAL axis_scaled_1 = axis_1*x7;
+  const REAL axis_scaled_2 = axis_2*x7;
+  const REAL axis_scaled_3 = axis_3*x7;
+  const REAL axis_length = SQRT(axis_scaled_1*axis_scaled_1 + axis_scaled_2*axis_scaled_2 + axis_scaled_3*axis_scaled_3);
+  const REAL x15 = SELECT(TEST(K(0.0) < axis_length), K(1.0)/axis_length, K(1.0));
+  const REAL axis_unit_1 = axis_scaled_1*x15;
+  const REAL axis_unit_2 = axis_scaled_2*x15;
+  const REAL axis_unit_3 = axis_scaled_3*x15;
+  const REAL axis_deviation = FABS(axis_1*axis_1 + axis_2*axis_2 + axis_3*axis_3 - K(1.0));
+  const REAL x22 = COS(half_angle);
+  const REAL quaternion_sign = SELECT(TEST(x22 < K(0.0)), K(-1.0), K(1.0));
+  const REAL w = quaternion_sign*x22;
+  const REAL x25 = quaternion_sign*SIN(half_angle);
+  const REAL v_1 = axis_unit_1*x25;
+  const REAL v_2 = axis_unit_2*x25;
+  const REAL v_3 = axis_unit_3*x25;
+  const CONDITION good = TEST(axis_size <= REAL_MAX) & TEST(FABS(angle) <= REAL_MAX) & TEST(K(0.0) < axis_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x4 = K(2.0)*SELECT(TEST(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x47 = K(2.0)*SELECT(TEST(K(0.25)*REAL_EPSILON < w), K(1.0)/w, K(4.0)/REAL_EPSILON);
+  const REAL x57 = SELECT(TEST(K(16.0)*REAL_EPSILON < axis_deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x57);
   /* outputs */
-  theta[AT(0)] = SELECT(good, v_1*x4, (REAL)NAN);
-  theta[AT(1)] = SELECT(good, v_2*x4, (REAL)NAN);
-  theta[AT(2)] = SELECT(good, v_3*x4, (REAL)NAN);
+  theta[AT(0)] = SELECT(good, x47*v_1, (REAL)NAN);
+  theta[AT(1)] = SELECT(good, x47*v_2, (REAL)NAN);
+  theta[AT(2)] = SELECT(good, x47*v_3, (REAL)NAN);
   *status = (CODE)status_value;
   ANGLE(0, half_angle);
 }
 
-/* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
+/* matrix_from_axis_angle: 22 add, 43 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 KERNEL(rotations_matrix_from_axis_angle, const REAL axis[3], REAL angle, REAL matrix[9], CODE *status) {
   /* inputs */
   const REAL axis_1 = axis[AT(0)];
@@ -179,50 +182,52 @@ KERNEL(rotations_matrix_from_axis_angle, const REAL axis[3], REAL angle, REAL ma
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
-  const REAL x0 = POWER_OF_TWO_SCALE(axis_size);
-  const REAL axis_scaled_1 = axis_1*x0;
-  const REAL axis_scaled_2 = axis_2*x0;
-  const REAL axis_scaled_3 = axis_3*x0;
-  const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-  const REAL x1 = SELECT(TEST(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
-  const REAL axis_unit_1 = axis_scaled_1*x1;
-  const REAL axis_unit_2 = axis_scaled_2*x1;
-  const REAL axis_unit_3 = axis_scaled_3*x1;
-  const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
-  const REAL x2 = COS(half_angle);
-  const REAL quaternion_sign = SELECT(TEST(x2 < K(0.0)), -K(1.0), K(1.0));
-  const REAL w = quaternion_sign*x2;
-  const REAL x3 = quaternion_sign*SIN(half_angle);
-  const REAL v_1 = axis_unit_1*x3;
-  const REAL v_2 = axis_unit_2*x3;
-  const REAL v_3 = axis_unit_3*x3;
-  const CONDITION good = (TEST(axis_size <= REAL_MAX)) & (TEST(FABS(angle) <= REAL_MAX)) & (TEST(axis_size > K(0.0)));
+  const REAL x7 = POWER_OF_TWO_SCALE(axis_size);
+  const REAL axis_scaled_1 = axis_1*x7;
+  const REAL axis_scaled_2 = axis_2*x7;
+  const REAL axis_scaled_3 = axis_3*x7;
+  const REAL axis_length = SQRT(axis_scaled_1*axis_scaled_1 + axis_scaled_2*axis_scaled_2 + axis_scaled_3*axis_scaled_3);
+  const REAL x15 = SELECT(TEST(K(0.0) < axis_length), K(1.0)/axis_length, K(1.0));
+  const REAL axis_unit_1 = axis_scaled_1*x15;
+  const REAL axis_unit_2 = axis_scaled_2*x15;
+  const REAL axis_unit_3 = axis_scaled_3*x15;
+  const REAL axis_deviation = FABS(axis_1*axis_1 + axis_2*axis_2 + axis_3*axis_3 - K(1.0));
+  const REAL x22 = COS(half_angle);
+  const REAL quaternion_sign = SELECT(TEST(x22 < K(0.0)), K(-1.0), K(1.0));
+  const REAL w = quaternion_sign*x22;
+  const REAL x25 = quaternion_sign*SIN(half_angle);
+  const REAL v_1 = axis_unit_1*x25;
+  const REAL v_2 = axis_unit_2*x25;
+  const REAL v_3 = axis_unit_3*x25;
+  const CONDITION good = TEST(axis_size <= REAL_MAX) & TEST(FABS(angle) <= REAL_MAX) & TEST(K(0.0) < axis_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x4 = K(2.0)*(v_2*v_2);
-  const REAL x5 = K(2.0)*(v_3*v_3) - K(1.0);
-  const REAL x6 = K(2.0)*v_2;
-  const REAL x7 = v_1*x6;
-  const REAL x8 = K(2.0)*v_3;
-  const REAL x9 = w*x8;
-  const REAL x10 = v_1*x8;
-  const REAL x11 = w*x6;
-  const REAL x12 = K(2.0)*(v_1*v_1);
-  const REAL x13 = K(2.0)*v_1*w;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x43 = K(2.0)*(v_2*v_2);
+  const REAL x45 = K(2.0)*(v_3*v_3);
+  const REAL x48 = K(2.0)*v_1;
+  const REAL x49 = x48*v_2;
+  const REAL x50 = K(2.0)*w;
+  const REAL x51 = x50*v_3;
+  const REAL x53 = x48*v_3;
+  const REAL x54 = x50*v_2;
+  const REAL x59 = K(1.0) - K(2.0)*(v_1*v_1);
+  const REAL x61 = x50*v_1;
+  const REAL x63 = K(2.0)*v_2*v_3;
+  const REAL x74 = SELECT(TEST(K(16.0)*REAL_EPSILON < axis_deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x74);
   /* outputs */
-  matrix[AT(0)] = SELECT(good, -x4 - x5, (REAL)NAN);
-  matrix[AT(1)] = SELECT(good, x7 - x9, (REAL)NAN);
-  matrix[AT(2)] = SELECT(good, x10 + x11, (REAL)NAN);
-  matrix[AT(3)] = SELECT(good, x7 + x9, (REAL)NAN);
-  matrix[AT(4)] = SELECT(good, -x12 - x5, (REAL)NAN);
-  matrix[AT(5)] = SELECT(good, K(2.0)*v_2*v_3 - x13, (REAL)NAN);
-  matrix[AT(6)] = SELECT(good, x10 - x11, (REAL)NAN);
-  matrix[AT(7)] = SELECT(good, v_2*x8 + x13, (REAL)NAN);
-  matrix[AT(8)] = SELECT(good, K(1.0) - x12 - x4, (REAL)NAN);
+  matrix[AT(0)] = SELECT(good, K(1.0) - x43 - x45, (REAL)NAN);
+  matrix[AT(1)] = SELECT(good, x49 - x51, (REAL)NAN);
+  matrix[AT(2)] = SELECT(good, x53 + x54, (REAL)NAN);
+  matrix[AT(3)] = SELECT(good, x49 + x51, (REAL)NAN);
+  matrix[AT(4)] = SELECT(good, x59 - x45, (REAL)NAN);
+  matrix[AT(5)] = SELECT(good, x63 - x61, (REAL)NAN);
+  matrix[AT(6)] = SELECT(good, x53 - x54, (REAL)NAN);
+  matrix[AT(7)] = SELECT(good, x61 + x63, (REAL)NAN);
+  matrix[AT(8)] = SELECT(good, x59 - x43, (REAL)NAN);
   *status = (CODE)status_value;
   ANGLE(0, half_angle);
 }
@@ -236,30 +241,31 @@ KERNEL(rotations_quaternion_from_axis_angle, const REAL axis[3], REAL angle, REA
   /* intermediate terms */
   const REAL half_angle = K(0.5)*angle;
   const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
-  const REAL x0 = POWER_OF_TWO_SCALE(axis_size);
-  const REAL axis_scaled_1 = axis_1*x0;
-  const REAL axis_scaled_2 = axis_2*x0;
-  const REAL axis_scaled_3 = axis_3*x0;
-  const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-  const REAL x1 = SELECT(TEST(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
-  const REAL axis_unit_1 = axis_scaled_1*x1;
-  const REAL axis_unit_2 = axis_scaled_2*x1;
-  const REAL axis_unit_3 = axis_scaled_3*x1;
-  const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
-  const REAL x2 = COS(half_angle);
-  const REAL quaternion_sign = SELECT(TEST(x2 < K(0.0)), -K(1.0), K(1.0));
-  const REAL w = quaternion_sign*x2;
-  const REAL x3 = quaternion_sign*SIN(half_angle);
-  const REAL v_1 = axis_unit_1*x3;
-  const REAL v_2 = axis_unit_2*x3;
-  const REAL v_3 = axis_unit_3*x3;
-  const CONDITION good = (TEST(axis_size <= REAL_MAX)) & (TEST(FABS(angle) <= REAL_MAX)) & (TEST(axis_size > K(0.0)));
+  const REAL x7 = POWER_OF_TWO_SCALE(axis_size);
+  const REAL axis_scaled_1 = axis_1*x7;
+  const REAL axis_scaled_2 = axis_2*x7;
+  const REAL axis_scaled_3 = axis_3*x7;
+  const REAL axis_length = SQRT(axis_scaled_1*axis_scaled_1 + axis_scaled_2*axis_scaled_2 + axis_scaled_3*axis_scaled_3);
+  const REAL x15 = SELECT(TEST(K(0.0) < axis_length), K(1.0)/axis_length, K(1.0));
+  const REAL axis_unit_1 = axis_scaled_1*x15;
+  const REAL axis_unit_2 = axis_scaled_2*x15;
+  const REAL axis_unit_3 = axis_scaled_3*x15;
+  const REAL axis_deviation = FABS(axis_1*axis_1 + axis_2*axis_2 + axis_3*axis_3 - K(1.0));
+  const REAL x22 = COS(half_angle);
+  const REAL quaternion_sign = SELECT(TEST(x22 < K(0.0)), K(-1.0), K(1.0));
+  const REAL w = quaternion_sign*x22;
+  const REAL x25 = quaternion_sign*SIN(half_angle);
+  const REAL v_1 = axis_unit_1*x25;
+  const REAL v_2 = axis_unit_2*x25;
+  const REAL v_3 = axis_unit_3*x25;
+  const CONDITION good = TEST(axis_size <= REAL_MAX) & TEST(FABS(angle) <= REAL_MAX) & TEST(K(0.0) < axis_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x48 = SELECT(TEST(K(16.0)*REAL_EPSILON < axis_deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x48);
   /* outputs */
   quaternion[AT(0)] = SELECT(good, w, (REAL)NAN);
   quaternion[AT(1)] = SELECT(good, v_1, (REAL)NAN);
@@ -269,7 +275,7 @@ KERNEL(rotations_quaternion_from_axis_angle, const REAL axis[3], REAL angle, REA
   ANGLE(0, half_angle);
 }
 
-/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
+/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 4 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 KERNEL(rotations_axis_angle_from_rodrigues_vector, const REAL theta[3], REAL axis[3], REAL *angle, CODE *status) {
   /* inputs */
   const REAL theta_1 = theta[AT(0)];
@@ -278,34 +284,35 @@ KERNEL(rotations_axis_angle_from_rodrigues_vector, const REAL theta[3], REAL axi
   /* intermediate terms */
   const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
   const REAL factor = POWER_OF_TWO_SCALE(size);
-  const REAL x0 = K(0.5)*factor;
-  const REAL theta_scaled_1 = theta_1*x0;
-  const REAL theta_scaled_2 = theta_2*x0;
-  const REAL theta_scaled_3 = theta_3*x0;
-  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-  const REAL x1 = K(1.0)/length;
-  const REAL w = factor*x1;
-  const REAL v_1 = theta_scaled_1*x1;
-  const REAL v_2 = theta_scaled_2*x1;
-  const REAL v_3 = theta_scaled_3*x1;
+  const REAL x8 = K(0.5)*factor;
+  const REAL theta_scaled_1 = x8*theta_1;
+  const REAL theta_scaled_2 = x8*theta_2;
+  const REAL theta_scaled_3 = x8*theta_3;
+  const REAL length = SQRT(factor*factor + theta_scaled_1*theta_scaled_1 + theta_scaled_2*theta_scaled_2 + theta_scaled_3*theta_scaled_3);
+  const REAL x16 = K(1.0)/length;
+  const REAL w = factor*x16;
+  const REAL v_1 = x16*theta_scaled_1;
+  const REAL v_2 = x16*theta_scaled_2;
+  const REAL v_3 = x16*theta_scaled_3;
   const CONDITION good = TEST(size <= REAL_MAX);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-  const REAL sine = x2/sine_scale;
-  const REAL x3 = SELECT(TEST(sine > K(0.0)), K(1.0)/x2, K(1.0));
+  const REAL x27 = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3);
+  const REAL sine = x27/sine_scale;
+  const CONDITION x28 = TEST(K(0.0) < sine);
+  const REAL x30 = SELECT(x28, K(1.0)/x27, K(1.0));
   const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
   /* outputs */
-  axis[AT(0)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
-  axis[AT(1)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
-  axis[AT(2)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+  axis[AT(0)] = SELECT(good, SELECT(x28, v_scaled_1*x30, K(0.0)), (REAL)NAN);
+  axis[AT(1)] = SELECT(good, SELECT(x28, v_scaled_2*x30, K(0.0)), (REAL)NAN);
+  axis[AT(2)] = SELECT(good, SELECT(x28, v_scaled_3*x30, K(1.0)), (REAL)NAN);
   *angle = SELECT(good, K(2.0)*ATAN2(sine, w), (REAL)NAN);
   *status = (CODE)status_value;
 }
 
-/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
+/* matrix_from_rodrigues_vector: 21 add, 36 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 KERNEL(rotations_matrix_from_rodrigues_vector, const REAL theta[3], REAL matrix[9], CODE *status) {
   /* inputs */
   const REAL theta_1 = theta[AT(0)];
@@ -314,43 +321,44 @@ KERNEL(rotations_matrix_from_rodrigues_vector, const REAL theta[3], REAL matrix[
   /* intermediate terms */
   const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
   const REAL factor = POWER_OF_TWO_SCALE(size);
-  const REAL x0 = K(0.5)*factor;
-  const REAL theta_scaled_1 = theta_1*x0;
-  const REAL theta_scaled_2 = theta_2*x0;
-  const REAL theta_scaled_3 = theta_3*x0;
-  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-  const REAL x1 = K(1.0)/length;
-  const REAL w = factor*x1;
-  const REAL v_1 = theta_scaled_1*x1;
-  const REAL v_2 = theta_scaled_2*x1;
-  const REAL v_3 = theta_scaled_3*x1;
+  const REAL x8 = K(0.5)*factor;
+  const REAL theta_scaled_1 = x8*theta_1;
+  const REAL theta_scaled_2 = x8*theta_2;
+  const REAL theta_scaled_3 = x8*theta_3;
+  const REAL length = SQRT(factor*factor + theta_scaled_1*theta_scaled_1 + theta_scaled_2*theta_scaled_2 + theta_scaled_3*theta_scaled_3);
+  const REAL x16 = K(1.0)/length;
+  const REAL w = factor*x16;
+  const REAL v_1 = x16*theta_scaled_1;
+  const REAL v_2 = x16*theta_scaled_2;
+  const REAL v_3 = x16*theta_scaled_3;
   const CONDITION good = TEST(size <= REAL_MAX);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x2 = K(2.0)*(v_2*v_2);
-  const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-  const REAL x4 = K(2.0)*v_2;
-  const REAL x5 = v_1*x4;
-  const REAL x6 = K(2.0)*v_3;
-  const REAL x7 = w*x6;
-  const REAL x8 = v_1*x6;
-  const REAL x9 = w*x4;
-  const REAL x10 = K(2.0)*(v_1*v_1);
-  const REAL x11 = K(2.0)*v_1*w;
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x29 = K(2.0)*(v_2*v_2);
+  const REAL x31 = K(2.0)*(v_3*v_3);
+  const REAL x34 = K(2.0)*v_1;
+  const REAL x35 = x34*v_2;
+  const REAL x36 = K(2.0)*w;
+  const REAL x37 = x36*v_3;
+  const REAL x39 = x34*v_3;
+  const REAL x40 = x36*v_2;
+  const REAL x45 = K(1.0) - K(2.0)*(v_1*v_1);
+  const REAL x47 = x36*v_1;
+  const REAL x49 = K(2.0)*v_2*v_3;
   const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
   /* outputs */
-  matrix[AT(0)] = SELECT(good, -x2 - x3, (REAL)NAN);
-  matrix[AT(1)] = SELECT(good, x5 - x7, (REAL)NAN);
-  matrix[AT(2)] = SELECT(good, x8 + x9, (REAL)NAN);
-  matrix[AT(3)] = SELECT(good, x5 + x7, (REAL)NAN);
-  matrix[AT(4)] = SELECT(good, -x10 - x3, (REAL)NAN);
-  matrix[AT(5)] = SELECT(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
-  matrix[AT(6)] = SELECT(good, x8 - x9, (REAL)NAN);
-  matrix[AT(7)] = SELECT(good, v_2*x6 + x11, (REAL)NAN);
-  matrix[AT(8)] = SELECT(good, K(1.0) - x10 - x2, (REAL)NAN);
+  matrix[AT(0)] = SELECT(good, K(1.0) - x29 - x31, (REAL)NAN);
+  matrix[AT(1)] = SELECT(good, x35 - x37, (REAL)NAN);
+  matrix[AT(2)] = SELECT(good, x39 + x40, (REAL)NAN);
+  matrix[AT(3)] = SELECT(good, x35 + x37, (REAL)NAN);
+  matrix[AT(4)] = SELECT(good, x45 - x31, (REAL)NAN);
+  matrix[AT(5)] = SELECT(good, x49 - x47, (REAL)NAN);
+  matrix[AT(6)] = SELECT(good, x39 - x40, (REAL)NAN);
+  matrix[AT(7)] = SELECT(good, x47 + x49, (REAL)NAN);
+  matrix[AT(8)] = SELECT(good, x45 - x29, (REAL)NAN);
   *status = (CODE)status_value;
 }
 
@@ -363,22 +371,22 @@ KERNEL(rotations_quaternion_from_rodrigues_vector, const REAL theta[3], REAL qua
   /* intermediate terms */
   const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
   const REAL factor = POWER_OF_TWO_SCALE(size);
-  const REAL x0 = K(0.5)*factor;
-  const REAL theta_scaled_1 = theta_1*x0;
-  const REAL theta_scaled_2 = theta_2*x0;
-  const REAL theta_scaled_3 = theta_3*x0;
-  const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-  const REAL x1 = K(1.0)/length;
-  const REAL w = factor*x1;
-  const REAL v_1 = theta_scaled_1*x1;
-  const REAL v_2 = theta_scaled_2*x1;
-  const REAL v_3 = theta_scaled_3*x1;
+  const REAL x8 = K(0.5)*factor;
+  const REAL theta_scaled_1 = x8*theta_1;
+  const REAL theta_scaled_2 = x8*theta_2;
+  const REAL theta_scaled_3 = x8*theta_3;
+  const REAL length = SQRT(factor*factor + theta_scaled_1*theta_scaled_1 + theta_scaled_2*theta_scaled_2 + theta_scaled_3*theta_scaled_3);
+  const REAL x16 = K(1.0)/length;
+  const REAL w = factor*x16;
+  const REAL v_1 = x16*theta_scaled_1;
+  const REAL v_2 = x16*theta_scaled_2;
+  const REAL v_3 = x16*theta_scaled_3;
   const CONDITION good = TEST(size <= REAL_MAX);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
   const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
   /* outputs */
   quaternion[AT(0)] = SELECT(good, w, (REAL)NAN);
@@ -388,7 +396,7 @@ KERNEL(rotations_quaternion_from_rodrigues_vector, const REAL theta[3], REAL qua
   *status = (CODE)status_value;
 }
 
-/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
+/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 10 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 KERNEL(rotations_axis_angle_from_matrix, const REAL matrix[9], REAL axis[3], REAL *angle, CODE *status) {
   /* inputs */
   const REAL matrix_1_1 = matrix[AT(0)];
@@ -401,73 +409,71 @@ KERNEL(rotations_axis_angle_from_matrix, const REAL matrix[9], REAL axis[3], REA
   const REAL matrix_3_2 = matrix[AT(7)];
   const REAL matrix_3_3 = matrix[AT(8)];
   /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
-  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
-  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
-  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
-  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
-  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
-  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
-  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
-  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
-  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
-  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
-  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
-  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
-  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL x11 = column_c_1*x10;
-  const REAL quaternion_sign = SELECT(TEST(x11 < K(0.0)), -K(1.0), K(1.0));
-  const REAL w = quaternion_sign*x11;
-  const REAL x12 = quaternion_sign*x10;
-  const REAL v_1 = column_c_2*x12;
-  const REAL v_2 = column_c_3*x12;
-  const REAL v_3 = column_c_4*x12;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const REAL x0 = matrix_1_1 + matrix_2_2;
+  const REAL x1 = matrix_3_3 + K(1.0);
+  const REAL products_1_1 = x0 + x1;
+  const REAL products_1_2 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_3 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_4 = matrix_2_1 - matrix_1_2;
+  const REAL products_2_2 = matrix_1_1 + K(1.0) - (matrix_2_2 + matrix_3_3);
+  const REAL products_2_3 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_4 = matrix_1_3 + matrix_3_1;
+  const REAL products_3_3 = matrix_2_2 + K(1.0) - (matrix_1_1 + matrix_3_3);
+  const REAL products_3_4 = matrix_2_3 + matrix_3_2;
+  const REAL products_4_4 = x1 - x0;
+  const CONDITION x6 = TEST(products_1_1 < products_2_2);
+  const REAL column_a_1 = SELECT(x6, products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(x6, products_2_2, products_1_2);
+  const REAL column_a_3 = SELECT(x6, products_2_3, products_1_3);
+  const REAL column_a_4 = SELECT(x6, products_2_4, products_1_4);
+  const REAL largest_a = SELECT(x6, products_2_2, products_1_1);
+  const CONDITION x7 = TEST(largest_a < products_3_3);
+  const REAL column_b_1 = SELECT(x7, products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(x7, products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(x7, products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(x7, products_3_4, column_a_4);
+  const REAL largest_b = SELECT(x7, products_3_3, largest_a);
+  const CONDITION x8 = TEST(largest_b < products_4_4);
+  const REAL column_c_1 = SELECT(x8, products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(x8, products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(x8, products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(x8, products_4_4, column_b_4);
+  const REAL length = SQRT(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4);
+  const REAL x16 = K(1.0)/length;
+  const REAL quaternion_sign = SELECT(TEST(column_c_1*x16 < K(0.0)), K(-1.0), K(1.0));
+  const REAL x19 = x16*quaternion_sign;
+  const REAL w = column_c_1*x19;
+  const REAL v_1 = column_c_2*x19;
+  const REAL v_2 = column_c_3*x19;
+  const REAL v_3 = column_c_4*x19;
+  const REAL x33 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x40 = K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x47 = FABS(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - K(1.0));
+  const REAL x54 = FABS(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - K(1.0));
+  const REAL x61 = FABS(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x33 + x40 + x47 + x54 + x61;
+  const REAL x77 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x77;
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(K(0.0) < determinant);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL x13 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-  const REAL sine = x13/sine_scale;
-  const REAL x14 = SELECT(TEST(sine > K(0.0)), K(1.0)/x13, K(1.0));
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL x91 = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3);
+  const REAL sine = x91/sine_scale;
+  const CONDITION x92 = TEST(K(0.0) < sine);
+  const REAL x94 = SELECT(x92, K(1.0)/x91, K(1.0));
+  const REAL x109 = SELECT(TEST(K(64.0)*REAL_EPSILON < deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x109);
   /* outputs */
-  axis[AT(0)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_1*x14, K(0.0)), (REAL)NAN);
-  axis[AT(1)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_2*x14, K(0.0)), (REAL)NAN);
-  axis[AT(2)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_3*x14, K(1.0)), (REAL)NAN);
+  axis[AT(0)] = SELECT(good, SELECT(x92, v_scaled_1*x94, K(0.0)), (REAL)NAN);
+  axis[AT(1)] = SELECT(good, SELECT(x92, v_scaled_2*x94, K(0.0)), (REAL)NAN);
+  axis[AT(2)] = SELECT(good, SELECT(x92, v_scaled_3*x94, K(1.0)), (REAL)NAN);
   *angle = SELECT(good, K(2.0)*ATAN2(sine, w), (REAL)NAN);
   *status = (CODE)status_value;
 }
 
-/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
+/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 10 compare, 9 abs, 1 power_of_two_scale */
 KERNEL(rotations_rodrigues_vector_from_matrix, const REAL matrix[9], REAL theta[3], CODE *status) {
   /* inputs */
   const REAL matrix_1_1 = matrix[AT(0)];
@@ -480,71 +486,68 @@ KERNEL(rotations_rodrigues_vector_from_matrix, const REAL matrix[9], REAL theta[
   const REAL matrix_3_2 = matrix[AT(7)];
   const REAL matrix_3_3 = matrix[AT(8)];
   /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
-  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
-  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
-  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
-  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
-  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
-  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
-  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
-  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
-  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
-  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
-  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
-  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
-  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL x11 = column_c_1*x10;
-  const REAL quaternion_sign = SELECT(TEST(x11 < K(0.0)), -K(1.0), K(1.0));
-  const REAL w = quaternion_sign*x11;
-  const REAL x12 = quaternion_sign*x10;
-  const REAL v_1 = column_c_2*x12;
-  const REAL v_2 = column_c_3*x12;
-  const REAL v_3 = column_c_4*x12;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const REAL x0 = matrix_1_1 + matrix_2_2;
+  const REAL x1 = matrix_3_3 + K(1.0);
+  const REAL products_1_1 = x0 + x1;
+  const REAL products_1_2 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_3 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_4 = matrix_2_1 - matrix_1_2;
+  const REAL products_2_2 = matrix_1_1 + K(1.0) - (matrix_2_2 + matrix_3_3);
+  const REAL products_2_3 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_4 = matrix_1_3 + matrix_3_1;
+  const REAL products_3_3 = matrix_2_2 + K(1.0) - (matrix_1_1 + matrix_3_3);
+  const REAL products_3_4 = matrix_2_3 + matrix_3_2;
+  const REAL products_4_4 = x1 - x0;
+  const CONDITION x6 = TEST(products_1_1 < products_2_2);
+  const REAL column_a_1 = SELECT(x6, products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(x6, products_2_2, products_1_2);
+  const REAL column_a_3 = SELECT(x6, products_2_3, products_1_3);
+  const REAL column_a_4 = SELECT(x6, products_2_4, products_1_4);
+  const REAL largest_a = SELECT(x6, products_2_2, products_1_1);
+  const CONDITION x7 = TEST(largest_a < products_3_3);
+  const REAL column_b_1 = SELECT(x7, products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(x7, products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(x7, products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(x7, products_3_4, column_a_4);
+  const REAL largest_b = SELECT(x7, products_3_3, largest_a);
+  const CONDITION x8 = TEST(largest_b < products_4_4);
+  const REAL column_c_1 = SELECT(x8, products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(x8, products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(x8, products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(x8, products_4_4, column_b_4);
+  const REAL length = SQRT(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4);
+  const REAL x16 = K(1.0)/length;
+  const REAL quaternion_sign = SELECT(TEST(column_c_1*x16 < K(0.0)), K(-1.0), K(1.0));
+  const REAL x19 = x16*quaternion_sign;
+  const REAL w = column_c_1*x19;
+  const REAL v_1 = column_c_2*x19;
+  const REAL v_2 = column_c_3*x19;
+  const REAL v_3 = column_c_4*x19;
+  const REAL x33 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x40 = K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x47 = FABS(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - K(1.0));
+  const REAL x54 = FABS(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - K(1.0));
+  const REAL x61 = FABS(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x33 + x40 + x47 + x54 + x61;
+  const REAL x77 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x77;
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(K(0.0) < determinant);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x13 = K(2.0)*SELECT(TEST(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x97 = K(2.0)*SELECT(TEST(K(0.25)*REAL_EPSILON < w), K(1.0)/w, K(4.0)/REAL_EPSILON);
+  const REAL x107 = SELECT(TEST(K(64.0)*REAL_EPSILON < deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x107);
   /* outputs */
-  theta[AT(0)] = SELECT(good, v_1*x13, (REAL)NAN);
-  theta[AT(1)] = SELECT(good, v_2*x13, (REAL)NAN);
-  theta[AT(2)] = SELECT(good, v_3*x13, (REAL)NAN);
+  theta[AT(0)] = SELECT(good, x97*v_1, (REAL)NAN);
+  theta[AT(1)] = SELECT(good, x97*v_2, (REAL)NAN);
+  theta[AT(2)] = SELECT(good, x97*v_3, (REAL)NAN);
   *status = (CODE)status_value;
 }
 
-/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
+/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 9 compare, 9 abs, 1 power_of_two_scale */
 KERNEL(rotations_quaternion_from_matrix, const REAL matrix[9], REAL quaternion[4], CODE *status) {
   /* inputs */
   const REAL matrix_1_1 = matrix[AT(0)];
@@ -557,62 +560,59 @@ KERNEL(rotations_quaternion_from_matrix, const REAL matrix[9], REAL quaternion[4
   const REAL matrix_3_2 = matrix[AT(7)];
   const REAL matrix_3_3 = matrix[AT(8)];
   /* intermediate terms */
-  const REAL x0 = matrix_1_1 + K(1.0);
-  const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-  const REAL x1 = matrix_3_2 - matrix_2_3;
-  const REAL products_1_2 = x1;
-  const REAL x2 = matrix_1_3 - matrix_3_1;
-  const REAL products_1_3 = x2;
-  const REAL x3 = matrix_2_1 - matrix_1_2;
-  const REAL products_1_4 = x3;
-  const REAL products_2_1 = x1;
-  const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-  const REAL x6 = matrix_1_2 + matrix_2_1;
-  const REAL products_2_3 = x6;
-  const REAL x7 = matrix_1_3 + matrix_3_1;
-  const REAL products_2_4 = x7;
-  const REAL products_3_1 = x2;
-  const REAL products_3_2 = x6;
-  const REAL x8 = matrix_1_1 - K(1.0);
-  const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-  const REAL x9 = matrix_2_3 + matrix_3_2;
-  const REAL products_3_4 = x9;
-  const REAL products_4_1 = x3;
-  const REAL products_4_2 = x7;
-  const REAL products_4_3 = x9;
-  const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-  const REAL column_a_1 = SELECT(TEST(products_1_1 < products_2_2), products_1_2, products_1_1);
-  const REAL column_a_2 = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_2_1);
-  const REAL column_a_3 = SELECT(TEST(products_1_1 < products_2_2), products_3_2, products_3_1);
-  const REAL column_a_4 = SELECT(TEST(products_1_1 < products_2_2), products_4_2, products_4_1);
-  const REAL largest_a = SELECT(TEST(products_1_1 < products_2_2), products_2_2, products_1_1);
-  const REAL column_b_1 = SELECT(TEST(largest_a < products_3_3), products_1_3, column_a_1);
-  const REAL column_b_2 = SELECT(TEST(largest_a < products_3_3), products_2_3, column_a_2);
-  const REAL column_b_3 = SELECT(TEST(largest_a < products_3_3), products_3_3, column_a_3);
-  const REAL column_b_4 = SELECT(TEST(largest_a < products_3_3), products_4_3, column_a_4);
-  const REAL largest_b = SELECT(TEST(largest_a < products_3_3), products_3_3, largest_a);
-  const REAL column_c_1 = SELECT(TEST(largest_b < products_4_4), products_1_4, column_b_1);
-  const REAL column_c_2 = SELECT(TEST(largest_b < products_4_4), products_2_4, column_b_2);
-  const REAL column_c_3 = SELECT(TEST(largest_b < products_4_4), products_3_4, column_b_3);
-  const REAL column_c_4 = SELECT(TEST(largest_b < products_4_4), products_4_4, column_b_4);
-  const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-  const REAL x10 = K(1.0)/length;
-  const REAL x11 = column_c_1*x10;
-  const REAL quaternion_sign = SELECT(TEST(x11 < K(0.0)), -K(1.0), K(1.0));
-  const REAL w = quaternion_sign*x11;
-  const REAL x12 = quaternion_sign*x10;
-  const REAL v_1 = column_c_2*x12;
-  const REAL v_2 = column_c_3*x12;
-  const REAL v_3 = column_c_4*x12;
-  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
-  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-  const CONDITION good = (TEST(deviation <= REAL_MAX)) & (TEST(determinant > K(0.0)));
+  const REAL x0 = matrix_1_1 + matrix_2_2;
+  const REAL x1 = matrix_3_3 + K(1.0);
+  const REAL products_1_1 = x0 + x1;
+  const REAL products_1_2 = matrix_3_2 - matrix_2_3;
+  const REAL products_1_3 = matrix_1_3 - matrix_3_1;
+  const REAL products_1_4 = matrix_2_1 - matrix_1_2;
+  const REAL products_2_2 = matrix_1_1 + K(1.0) - (matrix_2_2 + matrix_3_3);
+  const REAL products_2_3 = matrix_1_2 + matrix_2_1;
+  const REAL products_2_4 = matrix_1_3 + matrix_3_1;
+  const REAL products_3_3 = matrix_2_2 + K(1.0) - (matrix_1_1 + matrix_3_3);
+  const REAL products_3_4 = matrix_2_3 + matrix_3_2;
+  const REAL products_4_4 = x1 - x0;
+  const CONDITION x6 = TEST(products_1_1 < products_2_2);
+  const REAL column_a_1 = SELECT(x6, products_1_2, products_1_1);
+  const REAL column_a_2 = SELECT(x6, products_2_2, products_1_2);
+  const REAL column_a_3 = SELECT(x6, products_2_3, products_1_3);
+  const REAL column_a_4 = SELECT(x6, products_2_4, products_1_4);
+  const REAL largest_a = SELECT(x6, products_2_2, products_1_1);
+  const CONDITION x7 = TEST(largest_a < products_3_3);
+  const REAL column_b_1 = SELECT(x7, products_1_3, column_a_1);
+  const REAL column_b_2 = SELECT(x7, products_2_3, column_a_2);
+  const REAL column_b_3 = SELECT(x7, products_3_3, column_a_3);
+  const REAL column_b_4 = SELECT(x7, products_3_4, column_a_4);
+  const REAL largest_b = SELECT(x7, products_3_3, largest_a);
+  const CONDITION x8 = TEST(largest_b < products_4_4);
+  const REAL column_c_1 = SELECT(x8, products_1_4, column_b_1);
+  const REAL column_c_2 = SELECT(x8, products_2_4, column_b_2);
+  const REAL column_c_3 = SELECT(x8, products_3_4, column_b_3);
+  const REAL column_c_4 = SELECT(x8, products_4_4, column_b_4);
+  const REAL length = SQRT(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4);
+  const REAL x16 = K(1.0)/length;
+  const REAL quaternion_sign = SELECT(TEST(column_c_1*x16 < K(0.0)), K(-1.0), K(1.0));
+  const REAL x19 = x16*quaternion_sign;
+  const REAL w = column_c_1*x19;
+  const REAL v_1 = column_c_2*x19;
+  const REAL v_2 = column_c_3*x19;
+  const REAL v_3 = column_c_4*x19;
+  const REAL x33 = K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3);
+  const REAL x40 = K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+  const REAL x47 = FABS(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - K(1.0));
+  const REAL x54 = FABS(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - K(1.0));
+  const REAL x61 = FABS(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x33 + x40 + x47 + x54 + x61;
+  const REAL x77 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+  const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x77;
+  const CONDITION good = TEST(deviation <= REAL_MAX) & TEST(K(0.0) < determinant);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(deviation > K(64.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x98 = SELECT(TEST(K(64.0)*REAL_EPSILON < deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x98);
   /* outputs */
   quaternion[AT(0)] = SELECT(good, w, (REAL)NAN);
   quaternion[AT(1)] = SELECT(good, v_1, (REAL)NAN);
@@ -621,7 +621,7 @@ KERNEL(rotations_quaternion_from_matrix, const REAL matrix[9], REAL quaternion[4
   *status = (CODE)status_value;
 }
 
-/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
+/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 8 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 KERNEL(rotations_axis_angle_from_quaternion, const REAL quaternion[4], REAL axis[3], REAL *angle, CODE *status) {
   /* inputs */
   const REAL quaternion_1 = quaternion[AT(0)];
@@ -630,36 +630,38 @@ KERNEL(rotations_axis_angle_from_quaternion, const REAL quaternion[4], REAL axis
   const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+  const REAL x10 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x10;
+  const REAL quaternion_scaled_2 = quaternion_2*x10;
+  const REAL quaternion_scaled_3 = quaternion_3*x10;
+  const REAL quaternion_scaled_4 = quaternion_4*x10;
+  const REAL quaternion_length = SQRT(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4);
+  const REAL x20 = SELECT(TEST(K(0.0) < quaternion_length), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x20;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x20;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x20;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x20;
+  const REAL quaternion_deviation = FABS(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), K(-1.0), K(1.0));
   const REAL w = quaternion_sign*quaternion_unit_1;
   const REAL v_1 = quaternion_sign*quaternion_unit_2;
   const REAL v_2 = quaternion_sign*quaternion_unit_3;
   const REAL v_3 = quaternion_sign*quaternion_unit_4;
-  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const CONDITION good = TEST(quaternion_size <= REAL_MAX) & TEST(K(0.0) < quaternion_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-  const REAL sine = x2/sine_scale;
-  const REAL x3 = SELECT(TEST(sine > K(0.0)), K(1.0)/x2, K(1.0));
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL x42 = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3);
+  const REAL sine = x42/sine_scale;
+  const CONDITION x43 = TEST(K(0.0) < sine);
+  const REAL x45 = SELECT(x43, K(1.0)/x42, K(1.0));
+  const REAL x60 = SELECT(TEST(K(16.0)*REAL_EPSILON < quaternion_deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x60);
   /* outputs */
-  axis[AT(0)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
-  axis[AT(1)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
-  axis[AT(2)] = SELECT(good, SELECT(TEST(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+  axis[AT(0)] = SELECT(good, SELECT(x43, v_scaled_1*x45, K(0.0)), (REAL)NAN);
+  axis[AT(1)] = SELECT(good, SELECT(x43, v_scaled_2*x45, K(0.0)), (REAL)NAN);
+  axis[AT(2)] = SELECT(good, SELECT(x43, v_scaled_3*x45, K(1.0)), (REAL)NAN);
   *angle = SELECT(good, K(2.0)*ATAN2(sine, w), (REAL)NAN);
   *status = (CODE)status_value;
 }
@@ -673,39 +675,40 @@ KERNEL(rotations_rodrigues_vector_from_quaternion, const REAL quaternion[4], REA
   const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+  const REAL x10 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x10;
+  const REAL quaternion_scaled_2 = quaternion_2*x10;
+  const REAL quaternion_scaled_3 = quaternion_3*x10;
+  const REAL quaternion_scaled_4 = quaternion_4*x10;
+  const REAL quaternion_length = SQRT(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4);
+  const REAL x20 = SELECT(TEST(K(0.0) < quaternion_length), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x20;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x20;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x20;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x20;
+  const REAL quaternion_deviation = FABS(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), K(-1.0), K(1.0));
   const REAL w = quaternion_sign*quaternion_unit_1;
   const REAL v_1 = quaternion_sign*quaternion_unit_2;
   const REAL v_2 = quaternion_sign*quaternion_unit_3;
   const REAL v_3 = quaternion_sign*quaternion_unit_4;
-  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const CONDITION good = TEST(quaternion_size <= REAL_MAX) & TEST(K(0.0) < quaternion_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x2 = K(2.0)*SELECT(TEST(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x48 = K(2.0)*SELECT(TEST(K(0.25)*REAL_EPSILON < w), K(1.0)/w, K(4.0)/REAL_EPSILON);
+  const REAL x58 = SELECT(TEST(K(16.0)*REAL_EPSILON < quaternion_deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x58);
   /* outputs */
-  theta[AT(0)] = SELECT(good, v_1*x2, (REAL)NAN);
-  theta[AT(1)] = SELECT(good, v_2*x2, (REAL)NAN);
-  theta[AT(2)] = SELECT(good, v_3*x2, (REAL)NAN);
+  theta[AT(0)] = SELECT(good, x48*v_1, (REAL)NAN);
+  theta[AT(1)] = SELECT(good, x48*v_2, (REAL)NAN);
+  theta[AT(2)] = SELECT(good, x48*v_3, (REAL)NAN);
   *status = (CODE)status_value;
 }
 
-/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
+/* matrix_from_quaternion: 25 add, 46 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 KERNEL(rotations_matrix_from_quaternion, const REAL quaternion[4], REAL matrix[9], CODE *status) {
   /* inputs */
   const REAL quaternion_1 = quaternion[AT(0)];
@@ -714,50 +717,52 @@ KERNEL(rotations_matrix_from_quaternion, const REAL quaternion[4], REAL matrix[9
   const REAL quaternion_4 = quaternion[AT(3)];
   /* intermediate terms */
   const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
-  const REAL x0 = POWER_OF_TWO_SCALE(quaternion_size);
-  const REAL quaternion_scaled_1 = quaternion_1*x0;
-  const REAL quaternion_scaled_2 = quaternion_2*x0;
-  const REAL quaternion_scaled_3 = quaternion_3*x0;
-  const REAL quaternion_scaled_4 = quaternion_4*x0;
-  const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-  const REAL x1 = SELECT(TEST(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
-  const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
-  const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
-  const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
-  const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
-  const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
-  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+  const REAL x10 = POWER_OF_TWO_SCALE(quaternion_size);
+  const REAL quaternion_scaled_1 = quaternion_1*x10;
+  const REAL quaternion_scaled_2 = quaternion_2*x10;
+  const REAL quaternion_scaled_3 = quaternion_3*x10;
+  const REAL quaternion_scaled_4 = quaternion_4*x10;
+  const REAL quaternion_length = SQRT(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4);
+  const REAL x20 = SELECT(TEST(K(0.0) < quaternion_length), K(1.0)/quaternion_length, K(1.0));
+  const REAL quaternion_unit_1 = quaternion_scaled_1*x20;
+  const REAL quaternion_unit_2 = quaternion_scaled_2*x20;
+  const REAL quaternion_unit_3 = quaternion_scaled_3*x20;
+  const REAL quaternion_unit_4 = quaternion_scaled_4*x20;
+  const REAL quaternion_deviation = FABS(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - K(1.0));
+  const REAL quaternion_sign = SELECT(TEST(quaternion_unit_1 < K(0.0)), K(-1.0), K(1.0));
   const REAL w = quaternion_sign*quaternion_unit_1;
   const REAL v_1 = quaternion_sign*quaternion_unit_2;
   const REAL v_2 = quaternion_sign*quaternion_unit_3;
   const REAL v_3 = quaternion_sign*quaternion_unit_4;
-  const CONDITION good = (TEST(quaternion_size <= REAL_MAX)) & (TEST(quaternion_size > K(0.0)));
+  const CONDITION good = TEST(quaternion_size <= REAL_MAX) & TEST(K(0.0) < quaternion_size);
   const REAL sine_scale = POWER_OF_TWO_SCALE(FABS(v_1) + FABS(v_2) + FABS(v_3));
   const REAL v_scaled_1 = sine_scale*v_1;
   const REAL v_scaled_2 = sine_scale*v_2;
   const REAL v_scaled_3 = sine_scale*v_3;
-  const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-  const REAL x2 = K(2.0)*(v_2*v_2);
-  const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
-  const REAL x4 = K(2.0)*v_2;
-  const REAL x5 = v_1*x4;
-  const REAL x6 = K(2.0)*v_3;
-  const REAL x7 = w*x6;
-  const REAL x8 = v_1*x6;
-  const REAL x9 = w*x4;
-  const REAL x10 = K(2.0)*(v_1*v_1);
-  const REAL x11 = K(2.0)*v_1*w;
-  const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(TEST(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0)))));
+  const REAL sine = SQRT(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale;
+  const REAL x44 = K(2.0)*(v_2*v_2);
+  const REAL x46 = K(2.0)*(v_3*v_3);
+  const REAL x49 = K(2.0)*v_1;
+  const REAL x50 = x49*v_2;
+  const REAL x51 = K(2.0)*w;
+  const REAL x52 = x51*v_3;
+  const REAL x54 = x49*v_3;
+  const REAL x55 = x51*v_2;
+  const REAL x60 = K(1.0) - K(2.0)*(v_1*v_1);
+  const REAL x62 = x51*v_1;
+  const REAL x64 = K(2.0)*v_2*v_3;
+  const REAL x75 = SELECT(TEST(K(16.0)*REAL_EPSILON < quaternion_deviation), K(3.0), SELECT(TEST(sine == K(0.0)), K(1.0), SELECT(TEST(w <= REAL_EPSILON), K(2.0), K(0.0))));
+  const REAL status_value = SELECT(NOT(good), K(4.0), x75);
   /* outputs */
-  matrix[AT(0)] = SELECT(good, -x2 - x3, (REAL)NAN);
-  matrix[AT(1)] = SELECT(good, x5 - x7, (REAL)NAN);
-  matrix[AT(2)] = SELECT(good, x8 + x9, (REAL)NAN);
-  matrix[AT(3)] = SELECT(good, x5 + x7, (REAL)NAN);
-  matrix[AT(4)] = SELECT(good, -x10 - x3, (REAL)NAN);
-  matrix[AT(5)] = SELECT(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
-  matrix[AT(6)] = SELECT(good, x8 - x9, (REAL)NAN);
-  matrix[AT(7)] = SELECT(good, v_2*x6 + x11, (REAL)NAN);
-  matrix[AT(8)] = SELECT(good, K(1.0) - x10 - x2, (REAL)NAN);
+  matrix[AT(0)] = SELECT(good, K(1.0) - x44 - x46, (REAL)NAN);
+  matrix[AT(1)] = SELECT(good, x50 - x52, (REAL)NAN);
+  matrix[AT(2)] = SELECT(good, x54 + x55, (REAL)NAN);
+  matrix[AT(3)] = SELECT(good, x50 + x52, (REAL)NAN);
+  matrix[AT(4)] = SELECT(good, x60 - x46, (REAL)NAN);
+  matrix[AT(5)] = SELECT(good, x64 - x62, (REAL)NAN);
+  matrix[AT(6)] = SELECT(good, x54 - x55, (REAL)NAN);
+  matrix[AT(7)] = SELECT(good, x62 + x64, (REAL)NAN);
+  matrix[AT(8)] = SELECT(good, x60 - x44, (REAL)NAN);
   *status = (CODE)status_value;
 }
 

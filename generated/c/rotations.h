@@ -34,7 +34,7 @@ enum rotations_rotation_status {
 
 /* Rotate a vector by Rodrigues' formula.
  * Source: Stebulyanin and Pimushkin, eq. (1)
- * Operations: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale
+ * Operations: 18 add, 32 mul, 1 div, 3 abs, 1 power_of_two_scale
  * rho (3), length: vector to rotate
  * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
  * rotated (3), length: the rotated vector
@@ -59,7 +59,7 @@ void rotations_rodrigues_vector_from_axis_angle_batch_f32(size_t count, const fl
 
 /* Convert a rotation from axis and angle to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
+ * Operations: 22 add, 43 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
  * axis (3), no unit: unit vector of the axis
  * angle, rad: angle of rotation
  * matrix (3, 3), no unit: rotation matrix
@@ -85,7 +85,7 @@ void rotations_quaternion_from_axis_angle_batch_f32(size_t count, const float *a
 
 /* Convert a rotation from rodrigues vector to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale
+ * Operations: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 4 compare, 6 abs, 1 atan2, 2 power_of_two_scale
  * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
  * axis (3), no unit: unit vector of the axis
  * angle, rad: angle of rotation, 0 to pi
@@ -98,7 +98,7 @@ void rotations_axis_angle_from_rodrigues_vector_batch_f32(size_t count, const fl
 
 /* Convert a rotation from rodrigues vector to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
+ * Operations: 21 add, 36 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
  * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
  * matrix (3, 3), no unit: rotation matrix
  * status, codes of RotationStatus: what the rotation is
@@ -122,7 +122,7 @@ void rotations_quaternion_from_rodrigues_vector_batch_f32(size_t count, const fl
 
 /* Convert a rotation from matrix to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale
+ * Operations: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 10 compare, 9 abs, 1 atan2, 1 power_of_two_scale
  * matrix (3, 3), no unit: rotation matrix
  * axis (3), no unit: unit vector of the axis
  * angle, rad: angle of rotation, 0 to pi
@@ -135,7 +135,7 @@ void rotations_axis_angle_from_matrix_batch_f32(size_t count, const float *matri
 
 /* Convert a rotation from matrix to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale
+ * Operations: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 10 compare, 9 abs, 1 power_of_two_scale
  * matrix (3, 3), no unit: rotation matrix
  * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
  * status, codes of RotationStatus: what the rotation is
@@ -147,7 +147,7 @@ void rotations_rodrigues_vector_from_matrix_batch_f32(size_t count, const float 
 
 /* Convert a rotation from matrix to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale
+ * Operations: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 9 compare, 9 abs, 1 power_of_two_scale
  * matrix (3, 3), no unit: rotation matrix
  * quaternion (4), no unit: unit quaternion, scalar part first and not negative
  * status, codes of RotationStatus: what the rotation is
@@ -159,7 +159,7 @@ void rotations_quaternion_from_matrix_batch_f32(size_t count, const float *matri
 
 /* Convert a rotation from quaternion to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale
+ * Operations: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 8 compare, 8 abs, 1 atan2, 2 power_of_two_scale
  * quaternion (4), no unit: unit quaternion, scalar part first
  * axis (3), no unit: unit vector of the axis
  * angle, rad: angle of rotation, 0 to pi
@@ -184,7 +184,7 @@ void rotations_rodrigues_vector_from_quaternion_batch_f32(size_t count, const fl
 
 /* Convert a rotation from quaternion to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
+ * Operations: 25 add, 46 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
  * quaternion (4), no unit: unit quaternion, scalar part first
  * matrix (3, 3), no unit: rotation matrix
  * status, codes of RotationStatus: what the rotation is

@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,44 +30,44 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #include "spatial_links.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #include "spatial_links.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 
 #else
 
@@ -89,25 +89,25 @@ KERNEL(spatial_links_link_step, const REAL frame[16], REAL a, REAL cos_alpha, RE
   /* intermediate terms */
   const REAL c = COS(angle);
   const REAL s = SIN(angle);
-  const REAL x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
-  const REAL x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
-  const REAL x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
-  const REAL x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
-  const REAL x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
-  const REAL x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
+  const REAL x3 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
+  const REAL next_frame_1_3 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
+  const REAL x15 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
+  const REAL next_frame_2_3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
+  const REAL x27 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
+  const REAL next_frame_3_3 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
   /* outputs */
-  next_frame[AT(0)] = c*frame_1_1 + s*x0;
-  next_frame[AT(1)] = c*x0 - frame_1_1*s;
-  next_frame[AT(2)] = x1;
-  next_frame[AT(3)] = a*frame_1_1 + frame_1_4 + offset*x1;
-  next_frame[AT(4)] = c*frame_2_1 + s*x2;
-  next_frame[AT(5)] = c*x2 - frame_2_1*s;
-  next_frame[AT(6)] = x3;
-  next_frame[AT(7)] = a*frame_2_1 + frame_2_4 + offset*x3;
-  next_frame[AT(8)] = c*frame_3_1 + s*x4;
-  next_frame[AT(9)] = c*x4 - frame_3_1*s;
-  next_frame[AT(10)] = x5;
-  next_frame[AT(11)] = a*frame_3_1 + frame_3_4 + offset*x5;
+  next_frame[AT(0)] = c*frame_1_1 + s*x3;
+  next_frame[AT(1)] = c*x3 - frame_1_1*s;
+  next_frame[AT(2)] = next_frame_1_3;
+  next_frame[AT(3)] = a*frame_1_1 + frame_1_4 + offset*next_frame_1_3;
+  next_frame[AT(4)] = c*frame_2_1 + s*x15;
+  next_frame[AT(5)] = c*x15 - frame_2_1*s;
+  next_frame[AT(6)] = next_frame_2_3;
+  next_frame[AT(7)] = a*frame_2_1 + frame_2_4 + offset*next_frame_2_3;
+  next_frame[AT(8)] = c*frame_3_1 + s*x27;
+  next_frame[AT(9)] = c*x27 - frame_3_1*s;
+  next_frame[AT(10)] = next_frame_3_3;
+  next_frame[AT(11)] = a*frame_3_1 + frame_3_4 + offset*next_frame_3_3;
   next_frame[AT(12)] = K(0.0);
   next_frame[AT(13)] = K(0.0);
   next_frame[AT(14)] = K(0.0);
@@ -135,22 +135,22 @@ KERNEL(spatial_links_link_inverse, const REAL transform[16], REAL inverse[16]) {
   inverse[AT(0)] = transform_1_1;
   inverse[AT(1)] = transform_2_1;
   inverse[AT(2)] = transform_3_1;
-  inverse[AT(3)] = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
+  inverse[AT(3)] = -(transform_1_1*transform_1_4 + transform_2_1*transform_2_4 + transform_3_1*transform_3_4);
   inverse[AT(4)] = transform_1_2;
   inverse[AT(5)] = transform_2_2;
   inverse[AT(6)] = transform_3_2;
-  inverse[AT(7)] = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
+  inverse[AT(7)] = -(transform_1_2*transform_1_4 + transform_2_2*transform_2_4 + transform_3_2*transform_3_4);
   inverse[AT(8)] = transform_1_3;
   inverse[AT(9)] = transform_2_3;
   inverse[AT(10)] = transform_3_3;
-  inverse[AT(11)] = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
+  inverse[AT(11)] = -(transform_1_3*transform_1_4 + transform_2_3*transform_2_4 + transform_3_3*transform_3_4);
   inverse[AT(12)] = K(0.0);
   inverse[AT(13)] = K(0.0);
   inverse[AT(14)] = K(0.0);
   inverse[AT(15)] = K(1.0);
 }
 
-/* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
+/* link_forward_6r: 79 add, 139 mul, 6 cos, 6 sin */
 KERNEL(spatial_links_link_forward_6r, const REAL a[5], const REAL cos_alpha[5], const REAL sin_alpha[5], const REAL offset[6], const REAL angle[6], REAL pose[16]) {
   /* inputs */
   const REAL a_1 = a[AT(0)];
@@ -194,108 +194,83 @@ KERNEL(spatial_links_link_forward_6r, const REAL a[5], const REAL cos_alpha[5], 
   const REAL s_5 = SIN(angle_5);
   const REAL s_6 = SIN(angle_6);
   const REAL x0 = c_1*c_2;
-  const REAL x1 = s_1*s_2;
-  const REAL x_b_1 = x0 - cos_alpha_1*x1;
-  const REAL x2 = c_2*s_1;
-  const REAL x3 = c_1*s_2;
-  const REAL x_b_2 = cos_alpha_1*x3 + x2;
+  const REAL x_b_1 = x0 - cos_alpha_1*s_1*s_2;
+  const REAL x5 = c_2*s_1;
+  const REAL x_b_2 = c_1*cos_alpha_1*s_2 + x5;
   const REAL x_b_3 = s_2*sin_alpha_1;
-  const REAL y_b_1 = -cos_alpha_1*x2 - x3;
-  const REAL y_b_2 = cos_alpha_1*x0 - x1;
+  const REAL y_b_1 = -(c_1*s_2 + x5*cos_alpha_1);
+  const REAL y_b_2 = x0*cos_alpha_1 - s_1*s_2;
   const REAL y_b_3 = c_2*sin_alpha_1;
-  const REAL x4 = s_1*sin_alpha_1;
-  const REAL z_b_1 = x4;
-  const REAL x5 = c_1*sin_alpha_1;
-  const REAL z_b_2 = -x5;
-  const REAL z_b_3 = cos_alpha_1;
-  const REAL p_b_1 = a_1*c_1 + offset_2*x4;
-  const REAL p_b_2 = a_1*s_1 - offset_2*x5;
+  const REAL z_b_1 = s_1*sin_alpha_1;
+  const REAL x11 = c_1*sin_alpha_1;
+  const REAL z_b_2 = -x11;
+  const REAL p_b_1 = a_1*c_1 + offset_2*z_b_1;
+  const REAL p_b_2 = a_1*s_1 - x11*offset_2;
   const REAL p_b_3 = cos_alpha_1*offset_2 + offset_1;
-  const REAL x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-  const REAL x_c_1 = c_3*x_b_1 + s_3*x6;
-  const REAL x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-  const REAL x_c_2 = c_3*x_b_2 + s_3*x7;
-  const REAL x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-  const REAL x_c_3 = c_3*x_b_3 + s_3*x8;
-  const REAL y_c_1 = c_3*x6 - s_3*x_b_1;
-  const REAL y_c_2 = c_3*x7 - s_3*x_b_2;
-  const REAL y_c_3 = c_3*x8 - s_3*x_b_3;
-  const REAL x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-  const REAL z_c_1 = x9;
-  const REAL x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-  const REAL z_c_2 = x10;
-  const REAL x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-  const REAL z_c_3 = x11;
-  const REAL p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-  const REAL p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-  const REAL p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-  const REAL x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-  const REAL x_d_1 = c_4*x_c_1 + s_4*x12;
-  const REAL x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-  const REAL x_d_2 = c_4*x_c_2 + s_4*x13;
-  const REAL x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-  const REAL x_d_3 = c_4*x_c_3 + s_4*x14;
-  const REAL y_d_1 = c_4*x12 - s_4*x_c_1;
-  const REAL y_d_2 = c_4*x13 - s_4*x_c_2;
-  const REAL y_d_3 = c_4*x14 - s_4*x_c_3;
-  const REAL x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-  const REAL z_d_1 = x15;
-  const REAL x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-  const REAL z_d_2 = x16;
-  const REAL x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-  const REAL z_d_3 = x17;
-  const REAL p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-  const REAL p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-  const REAL p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-  const REAL x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-  const REAL x_e_1 = c_5*x_d_1 + s_5*x18;
-  const REAL x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-  const REAL x_e_2 = c_5*x_d_2 + s_5*x19;
-  const REAL x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-  const REAL x_e_3 = c_5*x_d_3 + s_5*x20;
-  const REAL y_e_1 = c_5*x18 - s_5*x_d_1;
-  const REAL y_e_2 = c_5*x19 - s_5*x_d_2;
-  const REAL y_e_3 = c_5*x20 - s_5*x_d_3;
-  const REAL x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-  const REAL z_e_1 = x21;
-  const REAL x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-  const REAL z_e_2 = x22;
-  const REAL x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-  const REAL z_e_3 = x23;
-  const REAL p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-  const REAL p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-  const REAL p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-  const REAL x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1;
-  const REAL x_f_1 = c_6*x_e_1 + s_6*x24;
-  const REAL x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2;
-  const REAL x_f_2 = c_6*x_e_2 + s_6*x25;
-  const REAL x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3;
-  const REAL x_f_3 = c_6*x_e_3 + s_6*x26;
-  const REAL y_f_1 = c_6*x24 - s_6*x_e_1;
-  const REAL y_f_2 = c_6*x25 - s_6*x_e_2;
-  const REAL y_f_3 = c_6*x26 - s_6*x_e_3;
-  const REAL x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-  const REAL z_f_1 = x27;
-  const REAL x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-  const REAL z_f_2 = x28;
-  const REAL x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-  const REAL z_f_3 = x29;
-  const REAL p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1;
-  const REAL p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
-  const REAL p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
+  const REAL x20 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
+  const REAL x_c_1 = c_3*x_b_1 + s_3*x20;
+  const REAL x25 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
+  const REAL x_c_2 = c_3*x_b_2 + s_3*x25;
+  const REAL x30 = cos_alpha_2*y_b_3 + sin_alpha_2*cos_alpha_1;
+  const REAL x_c_3 = c_3*x_b_3 + s_3*x30;
+  const REAL y_c_1 = c_3*x20 - s_3*x_b_1;
+  const REAL y_c_2 = c_3*x25 - s_3*x_b_2;
+  const REAL y_c_3 = c_3*x30 - s_3*x_b_3;
+  const REAL z_c_1 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
+  const REAL z_c_2 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
+  const REAL z_c_3 = cos_alpha_2*cos_alpha_1 - sin_alpha_2*y_b_3;
+  const REAL p_c_1 = a_2*x_b_1 + offset_3*z_c_1 + p_b_1;
+  const REAL p_c_2 = a_2*x_b_2 + offset_3*z_c_2 + p_b_2;
+  const REAL p_c_3 = a_2*x_b_3 + offset_3*z_c_3 + p_b_3;
+  const REAL x56 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
+  const REAL x_d_1 = c_4*x_c_1 + s_4*x56;
+  const REAL x61 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
+  const REAL x_d_2 = c_4*x_c_2 + s_4*x61;
+  const REAL x66 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
+  const REAL x_d_3 = c_4*x_c_3 + s_4*x66;
+  const REAL y_d_1 = c_4*x56 - s_4*x_c_1;
+  const REAL y_d_2 = c_4*x61 - s_4*x_c_2;
+  const REAL y_d_3 = c_4*x66 - s_4*x_c_3;
+  const REAL z_d_1 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
+  const REAL z_d_2 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
+  const REAL z_d_3 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
+  const REAL p_d_1 = a_3*x_c_1 + offset_4*z_d_1 + p_c_1;
+  const REAL p_d_2 = a_3*x_c_2 + offset_4*z_d_2 + p_c_2;
+  const REAL p_d_3 = a_3*x_c_3 + offset_4*z_d_3 + p_c_3;
+  const REAL x92 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
+  const REAL x_e_1 = c_5*x_d_1 + s_5*x92;
+  const REAL x97 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
+  const REAL x_e_2 = c_5*x_d_2 + s_5*x97;
+  const REAL x102 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
+  const REAL x_e_3 = c_5*x_d_3 + s_5*x102;
+  const REAL y_e_1 = c_5*x92 - s_5*x_d_1;
+  const REAL y_e_2 = c_5*x97 - s_5*x_d_2;
+  const REAL y_e_3 = c_5*x102 - s_5*x_d_3;
+  const REAL z_e_1 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
+  const REAL z_e_2 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
+  const REAL z_e_3 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
+  const REAL p_e_1 = a_4*x_d_1 + offset_5*z_e_1 + p_d_1;
+  const REAL p_e_2 = a_4*x_d_2 + offset_5*z_e_2 + p_d_2;
+  const REAL p_e_3 = a_4*x_d_3 + offset_5*z_e_3 + p_d_3;
+  const REAL x128 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1;
+  const REAL x133 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2;
+  const REAL x138 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3;
+  const REAL pose_1_3 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
+  const REAL pose_2_3 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
+  const REAL pose_3_3 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
   /* outputs */
-  pose[AT(0)] = x_f_1;
-  pose[AT(1)] = y_f_1;
-  pose[AT(2)] = z_f_1;
-  pose[AT(3)] = p_f_1;
-  pose[AT(4)] = x_f_2;
-  pose[AT(5)] = y_f_2;
-  pose[AT(6)] = z_f_2;
-  pose[AT(7)] = p_f_2;
-  pose[AT(8)] = x_f_3;
-  pose[AT(9)] = y_f_3;
-  pose[AT(10)] = z_f_3;
-  pose[AT(11)] = p_f_3;
+  pose[AT(0)] = c_6*x_e_1 + s_6*x128;
+  pose[AT(1)] = c_6*x128 - s_6*x_e_1;
+  pose[AT(2)] = pose_1_3;
+  pose[AT(3)] = a_5*x_e_1 + offset_6*pose_1_3 + p_e_1;
+  pose[AT(4)] = c_6*x_e_2 + s_6*x133;
+  pose[AT(5)] = c_6*x133 - s_6*x_e_2;
+  pose[AT(6)] = pose_2_3;
+  pose[AT(7)] = a_5*x_e_2 + offset_6*pose_2_3 + p_e_2;
+  pose[AT(8)] = c_6*x_e_3 + s_6*x138;
+  pose[AT(9)] = c_6*x138 - s_6*x_e_3;
+  pose[AT(10)] = pose_3_3;
+  pose[AT(11)] = a_5*x_e_3 + offset_6*pose_3_3 + p_e_3;
   pose[AT(12)] = K(0.0);
   pose[AT(13)] = K(0.0);
   pose[AT(14)] = K(0.0);
@@ -308,7 +283,7 @@ KERNEL(spatial_links_link_forward_6r, const REAL a[5], const REAL cos_alpha[5], 
   ANGLE(5, angle_6);
 }
 
-/* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
+/* link_jacobian_6r: 94 add, 145 mul, 5 cos, 5 sin */
 KERNEL(spatial_links_link_jacobian_6r, const REAL a[5], const REAL cos_alpha[5], const REAL sin_alpha[5], const REAL offset[6], const REAL angle[6], REAL jacobian[36]) {
   /* inputs */
   const REAL a_1 = a[AT(0)];
@@ -349,134 +324,118 @@ KERNEL(spatial_links_link_jacobian_6r, const REAL a[5], const REAL cos_alpha[5],
   const REAL s_4 = SIN(angle_4);
   const REAL s_5 = SIN(angle_5);
   const REAL x0 = c_1*c_2;
-  const REAL x1 = s_1*s_2;
-  const REAL x_b_1 = x0 - cos_alpha_1*x1;
-  const REAL x2 = c_2*s_1;
-  const REAL x3 = c_1*s_2;
-  const REAL x_b_2 = cos_alpha_1*x3 + x2;
+  const REAL x_b_1 = x0 - cos_alpha_1*s_1*s_2;
+  const REAL x5 = c_2*s_1;
+  const REAL x_b_2 = c_1*cos_alpha_1*s_2 + x5;
   const REAL x_b_3 = s_2*sin_alpha_1;
-  const REAL y_b_1 = -cos_alpha_1*x2 - x3;
-  const REAL y_b_2 = cos_alpha_1*x0 - x1;
+  const REAL y_b_1 = -(c_1*s_2 + x5*cos_alpha_1);
+  const REAL y_b_2 = x0*cos_alpha_1 - s_1*s_2;
   const REAL y_b_3 = c_2*sin_alpha_1;
-  const REAL x4 = s_1*sin_alpha_1;
-  const REAL z_b_1 = x4;
-  const REAL x5 = c_1*sin_alpha_1;
-  const REAL z_b_2 = -x5;
-  const REAL z_b_3 = cos_alpha_1;
-  const REAL p_b_1 = a_1*c_1 + offset_2*x4;
-  const REAL p_b_2 = a_1*s_1 - offset_2*x5;
+  const REAL jacobian_1_2 = s_1*sin_alpha_1;
+  const REAL x11 = c_1*sin_alpha_1;
+  const REAL jacobian_2_2 = -x11;
+  const REAL p_b_1 = a_1*c_1 + offset_2*jacobian_1_2;
+  const REAL p_b_2 = a_1*s_1 - x11*offset_2;
   const REAL p_b_3 = cos_alpha_1*offset_2 + offset_1;
-  const REAL x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-  const REAL x_c_1 = c_3*x_b_1 + s_3*x6;
-  const REAL x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-  const REAL x_c_2 = c_3*x_b_2 + s_3*x7;
-  const REAL x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-  const REAL x_c_3 = c_3*x_b_3 + s_3*x8;
-  const REAL y_c_1 = c_3*x6 - s_3*x_b_1;
-  const REAL y_c_2 = c_3*x7 - s_3*x_b_2;
-  const REAL y_c_3 = c_3*x8 - s_3*x_b_3;
-  const REAL x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-  const REAL z_c_1 = x9;
-  const REAL x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-  const REAL z_c_2 = x10;
-  const REAL x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-  const REAL z_c_3 = x11;
-  const REAL p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-  const REAL p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-  const REAL p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-  const REAL x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-  const REAL x_d_1 = c_4*x_c_1 + s_4*x12;
-  const REAL x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-  const REAL x_d_2 = c_4*x_c_2 + s_4*x13;
-  const REAL x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-  const REAL x_d_3 = c_4*x_c_3 + s_4*x14;
-  const REAL y_d_1 = c_4*x12 - s_4*x_c_1;
-  const REAL y_d_2 = c_4*x13 - s_4*x_c_2;
-  const REAL y_d_3 = c_4*x14 - s_4*x_c_3;
-  const REAL x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-  const REAL z_d_1 = x15;
-  const REAL x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-  const REAL z_d_2 = x16;
-  const REAL x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-  const REAL z_d_3 = x17;
-  const REAL p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-  const REAL p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-  const REAL p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-  const REAL x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-  const REAL x_e_1 = c_5*x_d_1 + s_5*x18;
-  const REAL x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-  const REAL x_e_2 = c_5*x_d_2 + s_5*x19;
-  const REAL x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-  const REAL x_e_3 = c_5*x_d_3 + s_5*x20;
-  const REAL y_e_1 = c_5*x18 - s_5*x_d_1;
-  const REAL y_e_2 = c_5*x19 - s_5*x_d_2;
-  const REAL y_e_3 = c_5*x20 - s_5*x_d_3;
-  const REAL x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-  const REAL z_e_1 = x21;
-  const REAL x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-  const REAL z_e_2 = x22;
-  const REAL x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-  const REAL z_e_3 = x23;
-  const REAL p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-  const REAL p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-  const REAL p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-  const REAL x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-  const REAL z_f_1 = x24;
-  const REAL x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-  const REAL z_f_2 = x25;
-  const REAL x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-  const REAL z_f_3 = x26;
-  const REAL p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1;
-  const REAL p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2;
-  const REAL p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3;
-  const REAL x29 = p_f_3 - p_b_3;
-  const REAL x30 = p_f_2 - p_b_2;
-  const REAL x31 = p_f_3 - p_c_3;
-  const REAL x32 = p_f_2 - p_c_2;
-  const REAL x33 = p_f_3 - p_d_3;
-  const REAL x34 = p_f_2 - p_d_2;
-  const REAL x35 = p_f_3 - p_e_3;
-  const REAL x36 = p_f_2 - p_e_2;
-  const REAL x38 = p_f_1 - p_b_1;
-  const REAL x39 = p_f_1 - p_c_1;
-  const REAL x40 = p_f_1 - p_d_1;
-  const REAL x41 = p_f_1 - p_e_1;
+  const REAL x20 = cos_alpha_2*y_b_1 + sin_alpha_2*jacobian_1_2;
+  const REAL x_c_1 = c_3*x_b_1 + s_3*x20;
+  const REAL x25 = cos_alpha_2*y_b_2 + sin_alpha_2*jacobian_2_2;
+  const REAL x_c_2 = c_3*x_b_2 + s_3*x25;
+  const REAL x30 = cos_alpha_2*y_b_3 + sin_alpha_2*cos_alpha_1;
+  const REAL x_c_3 = c_3*x_b_3 + s_3*x30;
+  const REAL y_c_1 = c_3*x20 - s_3*x_b_1;
+  const REAL y_c_2 = c_3*x25 - s_3*x_b_2;
+  const REAL y_c_3 = c_3*x30 - s_3*x_b_3;
+  const REAL jacobian_1_3 = cos_alpha_2*jacobian_1_2 - sin_alpha_2*y_b_1;
+  const REAL jacobian_2_3 = cos_alpha_2*jacobian_2_2 - sin_alpha_2*y_b_2;
+  const REAL jacobian_3_3 = cos_alpha_2*cos_alpha_1 - sin_alpha_2*y_b_3;
+  const REAL p_c_1 = a_2*x_b_1 + offset_3*jacobian_1_3 + p_b_1;
+  const REAL p_c_2 = a_2*x_b_2 + offset_3*jacobian_2_3 + p_b_2;
+  const REAL p_c_3 = a_2*x_b_3 + offset_3*jacobian_3_3 + p_b_3;
+  const REAL x56 = cos_alpha_3*y_c_1 + sin_alpha_3*jacobian_1_3;
+  const REAL x_d_1 = c_4*x_c_1 + s_4*x56;
+  const REAL x61 = cos_alpha_3*y_c_2 + sin_alpha_3*jacobian_2_3;
+  const REAL x_d_2 = c_4*x_c_2 + s_4*x61;
+  const REAL x66 = cos_alpha_3*y_c_3 + sin_alpha_3*jacobian_3_3;
+  const REAL x_d_3 = c_4*x_c_3 + s_4*x66;
+  const REAL y_d_1 = c_4*x56 - s_4*x_c_1;
+  const REAL y_d_2 = c_4*x61 - s_4*x_c_2;
+  const REAL y_d_3 = c_4*x66 - s_4*x_c_3;
+  const REAL jacobian_1_4 = cos_alpha_3*jacobian_1_3 - sin_alpha_3*y_c_1;
+  const REAL jacobian_2_4 = cos_alpha_3*jacobian_2_3 - sin_alpha_3*y_c_2;
+  const REAL jacobian_3_4 = cos_alpha_3*jacobian_3_3 - sin_alpha_3*y_c_3;
+  const REAL p_d_1 = a_3*x_c_1 + offset_4*jacobian_1_4 + p_c_1;
+  const REAL p_d_2 = a_3*x_c_2 + offset_4*jacobian_2_4 + p_c_2;
+  const REAL p_d_3 = a_3*x_c_3 + offset_4*jacobian_3_4 + p_c_3;
+  const REAL x92 = cos_alpha_4*y_d_1 + sin_alpha_4*jacobian_1_4;
+  const REAL x_e_1 = c_5*x_d_1 + s_5*x92;
+  const REAL x97 = cos_alpha_4*y_d_2 + sin_alpha_4*jacobian_2_4;
+  const REAL x_e_2 = c_5*x_d_2 + s_5*x97;
+  const REAL x102 = cos_alpha_4*y_d_3 + sin_alpha_4*jacobian_3_4;
+  const REAL x_e_3 = c_5*x_d_3 + s_5*x102;
+  const REAL y_e_1 = c_5*x92 - s_5*x_d_1;
+  const REAL y_e_2 = c_5*x97 - s_5*x_d_2;
+  const REAL y_e_3 = c_5*x102 - s_5*x_d_3;
+  const REAL jacobian_1_5 = cos_alpha_4*jacobian_1_4 - sin_alpha_4*y_d_1;
+  const REAL jacobian_2_5 = cos_alpha_4*jacobian_2_4 - sin_alpha_4*y_d_2;
+  const REAL jacobian_3_5 = cos_alpha_4*jacobian_3_4 - sin_alpha_4*y_d_3;
+  const REAL p_e_1 = a_4*x_d_1 + offset_5*jacobian_1_5 + p_d_1;
+  const REAL p_e_2 = a_4*x_d_2 + offset_5*jacobian_2_5 + p_d_2;
+  const REAL p_e_3 = a_4*x_d_3 + offset_5*jacobian_3_5 + p_d_3;
+  const REAL jacobian_1_6 = cos_alpha_5*jacobian_1_5 - sin_alpha_5*y_e_1;
+  const REAL jacobian_2_6 = cos_alpha_5*jacobian_2_5 - sin_alpha_5*y_e_2;
+  const REAL jacobian_3_6 = cos_alpha_5*jacobian_3_5 - sin_alpha_5*y_e_3;
+  const REAL jacobian_5_1 = a_5*x_e_1 + offset_6*jacobian_1_6 + p_e_1;
+  const REAL p_f_2 = a_5*x_e_2 + offset_6*jacobian_2_6 + p_e_2;
+  const REAL p_f_3 = a_5*x_e_3 + offset_6*jacobian_3_6 + p_e_3;
+  const REAL x140 = p_f_3 - p_b_3;
+  const REAL x142 = p_f_2 - p_b_2;
+  const REAL x144 = p_f_3 - p_c_3;
+  const REAL x146 = p_f_2 - p_c_2;
+  const REAL x148 = p_f_3 - p_d_3;
+  const REAL x150 = p_f_2 - p_d_2;
+  const REAL x152 = p_f_3 - p_e_3;
+  const REAL x154 = p_f_2 - p_e_2;
+  const REAL x157 = jacobian_5_1 - p_b_1;
+  const REAL x160 = jacobian_5_1 - p_c_1;
+  const REAL x163 = jacobian_5_1 - p_d_1;
+  const REAL x166 = jacobian_5_1 - p_e_1;
   /* outputs */
   jacobian[AT(0)] = K(0.0);
-  jacobian[AT(1)] = z_b_1;
-  jacobian[AT(2)] = z_c_1;
-  jacobian[AT(3)] = z_d_1;
-  jacobian[AT(4)] = z_e_1;
-  jacobian[AT(5)] = z_f_1;
+  jacobian[AT(1)] = jacobian_1_2;
+  jacobian[AT(2)] = jacobian_1_3;
+  jacobian[AT(3)] = jacobian_1_4;
+  jacobian[AT(4)] = jacobian_1_5;
+  jacobian[AT(5)] = jacobian_1_6;
   jacobian[AT(6)] = K(0.0);
-  jacobian[AT(7)] = z_b_2;
-  jacobian[AT(8)] = z_c_2;
-  jacobian[AT(9)] = z_d_2;
-  jacobian[AT(10)] = z_e_2;
-  jacobian[AT(11)] = z_f_2;
+  jacobian[AT(7)] = jacobian_2_2;
+  jacobian[AT(8)] = jacobian_2_3;
+  jacobian[AT(9)] = jacobian_2_4;
+  jacobian[AT(10)] = jacobian_2_5;
+  jacobian[AT(11)] = jacobian_2_6;
   jacobian[AT(12)] = K(1.0);
-  jacobian[AT(13)] = z_b_3;
-  jacobian[AT(14)] = z_c_3;
-  jacobian[AT(15)] = z_d_3;
-  jacobian[AT(16)] = z_e_3;
-  jacobian[AT(17)] = z_f_3;
+  jacobian[AT(13)] = cos_alpha_1;
+  jacobian[AT(14)] = jacobian_3_3;
+  jacobian[AT(15)] = jacobian_3_4;
+  jacobian[AT(16)] = jacobian_3_5;
+  jacobian[AT(17)] = jacobian_3_6;
   jacobian[AT(18)] = -p_f_2;
-  jacobian[AT(19)] = x29*z_b_2 - x30*z_b_3;
-  jacobian[AT(20)] = x31*z_c_2 - x32*z_c_3;
-  jacobian[AT(21)] = x33*z_d_2 - x34*z_d_3;
-  jacobian[AT(22)] = x35*z_e_2 - x36*z_e_3;
+  jacobian[AT(19)] = jacobian_2_2*x140 - cos_alpha_1*x142;
+  jacobian[AT(20)] = jacobian_2_3*x144 - jacobian_3_3*x146;
+  jacobian[AT(21)] = jacobian_2_4*x148 - jacobian_3_4*x150;
+  jacobian[AT(22)] = jacobian_2_5*x152 - jacobian_3_5*x154;
   jacobian[AT(23)] = K(0.0);
-  jacobian[AT(24)] = p_f_1;
-  jacobian[AT(25)] = x38*z_b_3 - x29*z_b_1;
-  jacobian[AT(26)] = x39*z_c_3 - x31*z_c_1;
-  jacobian[AT(27)] = x40*z_d_3 - x33*z_d_1;
-  jacobian[AT(28)] = x41*z_e_3 - x35*z_e_1;
+  jacobian[AT(24)] = jacobian_5_1;
+  jacobian[AT(25)] = cos_alpha_1*x157 - jacobian_1_2*x140;
+  jacobian[AT(26)] = jacobian_3_3*x160 - jacobian_1_3*x144;
+  jacobian[AT(27)] = jacobian_3_4*x163 - jacobian_1_4*x148;
+  jacobian[AT(28)] = jacobian_3_5*x166 - jacobian_1_5*x152;
   jacobian[AT(29)] = K(0.0);
   jacobian[AT(30)] = K(0.0);
-  jacobian[AT(31)] = x30*z_b_1 - x38*z_b_2;
-  jacobian[AT(32)] = x32*z_c_1 - x39*z_c_2;
-  jacobian[AT(33)] = x34*z_d_1 - x40*z_d_2;
-  jacobian[AT(34)] = x36*z_e_1 - x41*z_e_2;
+  jacobian[AT(31)] = jacobian_1_2*x142 - jacobian_2_2*x157;
+  jacobian[AT(32)] = jacobian_1_3*x146 - jacobian_2_3*x160;
+  jacobian[AT(33)] = jacobian_1_4*x150 - jacobian_2_4*x163;
+  jacobian[AT(34)] = jacobian_1_5*x154 - jacobian_2_5*x166;
   jacobian[AT(35)] = K(0.0);
   ANGLE(0, angle_1);
   ANGLE(1, angle_2);
@@ -485,7 +444,7 @@ KERNEL(spatial_links_link_jacobian_6r, const REAL a[5], const REAL cos_alpha[5],
   ANGLE(4, angle_5);
 }
 
-/* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
+/* hypothetical_link: 50 add, 74 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
 KERNEL(spatial_links_hypothetical_link, const REAL pose[16], REAL a67, REAL alpha67, REAL tolerance, REAL *S7, REAL *theta7, REAL *a71, REAL *alpha71, REAL *S1, REAL *gamma1, CODE *status) {
   /* inputs */
   const REAL pose_1_1 = pose[AT(0)];
@@ -502,40 +461,48 @@ KERNEL(spatial_links_hypothetical_link, const REAL pose[16], REAL a67, REAL alph
   const REAL pose_3_4 = pose[AT(11)];
   /* intermediate terms */
   const REAL x0 = SIN(alpha67);
-  const REAL x1 = COS(alpha67);
-  const REAL S7v_1 = pose_1_3*x1 - pose_1_2*x0;
-  const REAL S7v_2 = pose_2_3*x1 - pose_2_2*x0;
-  const REAL S7v_3 = pose_3_3*x1 - pose_3_2*x0;
+  const REAL x2 = COS(alpha67);
+  const REAL S7v_1 = pose_1_3*x2 - pose_1_2*x0;
+  const REAL S7v_2 = pose_2_3*x2 - pose_2_2*x0;
+  const REAL S7v_3 = pose_3_3*x2 - pose_3_2*x0;
   const REAL end_1 = a67*pose_1_1 + pose_1_4;
   const REAL end_2 = a67*pose_2_1 + pose_2_4;
   const REAL end_3 = a67*pose_3_1 + pose_3_4;
-  const REAL sine = SQRT((S7v_1*S7v_1) + (S7v_2*S7v_2));
-  const REAL x2 = (end_1*end_1) + (end_2*end_2);
-  const REAL level_length = SQRT(x2);
-  const REAL size = SQRT((end_3*end_3) + x2);
-  const CONDITION skewed = TEST(sine > tolerance);
-  const CONDITION apart = TEST(level_length > size*tolerance);
+  const REAL sine = SQRT(S7v_1*S7v_1 + S7v_2*S7v_2);
+  const REAL x16 = end_1*end_1 + end_2*end_2;
+  const REAL level_length = SQRT(x16);
+  const REAL size = SQRT(x16 + end_3*end_3);
+  const CONDITION skewed = TEST(tolerance < sine);
+  const CONDITION apart = TEST(size*tolerance < level_length);
   const REAL divisor = SELECT(skewed, sine, K(1.0));
-  const REAL x3 = K(1.0)/divisor;
-  const REAL x4 = S7v_2*x3;
-  const REAL a71v_1 = x4;
-  const REAL x5 = S7v_1*x3;
-  const REAL a71v_2 = -x5;
-  const REAL a71v_3 = K(0.0);
-  const REAL x6 = SELECT(apart, K(1.0)/level_length, K(1.0));
-  const REAL chosen_1 = SELECT(skewed, a71v_1, SELECT(apart, -end_1*x6, pose_1_1));
-  const REAL chosen_2 = SELECT(skewed, a71v_2, SELECT(apart, -end_2*x6, pose_2_1));
-  const REAL chosen_3 = SELECT(skewed, a71v_3, SELECT(apart, K(0.0), pose_3_1));
-  const REAL deviation = K(2.0)*FABS(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + K(2.0)*FABS(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + K(2.0)*FABS(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + FABS((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - K(1.0)) + FABS((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - K(1.0)) + FABS((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - K(1.0));
-  const REAL volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
-  const CONDITION good = (TEST(deviation <= K(1.0)/K(1000.0))) & (TEST(FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX)) & (TEST(volume > K(0.0)));
+  const REAL x20 = K(1.0)/divisor;
+  const REAL a71v_1 = S7v_2*x20;
+  const REAL x21 = S7v_1*x20;
+  const REAL a71v_2 = -x21;
+  const REAL x23 = SELECT(apart, K(1.0)/level_length, K(1.0));
+  const REAL chosen_1 = SELECT(skewed, a71v_1, SELECT(apart, -end_1*x23, pose_1_1));
+  const REAL chosen_2 = SELECT(skewed, a71v_2, SELECT(apart, -end_2*x23, pose_2_1));
+  const REAL chosen_3 = SELECT(skewed, K(0.0), SELECT(apart, K(0.0), pose_3_1));
+  const REAL x44 = K(2.0)*FABS(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3);
+  const REAL x51 = K(2.0)*FABS(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3);
+  const REAL x58 = FABS(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - K(1.0));
+  const REAL x65 = FABS(pose_1_2*pose_1_2 + pose_2_2*pose_2_2 + pose_3_2*pose_3_2 - K(1.0));
+  const REAL x72 = FABS(pose_1_3*pose_1_3 + pose_2_3*pose_2_3 + pose_3_3*pose_3_3 - K(1.0));
+  const REAL deviation = K(2.0)*FABS(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + x44 + x51 + x58 + x65 + x72;
+  const REAL x88 = pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
+  const REAL volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + x88;
+  const CONDITION good = TEST(deviation <= K(1.0)/K(1000.0)) & TEST(FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX) & TEST(K(0.0) < volume);
+  const REAL x121 = S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1);
+  const REAL x128 = chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1;
+  const REAL x129 = ATAN2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + x121, x128);
+  const REAL x154 = x20*(a71v_1*(S7v_3*end_2 - S7v_2*end_3) - x21*(S7v_1*end_3 - S7v_3*end_1));
   const REAL status_value = SELECT(NOT(good), K(3.0), SELECT(skewed, K(0.0), SELECT(apart, K(1.0), K(2.0))));
   /* outputs */
-  *S7 = SELECT(good, SELECT(skewed, x3*(-end_1*x5 - end_2*x4), K(0.0)), (REAL)NAN);
-  *theta7 = SELECT(good, SELECT((NOT(apart)) & (NOT(skewed)), K(0.0), ATAN2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (REAL)NAN);
-  *a71 = SELECT(good, SELECT(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), SELECT(apart, level_length, K(0.0))), (REAL)NAN);
-  *alpha71 = SELECT(good, SELECT(skewed, ATAN2(sine, S7v_3), SELECT(TEST(S7v_3 > K(0.0)), K(0.0), K(3.141592653589793))), (REAL)NAN);
-  *S1 = SELECT(good, SELECT(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (REAL)NAN);
+  *S7 = SELECT(good, SELECT(skewed, -x20*(x21*end_1 + a71v_1*end_2), K(0.0)), (REAL)NAN);
+  *theta7 = SELECT(good, SELECT(NOT(apart) & NOT(skewed), K(0.0), x129), (REAL)NAN);
+  *a71 = SELECT(good, SELECT(skewed, x20*(S7v_1*end_2 - S7v_2*end_1), SELECT(apart, level_length, K(0.0))), (REAL)NAN);
+  *alpha71 = SELECT(good, SELECT(skewed, ATAN2(sine, S7v_3), SELECT(TEST(K(0.0) < S7v_3), K(0.0), K(3.141592653589793))), (REAL)NAN);
+  *S1 = SELECT(good, SELECT(skewed, x154, -end_3), (REAL)NAN);
   *gamma1 = SELECT(good, ATAN2(-chosen_2, chosen_1), (REAL)NAN);
   *status = (CODE)status_value;
   ANGLE(0, alpha67);

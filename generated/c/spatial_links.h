@@ -59,7 +59,7 @@ void spatial_links_link_inverse_batch_f32(size_t count, const float *transform, 
 
 /* End frame of six revolute joints.
  * Source: derivation spatial_links; Crane and Duffy
- * Operations: 79 add, 137 mul, 6 cos, 6 sin
+ * Operations: 79 add, 139 mul, 6 cos, 6 sin
  * a (5), length: a12 to a56
  * cos_alpha (5), no unit: cosines of alpha12 to alpha56
  * sin_alpha (5), no unit: their sines
@@ -74,7 +74,7 @@ void spatial_links_link_forward_6r_batch_f32(size_t count, const float *a, const
 
 /* Jacobian of the end frame of six revolute joints.
  * Source: derivation spatial_links; Crane and Duffy
- * Operations: 94 add, 143 mul, 5 cos, 5 sin
+ * Operations: 94 add, 145 mul, 5 cos, 5 sin
  * a (5), length: a12 to a56
  * cos_alpha (5), no unit: cosines of alpha12 to alpha56
  * sin_alpha (5), no unit: their sines
@@ -89,7 +89,7 @@ void spatial_links_link_jacobian_6r_batch_f32(size_t count, const float *a, cons
 
 /* Close a robot into a loop with a hypothetical link.
  * Source: derivation spatial_links; Crane and Duffy
- * Operations: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin
+ * Operations: 50 add, 74 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin
  * pose (4, 4), 1 and length: end frame in the fixed system
  * a67, length: length of the link 67, free
  * alpha67, rad: twist of the link 67, free

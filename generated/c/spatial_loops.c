@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,48 +30,48 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #include "spatial_loops.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #include "spatial_loops.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 
 #else
 
-/* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
+/* loop_rccc: 62 add, 116 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 KERNEL(spatial_loops_loop_rccc, const REAL alpha[4], const REAL a[4], REAL S_4, REAL theta_4, REAL theta[6], REAL S[6], CODE *status) {
   /* inputs */
   const REAL alpha_1 = alpha[AT(0)];
@@ -93,79 +93,80 @@ KERNEL(spatial_loops_loop_rccc, const REAL alpha[4], const REAL a[4], REAL S_4, 
   const REAL sin_alpha_4 = SIN(alpha_4);
   const REAL cos_theta_4 = COS(theta_4);
   const REAL sin_theta_4 = SIN(theta_4);
-  const REAL x0 = sin_alpha_3*sin_theta_4;
-  const REAL X_4 = x0;
+  const REAL X_4 = sin_alpha_3*sin_theta_4;
   const REAL x1 = cos_theta_4*sin_alpha_3;
-  const REAL x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1;
-  const REAL Y_4 = -x2;
-  const REAL x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1;
-  const REAL Z_4 = x3;
+  const REAL x3 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1;
+  const REAL Y_4 = -x3;
+  const REAL Z_4 = cos_alpha_3*cos_alpha_4 - x1*sin_alpha_4;
   const REAL D = Z_4*cos_alpha_1 - cos_alpha_2;
-  const REAL r = sin_alpha_1*SQRT((X_4*X_4) + (Y_4*Y_4));
+  const REAL r = sin_alpha_1*SQRT(X_4*X_4 + Y_4*Y_4);
   const REAL size = FABS(r);
   const REAL square = (size - D)*(D + size);
-  const REAL root = SELECT(TEST(square > K(0.0)), SQRT(square), K(0.0));
+  const REAL root = SELECT(TEST(K(0.0) < square), SQRT(square), K(0.0));
   const REAL middle = ATAN2(X_4*sin_alpha_1, Y_4*sin_alpha_1);
   const REAL half = ATAN2(root, -D);
   const REAL theta_1_a = half + middle;
   const REAL cos_theta_1_a = COS(theta_1_a);
   const REAL sin_theta_1_a = SIN(theta_1_a);
-  const REAL row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2;
-  const REAL x4 = sin_alpha_1*x3;
-  const REAL row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4;
-  const REAL x5 = sin_alpha_1*sin_theta_1_a;
-  const REAL x6 = cos_alpha_1*sin_alpha_4;
-  const REAL x7 = cos_theta_1_a*sin_alpha_1;
-  const REAL x8 = -cos_alpha_4*x7 - x6;
-  const REAL column_a_1 = cos_theta_4*x5 - sin_theta_4*x8;
-  const REAL x9 = cos_alpha_1*cos_alpha_4;
-  const REAL column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7);
-  const REAL x11 = -a_3*cos_theta_4 - a_4;
-  const REAL x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4;
-  const REAL vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1;
-  const REAL x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4;
-  const REAL x14 = sin_alpha_1*x13;
-  const REAL x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11;
-  const REAL vector_a_2 = cos_alpha_1*x15 + x14;
-  const REAL x16 = cos_alpha_1*x13;
-  const REAL vector_a_3 = x16 - sin_alpha_1*x15;
+  const REAL row_a_1 = cos_theta_1_a*X_4 + sin_theta_1_a*x3;
+  const REAL x24 = sin_alpha_1*Z_4;
+  const REAL row_a_2 = cos_alpha_1*(cos_theta_1_a*x3 - X_4*sin_theta_1_a) + x24;
+  const REAL x25 = cos_theta_4*sin_alpha_1;
+  const REAL x27 = cos_alpha_1*sin_alpha_4;
+  const REAL x28 = cos_alpha_4*sin_alpha_1;
+  const REAL x30 = x27 + x28*cos_theta_1_a;
+  const REAL column_a_1 = x25*sin_theta_1_a + sin_theta_4*x30;
+  const REAL x37 = cos_alpha_1*cos_alpha_4;
+  const REAL column_a_2 = cos_alpha_3*(sin_alpha_1*sin_theta_1_a*sin_theta_4 - cos_theta_4*x30) - sin_alpha_3*(x37 - cos_theta_1_a*sin_alpha_1*sin_alpha_4);
+  const REAL x43 = a_3*cos_theta_4 + a_4;
+  const REAL x46 = a_3*sin_theta_4;
+  const REAL x48 = x46*cos_alpha_4 - S_4*sin_alpha_4;
+  const REAL vector_a_1 = sin_theta_1_a*x48 - a_1 - cos_theta_1_a*x43;
+  const REAL x53 = cos_theta_1_a*x48 + sin_theta_1_a*x43;
+  const REAL x57 = S_4*cos_alpha_4 + x46*sin_alpha_4;
+  const REAL x58 = sin_alpha_1*x57;
+  const REAL vector_a_2 = cos_alpha_1*x53 - x58;
+  const REAL x59 = cos_alpha_1*x57;
+  const REAL vector_a_3 = -(x59 + sin_alpha_1*x53);
   const REAL theta_2_a = ATAN2(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2);
   const REAL theta_3_a = ATAN2(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2);
   const REAL cos_theta_2_a = COS(theta_2_a);
   const REAL sin_theta_2_a = SIN(theta_2_a);
-  const REAL x17 = K(1.0)/sin_alpha_1;
-  const REAL x18 = K(1.0)/sin_theta_2_a;
-  const REAL S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2);
-  const REAL x20 = K(1.0)/sin_alpha_2;
-  const REAL S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a);
+  const REAL x67 = K(1.0)/sin_alpha_1;
+  const REAL x68 = K(1.0)/sin_theta_2_a;
+  const REAL S_1_a = x67*x68*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2);
+  const REAL x74 = K(1.0)/sin_alpha_2;
+  const REAL S_3_a = x74*x68*(vector_a_1 - a_2*cos_theta_2_a);
   const REAL theta_1_b = middle - half;
   const REAL cos_theta_1_b = COS(theta_1_b);
   const REAL sin_theta_1_b = SIN(theta_1_b);
-  const REAL row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2;
-  const REAL row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4;
-  const REAL x21 = sin_alpha_1*sin_theta_1_b;
-  const REAL x22 = cos_theta_1_b*sin_alpha_1;
-  const REAL x23 = -cos_alpha_4*x22 - x6;
-  const REAL column_b_1 = cos_theta_4*x21 - sin_theta_4*x23;
-  const REAL column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22);
-  const REAL vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1;
-  const REAL x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11;
-  const REAL vector_b_2 = cos_alpha_1*x24 + x14;
-  const REAL vector_b_3 = x16 - sin_alpha_1*x24;
+  const REAL row_b_1 = cos_theta_1_b*X_4 + sin_theta_1_b*x3;
+  const REAL row_b_2 = cos_alpha_1*(cos_theta_1_b*x3 - X_4*sin_theta_1_b) + x24;
+  const REAL x86 = x27 + x28*cos_theta_1_b;
+  const REAL column_b_1 = x25*sin_theta_1_b + sin_theta_4*x86;
+  const REAL column_b_2 = cos_alpha_3*(sin_alpha_1*sin_theta_1_b*sin_theta_4 - cos_theta_4*x86) - sin_alpha_3*(x37 - cos_theta_1_b*sin_alpha_1*sin_alpha_4);
+  const REAL vector_b_1 = sin_theta_1_b*x48 - a_1 - cos_theta_1_b*x43;
+  const REAL x102 = cos_theta_1_b*x48 + sin_theta_1_b*x43;
+  const REAL vector_b_2 = cos_alpha_1*x102 - x58;
+  const REAL vector_b_3 = -(x59 + sin_alpha_1*x102);
   const REAL theta_2_b = ATAN2(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2);
   const REAL theta_3_b = ATAN2(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2);
   const REAL cos_theta_2_b = COS(theta_2_b);
   const REAL sin_theta_2_b = SIN(theta_2_b);
-  const REAL x25 = K(1.0)/sin_theta_2_b;
-  const REAL S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
-  const REAL S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b);
-  const REAL total = K(0.015625)*FABS(S_4) + K(0.015625)*FABS(a_1) + K(0.015625)*FABS(a_2) + K(0.015625)*FABS(a_3) + K(0.015625)*FABS(a_4) + K(0.015625)*FABS(cos_alpha_1) + K(0.015625)*FABS(cos_alpha_2) + K(0.015625)*FABS(cos_alpha_3) + K(0.015625)*FABS(cos_alpha_4) + K(0.015625)*FABS(cos_theta_4) + K(0.015625)*FABS(sin_alpha_1) + K(0.015625)*FABS(sin_alpha_2) + K(0.015625)*FABS(sin_alpha_3) + K(0.015625)*FABS(sin_alpha_4) + K(0.015625)*FABS(sin_theta_4);
+  const REAL x111 = K(1.0)/sin_theta_2_b;
+  const REAL S_1_b = x67*x111*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
+  const REAL S_3_b = x74*x111*(vector_b_1 - a_2*cos_theta_2_b);
+  const REAL x154 = K(0.015625)*FABS(S_4) + K(0.015625)*FABS(a_1) + K(0.015625)*FABS(a_2) + K(0.015625)*FABS(a_3) + K(0.015625)*FABS(a_4) + K(0.015625)*FABS(cos_alpha_1);
+  const REAL x143 = K(0.015625)*FABS(sin_alpha_2);
+  const REAL x160 = x154 + K(0.015625)*FABS(cos_alpha_2) + K(0.015625)*FABS(cos_alpha_3) + K(0.015625)*FABS(cos_alpha_4) + K(0.015625)*FABS(cos_theta_4) + K(0.015625)*FABS(sin_alpha_1) + x143;
+  const REAL total = x160 + K(0.015625)*FABS(sin_alpha_3) + K(0.015625)*FABS(sin_alpha_4) + K(0.015625)*FABS(sin_theta_4);
   const CONDITION good = TEST(total <= REAL_MAX);
   const CONDITION closes = TEST(FABS(D) <= K(4.0)*REAL_EPSILON + size);
-  const REAL x26 = sin_alpha_1*sin_alpha_2;
-  const REAL x27 = K(8.0)*REAL_EPSILON;
-  const CONDITION determined = (TEST(FABS(sin_theta_2_a*x26) > x27)) & (TEST(FABS(sin_theta_2_b*x26) > x27));
-  const CONDITION there = (closes) & (good);
+  const REAL x166 = sin_alpha_1*sin_alpha_2;
+  const REAL x169 = K(8.0)*REAL_EPSILON;
+  const CONDITION determined = TEST(x169 < FABS(x166*sin_theta_2_a)) & TEST(x169 < FABS(x166*sin_theta_2_b));
+  const CONDITION there = closes & good;
+  const CONDITION x174 = determined & there;
   const REAL status_value = SELECT(NOT(good), K(4.0), SELECT(NOT(closes), K(2.0), SELECT(NOT(determined), K(3.0), SELECT(TEST(root <= K(4.0)*SQRT(REAL_EPSILON)*size), K(1.0), K(0.0)))));
   /* outputs */
   theta[AT(0)] = SELECT(there, theta_1_a, (REAL)NAN);
@@ -174,22 +175,22 @@ KERNEL(spatial_loops_loop_rccc, const REAL alpha[4], const REAL a[4], REAL S_4, 
   theta[AT(3)] = SELECT(there, theta_1_b, (REAL)NAN);
   theta[AT(4)] = SELECT(there, theta_2_b, (REAL)NAN);
   theta[AT(5)] = SELECT(there, theta_3_b, (REAL)NAN);
-  S[AT(0)] = SELECT((determined) & (there), S_1_a, (REAL)NAN);
-  S[AT(1)] = SELECT((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
-  S[AT(2)] = SELECT((determined) & (there), S_3_a, (REAL)NAN);
-  S[AT(3)] = SELECT((determined) & (there), S_1_b, (REAL)NAN);
-  S[AT(4)] = SELECT((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
-  S[AT(5)] = SELECT((determined) & (there), S_3_b, (REAL)NAN);
+  S[AT(0)] = SELECT(x174, S_1_a, (REAL)NAN);
+  S[AT(1)] = SELECT(x174, vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
+  S[AT(2)] = SELECT(x174, S_3_a, (REAL)NAN);
+  S[AT(3)] = SELECT(x174, S_1_b, (REAL)NAN);
+  S[AT(4)] = SELECT(x174, vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
+  S[AT(5)] = SELECT(x174, S_3_b, (REAL)NAN);
   *status = (CODE)status_value;
   ANGLE(0, alpha_1);
   ANGLE(1, alpha_2);
   ANGLE(2, alpha_3);
   ANGLE(3, alpha_4);
-  ANGLE(4, theta_1_a);
-  ANGLE(5, theta_1_b);
+  ANGLE(4, theta_4);
+  ANGLE(5, theta_1_a);
   ANGLE(6, theta_2_a);
-  ANGLE(7, theta_2_b);
-  ANGLE(8, theta_4);
+  ANGLE(7, theta_1_b);
+  ANGLE(8, theta_2_b);
 }
 
 /* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
@@ -223,50 +224,46 @@ KERNEL(spatial_loops_loop_rrrcc_pair, const REAL alpha[5], const REAL a[5], cons
   const REAL sin_theta_5 = SIN(theta_5);
   const REAL X_5 = sin_alpha_4*sin_theta_5;
   const REAL x0 = cos_alpha_4*sin_alpha_5;
-  const REAL x1 = cos_alpha_5*sin_alpha_4;
-  const REAL Y_5 = -cos_theta_5*x1 - x0;
-  const REAL x2 = cos_alpha_4*cos_alpha_5;
-  const REAL Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5;
-  const REAL X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5;
-  const REAL x3 = S_3*X_5;
-  const REAL Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5;
-  const REAL Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1);
-  const REAL x4 = cos_alpha_1*cos_alpha_2;
-  const REAL x5 = sin_alpha_1*sin_alpha_2;
-  const REAL x6 = Z_5*x5;
-  const REAL x7 = cos_alpha_2*sin_alpha_1;
-  const REAL x8 = Y_5*x7;
-  const REAL x9 = Y_5*sin_alpha_2;
-  const REAL x10 = cos_alpha_1*x9;
-  const REAL x11 = X_5*sin_alpha_2;
-  const REAL x12 = X_5*x7;
-  const REAL x13 = cos_alpha_1*x11;
-  const REAL x14 = Z_5*a_1;
-  const REAL x15 = cos_alpha_1*sin_alpha_2;
-  const REAL x16 = Z_5*a_2;
-  const REAL x17 = Y_5*x4;
-  const REAL x18 = sin_alpha_1*x9;
-  const REAL x19 = Y0_5*sin_alpha_2;
-  const REAL x20 = sin_alpha_1*x11;
+  const REAL x1 = cos_theta_5*sin_alpha_4;
+  const REAL Y_5 = -(x0 + cos_alpha_5*x1);
+  const REAL x4 = cos_alpha_4*cos_alpha_5;
+  const REAL Z_5 = x4 - x1*sin_alpha_5;
+  const REAL X0_5 = S_3*x1 + a_4*cos_alpha_4*sin_theta_5;
+  const REAL x9 = S_3*X_5;
+  const REAL Y0_5 = x9*cos_alpha_5 + a_4*(sin_alpha_4*sin_alpha_5 - x4*cos_theta_5) - Z_5*a_5;
+  const REAL Z0_5 = x9*sin_alpha_5 + Y_5*a_5 - a_4*(x0*cos_theta_5 + cos_alpha_5*sin_alpha_4);
+  const REAL x24 = cos_alpha_1*cos_alpha_2;
+  const REAL x26 = sin_alpha_1*sin_alpha_2;
+  const REAL x27 = Z_5*x26;
+  const REAL x28 = cos_alpha_2*sin_alpha_1;
+  const REAL x29 = cos_alpha_1*sin_alpha_2;
+  const REAL pair_1_2_3 = X_5*sin_alpha_2;
+  const REAL x30 = Y_5*sin_alpha_2;
+  const REAL x32 = Z_5*a_1;
+  const REAL x34 = Z_5*a_2;
+  const REAL x44 = S_1*X_5;
+  const REAL x49 = a_2*sin_alpha_1;
+  const REAL x56 = a_1*sin_alpha_1;
+  const REAL x71 = S_1*Y_5;
   /* outputs */
-  pair[AT(0)] = Z_5*x4 - cos_alpha_3;
-  pair[AT(1)] = -x6;
+  pair[AT(0)] = Z_5*x24 - cos_alpha_3;
+  pair[AT(1)] = -x27;
   pair[AT(2)] = K(0.0);
-  pair[AT(3)] = x8;
-  pair[AT(4)] = x10;
-  pair[AT(5)] = x11;
-  pair[AT(6)] = x12;
-  pair[AT(7)] = x13;
-  pair[AT(8)] = -x9;
-  pair[AT(9)] = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
-  pair[AT(10)] = -Z0_5*x5 - x14*x15 - x16*x7;
-  pair[AT(11)] = S_2*x6;
-  pair[AT(12)] = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
-  pair[AT(13)] = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
-  pair[AT(14)] = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
-  pair[AT(15)] = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
-  pair[AT(16)] = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
-  pair[AT(17)] = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
+  pair[AT(3)] = Y_5*x28;
+  pair[AT(4)] = Y_5*x29;
+  pair[AT(5)] = pair_1_2_3;
+  pair[AT(6)] = X_5*x28;
+  pair[AT(7)] = X_5*x29;
+  pair[AT(8)] = -x30;
+  pair[AT(9)] = Z0_5*x24 + a_3*sin_alpha_3 - x32*x28 - x34*x29;
+  pair[AT(10)] = -(Z0_5*x26 + x32*x29 + x34*x28);
+  pair[AT(11)] = S_2*x27;
+  pair[AT(12)] = x44*x28 + Y0_5*x28 + Y_5*a_1*x24 - x30*x49;
+  pair[AT(13)] = x44*x29 + S_2*pair_1_2_3 + Y0_5*x29 + Y_5*a_2*x24 - x30*x56;
+  pair[AT(14)] = X0_5*sin_alpha_2 + X_5*cos_alpha_2*a_2 - S_1*x30 - S_2*Y_5*x29;
+  pair[AT(15)] = X0_5*x28 + X_5*a_1*x24 - x71*x28 - pair_1_2_3*x49;
+  pair[AT(16)] = X0_5*x29 + X_5*a_2*x24 - x71*x29 - S_2*x30 - pair_1_2_3*x56;
+  pair[AT(17)] = -(S_1*pair_1_2_3 + S_2*X_5*x29 + Y0_5*sin_alpha_2 + Y_5*cos_alpha_2*a_2);
   ANGLE(0, alpha_1);
   ANGLE(1, alpha_2);
   ANGLE(2, alpha_3);
@@ -275,7 +272,7 @@ KERNEL(spatial_loops_loop_rrrcc_pair, const REAL alpha[5], const REAL a[5], cons
   ANGLE(5, theta_5);
 }
 
-/* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
+/* loop_rrrcc_back: 35 add, 69 mul, 1 div, 2 atan2, 9 cos, 9 sin */
 KERNEL(spatial_loops_loop_rrrcc_back, const REAL alpha[5], const REAL a[5], const REAL S[3], REAL theta_5, REAL theta_1, REAL theta_2, REAL angles[2], REAL offsets[2]) {
   /* inputs */
   const REAL alpha_1 = alpha[AT(0)];
@@ -308,56 +305,56 @@ KERNEL(spatial_loops_loop_rrrcc_back, const REAL alpha[5], const REAL a[5], cons
   const REAL cos_theta_2 = COS(theta_2);
   const REAL sin_theta_2 = SIN(theta_2);
   const REAL x0 = sin_alpha_4*sin_theta_5;
-  const REAL x1 = cos_theta_5*sin_alpha_4;
-  const REAL x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1;
-  const REAL x3 = cos_theta_1*x0 + sin_theta_1*x2;
-  const REAL x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1;
-  const REAL x5 = cos_theta_1*x2 - sin_theta_1*x0;
-  const REAL x6 = cos_alpha_1*x5 + sin_alpha_1*x4;
-  const REAL row_1 = cos_theta_2*x3 + sin_theta_2*x6;
-  const REAL row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5);
-  const REAL x7 = sin_alpha_2*sin_theta_2;
-  const REAL x8 = cos_theta_2*sin_alpha_2;
-  const REAL x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1;
-  const REAL x10 = cos_theta_1*x7 - sin_theta_1*x9;
-  const REAL x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8;
-  const REAL x12 = cos_theta_1*x9 + sin_theta_1*x7;
-  const REAL x13 = cos_alpha_5*x12 - sin_alpha_5*x11;
-  const REAL column_1 = cos_theta_5*x10 - sin_theta_5*x13;
-  const REAL column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12);
-  const REAL x14 = -a_4*cos_theta_5 - a_5;
-  const REAL x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5;
-  const REAL x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1;
-  const REAL x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5;
-  const REAL x18 = cos_theta_1*x15 - sin_theta_1*x14;
-  const REAL x19 = cos_alpha_1*x18 + sin_alpha_1*x17;
-  const REAL vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2;
-  const REAL x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18;
-  const REAL x21 = cos_theta_2*x19 - sin_theta_2*x16;
-  const REAL vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20;
-  const REAL vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21;
-  const REAL theta_3 = ATAN2(row_1*sin_alpha_3, -row_2*sin_alpha_3);
-  const REAL theta_4 = ATAN2(column_1*sin_alpha_3, column_2*sin_alpha_3);
-  const REAL cos_theta_3 = COS(theta_3);
-  const REAL sin_theta_3 = SIN(theta_3);
-  const REAL S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
+  const REAL x3 = cos_theta_5*sin_alpha_4;
+  const REAL x5 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x3;
+  const REAL x7 = cos_theta_1*x0 + sin_theta_1*x5;
+  const REAL x11 = cos_theta_1*x5 - x0*sin_theta_1;
+  const REAL x15 = cos_alpha_4*cos_alpha_5 - x3*sin_alpha_5;
+  const REAL x17 = cos_alpha_1*x11 + sin_alpha_1*x15;
+  const REAL row_1 = cos_theta_2*x7 + sin_theta_2*x17;
+  const REAL row_2 = cos_alpha_2*(cos_theta_2*x17 - sin_theta_2*x7) + sin_alpha_2*(cos_alpha_1*x15 - sin_alpha_1*x11);
+  const REAL x27 = sin_alpha_2*sin_theta_2;
+  const REAL x29 = cos_theta_2*sin_alpha_2;
+  const REAL x32 = cos_alpha_1*x29 + cos_alpha_2*sin_alpha_1;
+  const REAL x34 = cos_theta_1*x27 + sin_theta_1*x32;
+  const REAL x38 = x27*sin_theta_1 - cos_theta_1*x32;
+  const REAL x42 = cos_alpha_1*cos_alpha_2 - x29*sin_alpha_1;
+  const REAL x44 = cos_alpha_5*x38 - sin_alpha_5*x42;
+  const REAL column_1 = cos_theta_5*x34 - sin_theta_5*x44;
+  const REAL column_2 = cos_alpha_4*(cos_theta_5*x44 + sin_theta_5*x34) - sin_alpha_4*(cos_alpha_5*x42 + sin_alpha_5*x38);
+  const REAL x55 = a_4*cos_theta_5 + a_5;
+  const REAL x58 = a_4*sin_theta_5;
+  const REAL x60 = x58*cos_alpha_5 - S_3*sin_alpha_5;
+  const REAL x63 = sin_theta_1*x60 - a_1 - cos_theta_1*x55;
+  const REAL x67 = cos_theta_1*x60 + sin_theta_1*x55;
+  const REAL x72 = S_1 + S_3*cos_alpha_5 + x58*sin_alpha_5;
+  const REAL x74 = cos_alpha_1*x67 - sin_alpha_1*x72;
+  const REAL vector_1 = cos_theta_2*x63 + sin_theta_2*x74 - a_2;
+  const REAL x79 = cos_theta_2*x74 - sin_theta_2*x63;
+  const REAL x84 = S_2 + cos_alpha_1*x72 + sin_alpha_1*x67;
+  const REAL vector_2 = cos_alpha_2*x79 - sin_alpha_2*x84;
+  const REAL vector_3 = -(cos_alpha_2*x84 + sin_alpha_2*x79);
+  const REAL angles_1 = ATAN2(row_1*sin_alpha_3, -row_2*sin_alpha_3);
+  const REAL cos_theta_3 = COS(angles_1);
+  const REAL sin_theta_3 = SIN(angles_1);
+  const REAL offsets_2 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
   /* outputs */
-  angles[AT(0)] = theta_3;
-  angles[AT(1)] = theta_4;
-  offsets[AT(0)] = vector_3 - S_4*cos_alpha_3;
-  offsets[AT(1)] = S_4;
+  angles[AT(0)] = angles_1;
+  angles[AT(1)] = ATAN2(column_1*sin_alpha_3, column_2*sin_alpha_3);
+  offsets[AT(0)] = vector_3 - offsets_2*cos_alpha_3;
+  offsets[AT(1)] = offsets_2;
   ANGLE(0, alpha_1);
   ANGLE(1, alpha_2);
   ANGLE(2, alpha_3);
   ANGLE(3, alpha_4);
   ANGLE(4, alpha_5);
-  ANGLE(5, theta_1);
-  ANGLE(6, theta_2);
-  ANGLE(7, theta_3);
-  ANGLE(8, theta_5);
+  ANGLE(5, theta_5);
+  ANGLE(6, theta_1);
+  ANGLE(7, theta_2);
+  ANGLE(8, angles_1);
 }
 
-/* loop_pair_12_12: 83 add, 144 mul, 1 div */
+/* loop_pair_12_12: 83 add, 146 mul, 1 div */
 KERNEL(spatial_loops_loop_pair_12_12, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
   const REAL rotation_1_1_1 = rotation[AT(0)];
@@ -403,12 +400,12 @@ KERNEL(spatial_loops_loop_pair_12_12, const REAL rotation[36], const REAL vector
   const REAL q_2 = q[AT(1)];
   const REAL q_3 = q[AT(2)];
   /* intermediate terms */
-  const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-  const REAL x0 = K(1.0)/square;
-  const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-  const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-  const REAL part_2 = x0*x1;
-  const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+  const REAL square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3;
+  const REAL x2 = K(1.0)/square;
+  const REAL x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+  const REAL part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3));
+  const REAL part_2 = x2*x6;
+  const REAL part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
   const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
   const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
   const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
@@ -421,48 +418,52 @@ KERNEL(spatial_loops_loop_pair_12_12, const REAL rotation[36], const REAL vector
   const REAL q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
   const REAL q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
   const REAL q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
-  const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-  const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-  const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-  const REAL x5 = rotation_2_1_3*rotation_3_3_3;
-  const REAL x6 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
-  const REAL x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
-  const REAL x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
-  const REAL x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
-  const REAL x15 = rotation_2_1_3*v_34_3;
-  const REAL x16 = rotation_2_2_3*v_34_3;
-  const REAL x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
-  const REAL x18 = part_3*x17;
-  const REAL x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
-  const REAL x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-  const REAL x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-  const REAL x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-  const REAL x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-  const REAL x25 = -part_3*x17;
+  const REAL x62 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+  const REAL x65 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+  const REAL x66 = rotation_2_1_3*rotation_3_3_3;
+  const REAL x68 = rotation_2_2_3*rotation_3_3_3;
+  const REAL x72 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+  const REAL x76 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+  const REAL x80 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+  const REAL x84 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+  const REAL x94 = p_12_3*q_12_1 - p_12_1*q_12_3;
+  const REAL x98 = p_12_2*q_12_3 - p_12_3*q_12_2;
+  const REAL x100 = rotation_1_3_1*x94 - rotation_1_3_2*x98;
+  const REAL x101 = part_3*rotation_3_3_3;
+  const REAL x106 = p_12_1*q_12_2 - p_12_2*q_12_1;
+  const REAL x116 = x101*rotation_2_3_3*x100 + rotation_2_3_3*v_34_3*x106 + v_12_1*x98 + v_12_2*x94 + v_12_3*x106;
+  const REAL x117 = part_3*x100;
+  const REAL x130 = rotation_1_3_2*x106 - rotation_1_3_3*x94;
+  const REAL x135 = rotation_1_3_3*x98 - rotation_1_3_1*x106;
+  const REAL x136 = x101*rotation_2_2_3;
+  const REAL x138 = rotation_2_1_3*v_34_3;
+  const REAL x140 = rotation_2_2_3*v_34_3;
+  const REAL x143 = vector_2_2*x94;
+  const REAL x148 = part_3*x135;
+  const REAL x150 = part_3*x130;
+  const REAL x154 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+  const REAL x158 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+  const REAL x166 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+  const REAL x170 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
   /* outputs */
-  pair[AT(0)] = rotation_1_3_3*x2 - rotation_4_3_3;
-  pair[AT(1)] = rotation_1_3_3*x3;
-  pair[AT(2)] = rotation_1_3_3*x4;
-  pair[AT(3)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[AT(4)] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-  pair[AT(5)] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-  pair[AT(7)] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-  pair[AT(8)] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-  pair[AT(9)] = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
-  pair[AT(10)] = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
-  pair[AT(11)] = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
-  pair[AT(12)] = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
-  pair[AT(13)] = x11*x21 + x12*x20 + x18*x7 + x19*x8;
-  pair[AT(14)] = x10*x19 + x11*x23 + x12*x22 + x18*x9;
-  pair[AT(15)] = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
-  pair[AT(16)] = x12*x21 + x19*x7 + x25*x8 - x11*x20;
-  pair[AT(17)] = x10*x25 + x12*x23 + x19*x9 - x11*x22;
+  pair[AT(0)] = rotation_1_3_3*(rotation_2_3_3*rotation_3_3_3) - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*x62;
+  pair[AT(2)] = rotation_1_3_3*x65;
+  pair[AT(3)] = rotation_1_3_1*x66 + rotation_1_3_2*x68;
+  pair[AT(4)] = rotation_1_3_1*x72 + rotation_1_3_2*x76;
+  pair[AT(5)] = rotation_1_3_1*x80 + rotation_1_3_2*x84;
+  pair[AT(6)] = rotation_1_3_2*x66 - rotation_1_3_1*x68;
+  pair[AT(7)] = rotation_1_3_2*x72 - rotation_1_3_1*x76;
+  pair[AT(8)] = rotation_1_3_2*x80 - rotation_1_3_1*x84;
+  pair[AT(9)] = x116 + vector_2_3*x106;
+  pair[AT(10)] = x117*x62 + x106*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2);
+  pair[AT(11)] = x117*x65 + x106*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2);
+  pair[AT(12)] = x101*rotation_2_1_3*x130 + x136*x135 + x138*x98 + x140*x94 + vector_2_1*x98 + x143;
+  pair[AT(13)] = x148*x76 + x150*x72 + x94*x154 + x98*x158;
+  pair[AT(14)] = x148*x84 + x150*x80 + x94*x166 + x98*x170;
+  pair[AT(15)] = x148*x66 + x138*x94 + vector_2_1*x94 - x136*x130 - x140*x98 - vector_2_2*x98;
+  pair[AT(16)] = x148*x72 + x94*x158 - x150*x76 - x98*x154;
+  pair[AT(17)] = x148*x80 + x94*x170 - x150*x84 - x98*x166;
 }
 
 /* loop_pair_23_23: 73 add, 134 mul, 1 div */
@@ -511,67 +512,78 @@ KERNEL(spatial_loops_loop_pair_23_23, const REAL rotation[36], const REAL vector
   const REAL q_2 = q[AT(1)];
   const REAL q_3 = q[AT(2)];
   /* intermediate terms */
-  const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-  const REAL x0 = K(1.0)/square;
-  const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-  const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-  const REAL part_2 = x0*x1;
-  const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+  const REAL square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3;
+  const REAL x2 = K(1.0)/square;
+  const REAL x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+  const REAL part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3));
+  const REAL part_2 = x2*x6;
+  const REAL part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
   const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
   const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
   const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
   const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
   const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
   const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-  const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-  const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-  const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-  const REAL x5 = rotation_2_1_3*rotation_3_3_3;
-  const REAL x6 = rotation_1_3_1*x5;
-  const REAL x7 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x8 = rotation_1_3_2*x7;
-  const REAL x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x10 = rotation_1_3_1*x9;
-  const REAL x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x12 = rotation_1_3_2*x11;
-  const REAL x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x14 = rotation_1_3_1*x13;
-  const REAL x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x16 = rotation_1_3_2*x15;
-  const REAL x17 = rotation_1_3_1*x7;
-  const REAL x18 = rotation_1_3_1*x11;
-  const REAL x19 = rotation_1_3_1*x15;
-  const REAL x20 = p_1*q_2 - p_2*q_1;
-  const REAL x21 = p_2*q_3 - p_3*q_2;
-  const REAL x22 = p_3*q_1 - p_1*q_3;
-  const REAL x23 = part_3*rotation_1_3_3;
-  const REAL x24 = x21*x23;
-  const REAL x25 = x22*x23;
-  const REAL x26 = part_3*x20;
-  const REAL x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
-  const REAL x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
+  const REAL x38 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+  const REAL x41 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+  const REAL x42 = rotation_2_1_3*rotation_3_3_3;
+  const REAL x43 = rotation_1_3_1*x42;
+  const REAL x44 = rotation_2_2_3*rotation_3_3_3;
+  const REAL x45 = rotation_1_3_2*x44;
+  const REAL x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+  const REAL x49 = rotation_1_3_1*x48;
+  const REAL x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+  const REAL x53 = rotation_1_3_2*x52;
+  const REAL x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+  const REAL x57 = rotation_1_3_1*x56;
+  const REAL x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+  const REAL x61 = rotation_1_3_2*x60;
+  const REAL x62 = rotation_1_3_1*x44;
+  const REAL x63 = rotation_1_3_2*x42;
+  const REAL x64 = rotation_1_3_1*x52;
+  const REAL x65 = rotation_1_3_2*x48;
+  const REAL x66 = rotation_1_3_1*x60;
+  const REAL x67 = rotation_1_3_2*x56;
+  const REAL x70 = p_3*q_1 - p_1*q_3;
+  const REAL x71 = part_3*rotation_3_3_3;
+  const REAL x77 = p_2*q_3 - p_3*q_2;
+  const REAL x87 = p_1*q_2 - p_2*q_1;
+  const REAL x89 = rotation_2_3_3*v_34_3*x87;
+  const REAL x90 = v_12_3*x87;
+  const REAL x97 = x71*(rotation_1_3_3*x77)*rotation_2_2_3 + rotation_2_1_3*v_34_3*x77 + rotation_2_2_3*v_34_3*x70 + x89 + x90;
+  const REAL x101 = part_3*rotation_1_3_3;
+  const REAL x102 = x101*x70;
+  const REAL x104 = x101*x77;
+  const REAL x119 = x104*x52 + x87*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x70*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2);
+  const REAL x136 = x104*x60 + x87*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x70*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2);
+  const REAL x138 = part_3*x87;
+  const REAL x143 = rotation_1_3_2*x77 - rotation_1_3_1*x70;
+  const REAL x144 = x71*rotation_2_3_3;
+  const REAL x153 = part_3*x143;
+  const REAL x164 = rotation_1_3_1*x77 + rotation_1_3_2*x70;
+  const REAL x173 = part_3*x164;
   /* outputs */
-  pair[AT(0)] = rotation_1_3_3*x2 - rotation_4_3_3;
-  pair[AT(1)] = rotation_1_3_3*x3;
-  pair[AT(2)] = rotation_1_3_3*x4;
-  pair[AT(3)] = x6 + x8;
-  pair[AT(4)] = x10 + x12;
-  pair[AT(5)] = x14 + x16;
-  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
-  pair[AT(7)] = rotation_1_3_2*x9 - x18;
-  pair[AT(8)] = rotation_1_3_2*x13 - x19;
-  pair[AT(9)] = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
-  pair[AT(10)] = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
-  pair[AT(11)] = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
-  pair[AT(12)] = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
-  pair[AT(13)] = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
-  pair[AT(14)] = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
-  pair[AT(15)] = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
-  pair[AT(16)] = -x10*x26 - x12*x26 - x28*x3;
-  pair[AT(17)] = -x14*x26 - x16*x26 - x28*x4;
+  pair[AT(0)] = rotation_1_3_3*rotation_3_3_3*rotation_2_3_3 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*x38;
+  pair[AT(2)] = rotation_1_3_3*x41;
+  pair[AT(3)] = x43 + x45;
+  pair[AT(4)] = x49 + x53;
+  pair[AT(5)] = x57 + x61;
+  pair[AT(6)] = x63 - x62;
+  pair[AT(7)] = x65 - x64;
+  pair[AT(8)] = x67 - x66;
+  pair[AT(9)] = x97 + vector_2_1*x77 + vector_2_2*x70 + vector_2_3*x87 - x71*(rotation_1_3_3*x70)*rotation_2_1_3;
+  pair[AT(10)] = x119 + x77*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) - x102*x48;
+  pair[AT(11)] = x136 + x77*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) - x102*x56;
+  pair[AT(12)] = x138*x63 + v_12_1*x77 + v_12_2*x70 - x138*x62 - x144*x143;
+  pair[AT(13)] = x138*x65 - x138*x64 - x153*x38;
+  pair[AT(14)] = x138*x67 - x138*x66 - x153*x41;
+  pair[AT(15)] = x144*x164 + v_12_2*x77 - x138*x43 - x138*x45 - v_12_1*x70;
+  pair[AT(16)] = x173*x38 - x138*x49 - x138*x53;
+  pair[AT(17)] = x173*x41 - x138*x57 - x138*x61;
 }
 
-/* loop_pair_34_34: 81 add, 149 mul, 1 div */
+/* loop_pair_34_34: 81 add, 145 mul, 1 div */
 KERNEL(spatial_loops_loop_pair_34_34, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
   const REAL rotation_1_1_1 = rotation[AT(0)];
@@ -617,69 +629,73 @@ KERNEL(spatial_loops_loop_pair_34_34, const REAL rotation[36], const REAL vector
   const REAL q_2 = q[AT(1)];
   const REAL q_3 = q[AT(2)];
   /* intermediate terms */
-  const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-  const REAL x0 = K(1.0)/square;
-  const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-  const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-  const REAL part_2 = x0*x1;
-  const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+  const REAL square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3;
+  const REAL x2 = K(1.0)/square;
+  const REAL x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+  const REAL part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3));
+  const REAL part_2 = x2*x6;
+  const REAL part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
   const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
   const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
   const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
   const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
   const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
   const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-  const REAL x2 = rotation_1_3_3*rotation_2_3_3;
-  const REAL x3 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x8 = p_2*q_3 - p_3*q_2;
-  const REAL x9 = p_1*q_3 - p_3*q_1;
-  const REAL x11 = p_1*q_2 - p_2*q_1;
-  const REAL x12 = rotation_2_1_3*x11;
-  const REAL x13 = rotation_2_2_3*x11;
-  const REAL x14 = rotation_2_3_3*x11;
-  const REAL x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
-  const REAL x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
-  const REAL x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
-  const REAL x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
-  const REAL x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
-  const REAL x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
-  const REAL x21 = part_3*rotation_1_3_3;
-  const REAL x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
-  const REAL x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
-  const REAL x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
-  const REAL x26 = part_3*rotation_1_3_1;
-  const REAL x27 = part_3*rotation_1_3_2;
-  const REAL x28 = rotation_2_2_3*x15;
-  const REAL x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
-  const REAL x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
-  const REAL x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
-  const REAL x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
+  const REAL x34 = rotation_1_3_3*rotation_2_3_3;
+  const REAL x42 = rotation_1_3_1*rotation_2_1_3;
+  const REAL x44 = rotation_1_3_2*rotation_2_2_3;
+  const REAL x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+  const REAL x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+  const REAL x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+  const REAL x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+  const REAL x72 = p_3*q_1 - p_1*q_3;
+  const REAL x76 = p_2*q_3 - p_3*q_2;
+  const REAL x78 = rotation_3_2_3*x76 - rotation_3_1_3*x72;
+  const REAL x79 = part_3*x78;
+  const REAL x83 = p_1*q_2 - p_2*q_1;
+  const REAL x84 = rotation_2_1_3*x83;
+  const REAL x86 = rotation_2_2_3*x83;
+  const REAL x88 = rotation_2_3_3*x83;
+  const REAL x98 = x79*x34 + x84*vector_2_1 + x86*vector_2_2 + x88*v_12_3 + x88*vector_2_3 + v_34_1*x76;
+  const REAL x102 = rotation_3_3_3*x72 - rotation_3_2_3*x83;
+  const REAL x106 = rotation_3_1_3*x83 - rotation_3_3_3*x76;
+  const REAL x109 = part_3*rotation_1_3_3;
+  const REAL x113 = rotation_2_3_1*x76 + rotation_2_3_2*x72;
+  const REAL x117 = rotation_2_1_1*x76 + rotation_2_1_2*x72;
+  const REAL x121 = rotation_2_2_1*x76 + rotation_2_2_2*x72;
+  const REAL x123 = vector_2_3*x113;
+  const REAL x133 = rotation_2_3_2*x76 - rotation_2_3_1*x72;
+  const REAL x137 = rotation_2_1_2*x76 - rotation_2_1_1*x72;
+  const REAL x141 = rotation_2_2_2*x76 - rotation_2_2_1*x72;
+  const REAL x143 = vector_2_3*x133;
+  const REAL x155 = rotation_2_1_1*x102 + rotation_2_1_2*x106;
+  const REAL x156 = part_3*rotation_1_3_1;
+  const REAL x160 = rotation_2_2_1*x102 + rotation_2_2_2*x106;
+  const REAL x161 = part_3*rotation_1_3_2;
+  const REAL x169 = rotation_2_1_2*x102 - rotation_2_1_1*x106;
+  const REAL x173 = rotation_2_2_2*x102 - rotation_2_2_1*x106;
   /* outputs */
-  pair[AT(0)] = rotation_3_3_3*x2 - rotation_4_3_3;
+  pair[AT(0)] = x34*rotation_3_3_3 - rotation_4_3_3;
   pair[AT(1)] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
   pair[AT(2)] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
-  pair[AT(4)] = rotation_1_3_1*x4 + rotation_1_3_2*x5;
-  pair[AT(5)] = rotation_1_3_1*x6 + rotation_1_3_2*x7;
-  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
-  pair[AT(7)] = rotation_1_3_2*x4 - rotation_1_3_1*x5;
-  pair[AT(8)] = rotation_1_3_2*x6 - rotation_1_3_1*x7;
-  pair[AT(9)] = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
-  pair[AT(10)] = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
-  pair[AT(11)] = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
-  pair[AT(12)] = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
-  pair[AT(13)] = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
-  pair[AT(14)] = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
-  pair[AT(15)] = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
-  pair[AT(16)] = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
-  pair[AT(17)] = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
+  pair[AT(3)] = x42*rotation_3_3_3 + x44*rotation_3_3_3;
+  pair[AT(4)] = rotation_1_3_1*x48 + rotation_1_3_2*x52;
+  pair[AT(5)] = rotation_1_3_1*x56 + rotation_1_3_2*x60;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*rotation_2_2_3*rotation_3_3_3;
+  pair[AT(7)] = rotation_1_3_2*x48 - rotation_1_3_1*x52;
+  pair[AT(8)] = rotation_1_3_2*x56 - rotation_1_3_1*x60;
+  pair[AT(9)] = x98 + v_34_2*x72 + v_34_3*x83;
+  pair[AT(10)] = x109*(rotation_2_3_1*x102 + rotation_2_3_2*x106) + v_12_3*x113 + vector_2_1*x117 + vector_2_2*x121 + x123;
+  pair[AT(11)] = x109*(rotation_2_3_2*x102 - rotation_2_3_1*x106) + v_12_3*x133 + vector_2_1*x137 + vector_2_2*x141 + x143;
+  pair[AT(12)] = x79*x42 + x79*x44 + x84*v_12_1 + x86*v_12_2;
+  pair[AT(13)] = x156*x155 + x161*x160 + v_12_1*x117 + v_12_2*x121;
+  pair[AT(14)] = x156*x169 + x161*x173 + v_12_1*x137 + v_12_2*x141;
+  pair[AT(15)] = x161*(rotation_2_1_3*x78) + x84*v_12_2 - x156*(rotation_2_2_3*x78) - x86*v_12_1;
+  pair[AT(16)] = x161*x155 + v_12_2*x117 - x156*x160 - v_12_1*x121;
+  pair[AT(17)] = x161*x169 + v_12_2*x137 - x156*x173 - v_12_1*x141;
 }
 
-/* loop_pair_12_23: 116 add, 210 mul, 1 div */
+/* loop_pair_12_23: 116 add, 209 mul, 1 div */
 KERNEL(spatial_loops_loop_pair_12_23, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
   const REAL rotation_1_1_1 = rotation[AT(0)];
@@ -725,12 +741,12 @@ KERNEL(spatial_loops_loop_pair_12_23, const REAL rotation[36], const REAL vector
   const REAL q_2 = q[AT(1)];
   const REAL q_3 = q[AT(2)];
   /* intermediate terms */
-  const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-  const REAL x0 = K(1.0)/square;
-  const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-  const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-  const REAL part_2 = x0*x1;
-  const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+  const REAL square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3;
+  const REAL x2 = K(1.0)/square;
+  const REAL x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+  const REAL part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3));
+  const REAL part_2 = x2*x6;
+  const REAL part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
   const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
   const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
   const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
@@ -740,69 +756,77 @@ KERNEL(spatial_loops_loop_pair_12_23, const REAL rotation[36], const REAL vector
   const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
   const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
   const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-  const REAL x2 = rotation_2_3_3*rotation_3_3_3;
-  const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-  const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-  const REAL x5 = rotation_2_1_3*rotation_3_3_3;
-  const REAL x6 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x11 = rotation_2_2_3*v_34_3;
-  const REAL x12 = q_2*v_34_3;
-  const REAL x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
-  const REAL x14 = q_1*x13;
-  const REAL x15 = q_2*x13;
-  const REAL x16 = q_3*x13;
-  const REAL x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-  const REAL x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-  const REAL x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-  const REAL x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-  const REAL x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-  const REAL x22 = q_2*vector_2_3 - q_3*vector_2_2;
-  const REAL x23 = q_3*vector_2_1 - q_1*vector_2_3;
-  const REAL x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
-  const REAL x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
-  const REAL x26 = rotation_2_3_3*x12 - q_3*x11;
-  const REAL x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
-  const REAL x28 = q_2*rotation_4_3_3;
-  const REAL x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-  const REAL x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
-  const REAL x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-  const REAL x32 = q_2*x2 - q_3*x6;
-  const REAL x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
-  const REAL x34 = q_2*x33 - q_3*x18;
-  const REAL x35 = q_3*x19 - q_1*x33;
-  const REAL x36 = q_3*x7 - q_1*x3;
-  const REAL x37 = q_2*x3 - q_3*x8;
-  const REAL x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
-  const REAL x39 = q_2*x38 - q_3*x20;
-  const REAL x40 = q_3*x21 - q_1*x38;
-  const REAL x41 = q_3*x9 - q_1*x4;
-  const REAL x42 = q_2*x4 - q_3*x10;
+  const REAL x46 = rotation_2_3_3*rotation_3_3_3;
+  const REAL x50 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+  const REAL x53 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+  const REAL x54 = rotation_2_1_3*rotation_3_3_3;
+  const REAL x56 = rotation_2_2_3*rotation_3_3_3;
+  const REAL x60 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+  const REAL x64 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+  const REAL x68 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+  const REAL x72 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+  const REAL x96 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
+  const REAL x97 = q_1*x96;
+  const REAL x99 = q_2*x96;
+  const REAL x101 = q_3*x96;
+  const REAL x105 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+  const REAL x109 = x105*(q_1*x56 - q_2*x54);
+  const REAL x119 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*rotation_2_2_3*v_34_3 - q_2*rotation_2_1_3*v_34_3);
+  const REAL x120 = x119 + part_3*(p_12_3*q_3*rotation_4_3_3 - x97*x54 - x99*x56 - x101*x46 - x109);
+  const REAL x123 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+  const REAL x127 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+  const REAL x141 = part_3*(x97*x60 + x99*x64 + x101*x50 + x105*(q_1*x64 - q_2*x60));
+  const REAL x144 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+  const REAL x148 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+  const REAL x162 = part_3*(x97*x68 + x99*x72 + x101*x53 + x105*(q_1*x72 - q_2*x68));
+  const REAL x165 = q_2*vector_2_3 - q_3*vector_2_2;
+  const REAL x171 = q_2*rotation_2_3_3*v_34_3 - q_3*rotation_2_2_3*v_34_3;
+  const REAL x175 = q_3*vector_2_1 - q_1*vector_2_3;
+  const REAL x181 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
+  const REAL x183 = p_12_1*rotation_4_3_3;
+  const REAL x185 = p_12_2*rotation_4_3_3;
+  const REAL x189 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+  const REAL x192 = q_3*x54 - q_1*x46;
+  const REAL x196 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+  const REAL x199 = q_2*x46 - q_3*x56;
+  const REAL x207 = p_12_3*v_12_2 - p_12_2*v_12_3;
+  const REAL x211 = p_12_1*v_12_3 - p_12_3*v_12_1;
+  const REAL x204 = part_3*(x183*q_1 + x185*q_2 - x189*x192 - x196*x199);
+  const REAL x212 = q_2*x211;
+  const REAL x220 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
+  const REAL x223 = q_2*x220 - q_3*x123;
+  const REAL x227 = q_3*x127 - q_1*x220;
+  const REAL x231 = q_3*x60 - q_1*x50;
+  const REAL x235 = q_2*x50 - q_3*x64;
+  const REAL x242 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
+  const REAL x245 = q_2*x242 - q_3*x144;
+  const REAL x249 = q_3*x148 - q_1*x242;
+  const REAL x253 = q_3*x68 - q_1*x53;
+  const REAL x257 = q_2*x53 - q_3*x72;
+  const REAL x273 = part_3*(x185*q_1 + x196*x192 - x183*q_2 - x189*x199);
+  const REAL x275 = q_2*x207;
   /* outputs */
-  pair[AT(0)] = rotation_1_3_3*x2 - rotation_4_3_3;
-  pair[AT(1)] = rotation_1_3_3*x3;
-  pair[AT(2)] = rotation_1_3_3*x4;
-  pair[AT(3)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[AT(4)] = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-  pair[AT(5)] = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-  pair[AT(7)] = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-  pair[AT(8)] = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-  pair[AT(9)] = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
-  pair[AT(10)] = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
-  pair[AT(11)] = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
-  pair[AT(12)] = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
-  pair[AT(13)] = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
-  pair[AT(14)] = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
-  pair[AT(15)] = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
-  pair[AT(16)] = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
-  pair[AT(17)] = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
+  pair[AT(0)] = rotation_1_3_3*x46 - rotation_4_3_3;
+  pair[AT(1)] = rotation_1_3_3*x50;
+  pair[AT(2)] = rotation_1_3_3*x53;
+  pair[AT(3)] = rotation_1_3_1*x54 + rotation_1_3_2*x56;
+  pair[AT(4)] = rotation_1_3_1*x60 + rotation_1_3_2*x64;
+  pair[AT(5)] = rotation_1_3_1*x68 + rotation_1_3_2*x72;
+  pair[AT(6)] = rotation_1_3_2*x54 - rotation_1_3_1*x56;
+  pair[AT(7)] = rotation_1_3_2*x60 - rotation_1_3_1*x64;
+  pair[AT(8)] = rotation_1_3_2*x68 - rotation_1_3_1*x72;
+  pair[AT(9)] = x120 + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
+  pair[AT(10)] = p_12_3*(q_1*x123 - q_2*x127) - x141;
+  pair[AT(11)] = p_12_3*(q_1*x144 - q_2*x148) - x162;
+  pair[AT(12)] = p_12_1*x165 + p_12_1*x171 + p_12_2*x175 + p_12_2*x181 + x204 + q_1*x207 + x212;
+  pair[AT(13)] = p_12_1*x223 + p_12_2*x227 - part_3*(x189*x231 + x196*x235);
+  pair[AT(14)] = p_12_1*x245 + p_12_2*x249 - part_3*(x189*x253 + x196*x257);
+  pair[AT(15)] = p_12_2*x165 + p_12_2*x171 + x273 + q_1*x211 - p_12_1*x175 - p_12_1*x181 - x275;
+  pair[AT(16)] = p_12_2*x223 + part_3*(x196*x231 - x189*x235) - p_12_1*x227;
+  pair[AT(17)] = p_12_2*x245 + part_3*(x196*x253 - x189*x257) - p_12_1*x249;
 }
 
-/* loop_pair_12_34: 146 add, 251 mul, 1 div */
+/* loop_pair_12_34: 146 add, 249 mul, 1 div */
 KERNEL(spatial_loops_loop_pair_12_34, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
   const REAL rotation_1_1_1 = rotation[AT(0)];
@@ -848,12 +872,12 @@ KERNEL(spatial_loops_loop_pair_12_34, const REAL rotation[36], const REAL vector
   const REAL q_2 = q[AT(1)];
   const REAL q_3 = q[AT(2)];
   /* intermediate terms */
-  const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-  const REAL x0 = K(1.0)/square;
-  const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-  const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-  const REAL part_2 = x0*x1;
-  const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+  const REAL square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3;
+  const REAL x2 = K(1.0)/square;
+  const REAL x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+  const REAL part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3));
+  const REAL part_2 = x2*x6;
+  const REAL part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
   const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
   const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
   const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
@@ -863,76 +887,95 @@ KERNEL(spatial_loops_loop_pair_12_34, const REAL rotation[36], const REAL vector
   const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
   const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
   const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-  const REAL x2 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
-  const REAL x8 = p_12_3*rotation_2_3_3;
-  const REAL x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
-  const REAL x10 = q_3*rotation_2_3_3;
-  const REAL x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-  const REAL x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-  const REAL x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-  const REAL x14 = q_2*v_34_3 - q_3*v_34_2;
-  const REAL x15 = q_1*v_34_3 - q_3*v_34_1;
-  const REAL x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-  const REAL x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-  const REAL x19 = p_12_3*rotation_4_3_3;
-  const REAL x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-  const REAL x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-  const REAL x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-  const REAL x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-  const REAL x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-  const REAL x26 = rotation_2_1_3*x7;
-  const REAL x27 = rotation_2_2_3*x7;
-  const REAL x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
-  const REAL x30 = q_3*rotation_2_1_3;
-  const REAL x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
-  const REAL x32 = q_3*rotation_2_2_3;
-  const REAL x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
-  const REAL x34 = vector_2_3*x30 - vector_2_1*x10;
-  const REAL x35 = p_12_1*rotation_4_3_3;
-  const REAL x36 = p_12_2*rotation_4_3_3;
-  const REAL x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-  const REAL x38 = rotation_2_1_3*x12;
-  const REAL x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-  const REAL x40 = rotation_2_2_3*x12;
-  const REAL x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
-  const REAL x42 = vector_2_2*x13 - vector_2_3*x17;
-  const REAL x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
-  const REAL x44 = vector_2_3*x18 - vector_2_1*x13;
-  const REAL x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
-  const REAL x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
-  const REAL x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
-  const REAL x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
-  const REAL x49 = vector_2_2*x22 - vector_2_3*x23;
-  const REAL x50 = vector_2_3*x24 - vector_2_1*x22;
-  const REAL x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
-  const REAL x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
+  const REAL x54 = rotation_1_3_1*rotation_3_3_3;
+  const REAL x56 = rotation_1_3_2*rotation_3_3_3;
+  const REAL x60 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+  const REAL x64 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+  const REAL x68 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+  const REAL x72 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+  const REAL x82 = q_1*v_34_2 - q_2*v_34_1;
+  const REAL x83 = p_12_3*rotation_2_3_3;
+  const REAL x85 = q_3*rotation_2_1_3;
+  const REAL x87 = q_3*rotation_2_2_3;
+  const REAL x95 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+  const REAL x98 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+  const REAL x111 = (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3);
+  const REAL x117 = p_12_2*v_12_1 - p_12_1*v_12_2;
+  const REAL x118 = q_3*rotation_2_3_3;
+  const REAL x121 = x83*x82 + part_3*(x83*(q_3*rotation_4_3_3) + rotation_2_3_3*x95*x98 - x111) + x118*x117;
+  const REAL x124 = q_2*v_34_3 - q_3*v_34_2;
+  const REAL x128 = q_3*v_34_1 - q_1*v_34_3;
+  const REAL x134 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+  const REAL x138 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+  const REAL x144 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+  const REAL x145 = p_12_3*rotation_4_3_3;
+  const REAL x149 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+  const REAL x153 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+  const REAL x158 = part_3*(x145*x144 + x95*(rotation_2_3_1*x149 + rotation_2_3_2*x153));
+  const REAL x141 = p_12_3*(vector_2_1*x134 - vector_2_2*x138);
+  const REAL x168 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+  const REAL x172 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+  const REAL x178 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+  const REAL x185 = part_3*(x145*x178 + x95*(rotation_2_3_2*x149 - rotation_2_3_1*x153));
+  const REAL x175 = p_12_3*(vector_2_1*x168 - vector_2_2*x172);
+  const REAL x193 = x118*vector_2_2 - x87*vector_2_3;
+  const REAL x199 = x85*vector_2_3 - x118*vector_2_1;
+  const REAL x201 = p_12_1*rotation_4_3_3;
+  const REAL x203 = p_12_2*rotation_4_3_3;
+  const REAL x207 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+  const REAL x208 = rotation_2_1_3*x98;
+  const REAL x212 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+  const REAL x213 = rotation_2_2_3*x98;
+  const REAL x221 = p_12_3*v_12_2 - p_12_2*v_12_3;
+  const REAL x225 = p_12_1*v_12_3 - p_12_3*v_12_1;
+  const REAL x218 = part_3*(x201*x85 + x203*x87 + x208*x207 + x213*x212);
+  const REAL x194 = p_12_1*x193;
+  const REAL x231 = p_12_1*rotation_2_1_3*x82 + p_12_2*rotation_2_2_3*x82 + x218 + x85*x221 + x87*x225 - x194;
+  const REAL x234 = rotation_2_1_1*x124 + rotation_2_1_2*x128;
+  const REAL x238 = vector_2_2*x144 - vector_2_3*x134;
+  const REAL x242 = rotation_2_2_1*x124 + rotation_2_2_2*x128;
+  const REAL x246 = vector_2_3*x138 - vector_2_1*x144;
+  const REAL x252 = rotation_2_2_1*x149 + rotation_2_2_2*x153;
+  const REAL x256 = rotation_2_1_1*x149 + rotation_2_1_2*x153;
+  const REAL x261 = part_3*(x201*x138 + x203*x134 + x212*x252 + x207*x256);
+  const REAL x247 = p_12_2*x246;
+  const REAL x271 = rotation_2_1_2*x124 - rotation_2_1_1*x128;
+  const REAL x275 = vector_2_2*x178 - vector_2_3*x168;
+  const REAL x279 = rotation_2_2_2*x124 - rotation_2_2_1*x128;
+  const REAL x283 = vector_2_3*x172 - vector_2_1*x178;
+  const REAL x289 = rotation_2_2_2*x149 - rotation_2_2_1*x153;
+  const REAL x293 = rotation_2_1_2*x149 - rotation_2_1_1*x153;
+  const REAL x298 = part_3*(x201*x172 + x203*x168 + x212*x289 + x207*x293);
+  const REAL x284 = p_12_2*x283;
+  const REAL x319 = part_3*(x203*x85 + x208*x212 - x201*x87 - x213*x207);
+  const REAL x311 = p_12_2*x193;
+  const REAL x326 = p_12_1*x199 + p_12_2*rotation_2_1_3*x82 + x319 + x85*x225 - p_12_1*rotation_2_2_3*x82 - x311;
+  const REAL x338 = part_3*(x203*x138 + x212*x256 - x201*x134 - x207*x252);
+  const REAL x340 = x221*x134;
+  const REAL x357 = part_3*(x203*x172 + x212*x293 - x201*x168 - x207*x289);
+  const REAL x359 = x221*x168;
   /* outputs */
   pair[AT(0)] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
   pair[AT(1)] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
   pair[AT(2)] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-  pair[AT(4)] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-  pair[AT(5)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-  pair[AT(7)] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-  pair[AT(8)] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-  pair[AT(9)] = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
-  pair[AT(10)] = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
-  pair[AT(11)] = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
-  pair[AT(12)] = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
-  pair[AT(13)] = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
-  pair[AT(14)] = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
-  pair[AT(15)] = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
-  pair[AT(16)] = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
-  pair[AT(17)] = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
+  pair[AT(3)] = x54*rotation_2_1_3 + x56*rotation_2_2_3;
+  pair[AT(4)] = rotation_1_3_1*x60 + rotation_1_3_2*x64;
+  pair[AT(5)] = rotation_1_3_1*x68 + rotation_1_3_2*x72;
+  pair[AT(6)] = x56*rotation_2_1_3 - x54*rotation_2_2_3;
+  pair[AT(7)] = rotation_1_3_2*x60 - rotation_1_3_1*x64;
+  pair[AT(8)] = rotation_1_3_2*x68 - rotation_1_3_1*x72;
+  pair[AT(9)] = x121 - p_12_3*(x87*vector_2_1 - x85*vector_2_2);
+  pair[AT(10)] = p_12_3*(rotation_2_3_1*x124 + rotation_2_3_2*x128) + x158 + x117*x144 - x141;
+  pair[AT(11)] = p_12_3*(rotation_2_3_2*x124 - rotation_2_3_1*x128) + x185 + x117*x178 - x175;
+  pair[AT(12)] = x231 - p_12_2*x199;
+  pair[AT(13)] = p_12_1*x234 + p_12_2*x242 + x261 + x225*x134 + x221*x138 - p_12_1*x238 - x247;
+  pair[AT(14)] = p_12_1*x271 + p_12_2*x279 + x298 + x225*x168 + x221*x172 - p_12_1*x275 - x284;
+  pair[AT(15)] = x326 - x87*x221;
+  pair[AT(16)] = p_12_1*x246 + p_12_2*x234 + x338 + x225*x138 - p_12_1*x242 - p_12_2*x238 - x340;
+  pair[AT(17)] = p_12_1*x283 + p_12_2*x271 + x357 + x225*x172 - p_12_1*x279 - p_12_2*x275 - x359;
 }
 
-/* loop_pair_23_34: 132 add, 238 mul, 1 div */
+/* loop_pair_23_34: 132 add, 234 mul, 1 div */
 KERNEL(spatial_loops_loop_pair_23_34, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
   const REAL rotation_1_1_1 = rotation[AT(0)];
@@ -978,89 +1021,101 @@ KERNEL(spatial_loops_loop_pair_23_34, const REAL rotation[36], const REAL vector
   const REAL q_2 = q[AT(1)];
   const REAL q_3 = q[AT(2)];
   /* intermediate terms */
-  const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-  const REAL x0 = K(1.0)/square;
-  const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-  const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-  const REAL part_2 = x0*x1;
-  const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+  const REAL square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3;
+  const REAL x2 = K(1.0)/square;
+  const REAL x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+  const REAL part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3));
+  const REAL part_2 = x2*x6;
+  const REAL part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
   const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
   const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
   const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
   const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
   const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
   const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-  const REAL x2 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
-  const REAL x8 = p_3*rotation_2_3_3;
-  const REAL x9 = p_3*vector_2_2 - p_2*vector_2_3;
-  const REAL x10 = q_3*rotation_2_1_3;
-  const REAL x11 = p_1*vector_2_3 - p_3*vector_2_1;
-  const REAL x12 = q_3*rotation_2_2_3;
-  const REAL x13 = p_2*vector_2_1 - p_1*vector_2_2;
-  const REAL x14 = q_3*rotation_2_3_3;
-  const REAL x15 = p_1*rotation_4_3_3;
-  const REAL x16 = p_2*rotation_4_3_3;
-  const REAL x17 = p_2*rotation_1_3_3;
-  const REAL x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-  const REAL x19 = rotation_2_1_3*x18;
-  const REAL x20 = p_1*rotation_1_3_3;
-  const REAL x21 = rotation_2_2_3*x18;
-  const REAL x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
-  const REAL x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-  const REAL x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-  const REAL x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-  const REAL x26 = q_2*v_34_3 - q_3*v_34_2;
-  const REAL x27 = q_1*v_34_3 - q_3*v_34_1;
-  const REAL x29 = p_3*rotation_4_3_3;
-  const REAL x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-  const REAL x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-  const REAL x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
-  const REAL x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
-  const REAL x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-  const REAL x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-  const REAL x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-  const REAL x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
-  const REAL x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
-  const REAL x40 = p_2*x14 - p_3*x12;
-  const REAL x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
-  const REAL x42 = p_3*rotation_1_3_2;
-  const REAL x43 = p_1*rotation_1_3_1;
-  const REAL x44 = p_2*rotation_1_3_2;
-  const REAL x45 = p_1*rotation_1_3_2;
-  const REAL x46 = p_2*rotation_1_3_1;
-  const REAL x47 = x45 - x46;
-  const REAL x48 = p_2*x23 - p_3*x24;
-  const REAL x49 = p_3*x25 - p_1*x23;
-  const REAL x50 = p_3*rotation_1_3_1;
-  const REAL x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
-  const REAL x52 = p_2*x34 - p_3*x35;
-  const REAL x53 = p_3*x36 - p_1*x34;
-  const REAL x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
-  const REAL x55 = -x43 - x44;
+  const REAL x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+  const REAL x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+  const REAL x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+  const REAL x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+  const REAL x72 = q_1*v_34_2 - q_2*v_34_1;
+  const REAL x79 = q_3*rotation_2_1_3;
+  const REAL x80 = p_1*rotation_4_3_3;
+  const REAL x84 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+  const REAL x85 = p_1*rotation_1_3_3;
+  const REAL x86 = rotation_2_2_3*x84;
+  const REAL x88 = q_3*rotation_2_2_3;
+  const REAL x89 = p_2*rotation_4_3_3;
+  const REAL x91 = p_2*rotation_1_3_3;
+  const REAL x92 = rotation_2_1_3*x84;
+  const REAL x94 = q_3*rotation_2_3_3;
+  const REAL x95 = p_3*rotation_4_3_3;
+  const REAL x101 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
+  const REAL x103 = p_3*rotation_1_3_3*x101;
+  const REAL x112 = p_3*vector_2_2 - p_2*vector_2_3;
+  const REAL x116 = p_1*vector_2_3 - p_3*vector_2_1;
+  const REAL x120 = p_2*vector_2_1 - p_1*vector_2_2;
+  const REAL x109 = part_3*(x80*x79 + x89*x88 + x91*x92 + x95*x94 - x85*x86 - x103);
+  const REAL x129 = p_1*rotation_2_1_3*x72 + p_2*rotation_2_2_3*x72 + p_3*rotation_2_3_3*x72 + x109 + x79*x112;
+  const REAL x134 = q_2*v_34_3 - q_3*v_34_2;
+  const REAL x138 = q_3*v_34_1 - q_1*v_34_3;
+  const REAL x152 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+  const REAL x156 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+  const REAL x158 = rotation_2_2_1*x152 + rotation_2_2_2*x156;
+  const REAL x162 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+  const REAL x166 = rotation_2_1_1*x152 + rotation_2_1_2*x156;
+  const REAL x170 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+  const REAL x174 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+  const REAL x149 = p_3*(rotation_2_3_1*x134 + rotation_2_3_2*x138);
+  const REAL x180 = part_3*(x80*x162 + x91*x166 + x89*x170 + x95*x174 - x85*x158);
+  const REAL x190 = p_1*(rotation_2_1_1*x134 + rotation_2_1_2*x138) + p_2*(rotation_2_2_1*x134 + rotation_2_2_2*x138) + x149 + x180;
+  const REAL x208 = rotation_2_2_2*x152 - rotation_2_2_1*x156;
+  const REAL x212 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+  const REAL x216 = rotation_2_1_2*x152 - rotation_2_1_1*x156;
+  const REAL x220 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+  const REAL x224 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+  const REAL x205 = p_3*(rotation_2_3_2*x134 - rotation_2_3_1*x138);
+  const REAL x230 = part_3*(x80*x212 + x91*x216 + x89*x220 + x95*x224 - x85*x208);
+  const REAL x240 = p_1*(rotation_2_1_2*x134 - rotation_2_1_1*x138) + p_2*(rotation_2_2_2*x134 - rotation_2_2_1*x138) + x205 + x230;
+  const REAL x244 = p_1*rotation_1_3_1;
+  const REAL x246 = p_2*rotation_1_3_2;
+  const REAL x248 = p_3*rotation_1_3_1;
+  const REAL x250 = p_3*rotation_1_3_2;
+  const REAL x252 = p_1*rotation_1_3_2;
+  const REAL x253 = p_2*rotation_1_3_1;
+  const REAL x254 = x252 - x253;
+  const REAL x255 = rotation_2_3_3*x84;
+  const REAL x264 = p_2*x94 - p_3*x88;
+  const REAL x268 = p_3*x79 - p_1*x94;
+  const REAL x265 = v_12_1*x264;
+  const REAL x270 = part_3*(x248*x86 + x255*x254 - x244*x101 - x246*x101 - x250*x92) + x265;
+  const REAL x275 = rotation_2_3_1*x152 + rotation_2_3_2*x156;
+  const REAL x282 = p_2*x174 - p_3*x170;
+  const REAL x286 = p_3*x162 - p_1*x174;
+  const REAL x293 = rotation_2_3_2*x152 - rotation_2_3_1*x156;
+  const REAL x300 = p_2*x224 - p_3*x220;
+  const REAL x304 = p_3*x212 - p_1*x224;
+  const REAL x311 = x244 + x246;
+  const REAL x319 = v_12_2*x264;
+  const REAL x320 = part_3*(x253*x101 + x248*x92 + x250*x86 - x252*x101 - x255*x311) + x319;
   /* outputs */
   pair[AT(0)] = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
   pair[AT(1)] = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
   pair[AT(2)] = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-  pair[AT(4)] = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-  pair[AT(5)] = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-  pair[AT(7)] = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-  pair[AT(8)] = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-  pair[AT(9)] = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
-  pair[AT(10)] = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
-  pair[AT(11)] = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
-  pair[AT(12)] = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
-  pair[AT(13)] = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
-  pair[AT(14)] = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
-  pair[AT(15)] = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
-  pair[AT(16)] = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
-  pair[AT(17)] = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
+  pair[AT(3)] = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*rotation_2_2_3*rotation_3_3_3;
+  pair[AT(4)] = rotation_1_3_1*x48 + rotation_1_3_2*x52;
+  pair[AT(5)] = rotation_1_3_1*x56 + rotation_1_3_2*x60;
+  pair[AT(6)] = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*rotation_2_2_3*rotation_3_3_3;
+  pair[AT(7)] = rotation_1_3_2*x48 - rotation_1_3_1*x52;
+  pair[AT(8)] = rotation_1_3_2*x56 - rotation_1_3_1*x60;
+  pair[AT(9)] = x129 + x88*x116 + x94*x120 + v_12_3*(p_1*x88 - p_2*x79);
+  pair[AT(10)] = x190 + v_12_3*(p_1*x170 - p_2*x162) + x120*x174 + x116*x170 + x112*x162;
+  pair[AT(11)] = x240 + v_12_3*(p_1*x220 - p_2*x212) + x120*x224 + x116*x220 + x112*x212;
+  pair[AT(12)] = x270 + v_12_2*x268;
+  pair[AT(13)] = part_3*(x248*x158 + x254*x275 - x250*x166) + v_12_1*x282 + v_12_2*x286;
+  pair[AT(14)] = part_3*(x248*x208 + x254*x293 - x250*x216) + v_12_1*x300 + v_12_2*x304;
+  pair[AT(15)] = x320 - v_12_1*x268;
+  pair[AT(16)] = part_3*(x248*x166 + x250*x158 - x311*x275) + v_12_2*x282 - v_12_1*x286;
+  pair[AT(17)] = part_3*(x248*x216 + x250*x208 - x311*x293) + v_12_2*x300 - v_12_1*x304;
 }
 
 #ifndef ON_COLUMNS

@@ -34,7 +34,7 @@ enum spatial_loops_r_c_c_c_status {
 
 /* Close an RCCC loop, whose joint 4 turns by a given angle, in both ways.
  * Source: derivation spatial_loops; Crane and Duffy, group one solution process
- * Operations: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
+ * Operations: 62 add, 116 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
  * alpha (4), rad: twists of the links 12, 23, 34, 41
  * a (4), length: lengths of these links
  * S_4, length: offset of joint 4
@@ -64,7 +64,7 @@ void spatial_loops_loop_rrrcc_pair_batch_f32(size_t count, const float *alpha, c
 
 /* Close an RRRCC loop with a solution of its pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin
+ * Operations: 35 add, 69 mul, 1 div, 2 atan2, 9 cos, 9 sin
  * alpha (5), rad: twists of the links 12, 23, 34, 45, 51
  * a (5), length: lengths of these links
  * S (3), length: offsets of the joints 1, 2 and 5, which only turn
@@ -81,7 +81,7 @@ void spatial_loops_loop_rrrcc_back_batch_f32(size_t count, const float *alpha, c
 
 /* Write a ring of four links with two slides, in link 12, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 83 add, 144 mul, 1 div
+ * Operations: 83 add, 146 mul, 1 div
  * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
  * vector (4, 3), length: of these links, without the slides
  * p (3), no unit: direction of the first slide, in link 12
@@ -109,7 +109,7 @@ void spatial_loops_loop_pair_23_23_batch_f32(size_t count, const float *rotation
 
 /* Write a ring of four links with two slides, in link 34, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 81 add, 149 mul, 1 div
+ * Operations: 81 add, 145 mul, 1 div
  * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
  * vector (4, 3), length: of these links, without the slides
  * p (3), no unit: direction of the first slide, in link 34
@@ -123,7 +123,7 @@ void spatial_loops_loop_pair_34_34_batch_f32(size_t count, const float *rotation
 
 /* Write a ring of four links with two slides, in the links 12 and 23, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 116 add, 210 mul, 1 div
+ * Operations: 116 add, 209 mul, 1 div
  * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
  * vector (4, 3), length: of these links, without the slides
  * p (3), no unit: direction of the first slide, in link 12
@@ -137,7 +137,7 @@ void spatial_loops_loop_pair_12_23_batch_f32(size_t count, const float *rotation
 
 /* Write a ring of four links with two slides, in the links 12 and 34, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 146 add, 251 mul, 1 div
+ * Operations: 146 add, 249 mul, 1 div
  * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
  * vector (4, 3), length: of these links, without the slides
  * p (3), no unit: direction of the first slide, in link 12
@@ -151,7 +151,7 @@ void spatial_loops_loop_pair_12_34_batch_f32(size_t count, const float *rotation
 
 /* Write a ring of four links with two slides, in the links 23 and 34, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 132 add, 238 mul, 1 div
+ * Operations: 132 add, 234 mul, 1 div
  * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
  * vector (4, 3), length: of these links, without the slides
  * p (3), no unit: direction of the first slide, in link 23

@@ -20,7 +20,7 @@
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -30,44 +30,44 @@
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
+#define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
 #define SIN(x) sin(x)
 #define COS(x) cos(x)
 #define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
-#define FABS(x) fabs(x)
 #include "spherical_polygons.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 
 #define REAL float
 #define REAL_EPSILON FLT_EPSILON
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
+#define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
 #define SIN(x) sinf(x)
 #define COS(x) cosf(x)
 #define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
-#define FABS(x) fabsf(x)
 #include "spherical_polygons.c"
 #undef REAL
 #undef REAL_EPSILON
 #undef REAL_MAX
 #undef TYPED
 #undef K
+#undef FABS
+#undef SQRT
 #undef SIN
 #undef COS
 #undef ATAN2
-#undef SQRT
-#undef FABS
 
 #else
 
@@ -84,15 +84,12 @@ KERNEL(spherical_polygons_polygon_notation_1, const REAL angles[3], REAL values[
   const REAL s_angle_1 = SIN(angles_1);
   const REAL s_angle_2 = SIN(angles_2);
   const REAL s_angle_3 = SIN(angles_3);
-  const REAL x_1 = s_angle_1*s_angle_2;
-  const REAL star_1 = -c_angle_2*s_angle_1;
-  const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-  const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+  const REAL values_2 = -c_angle_2*s_angle_1;
   /* outputs */
-  values[AT(0)] = x_1;
-  values[AT(1)] = star_1;
-  values[AT(2)] = y_1;
-  values[AT(3)] = z_1;
+  values[AT(0)] = s_angle_1*s_angle_2;
+  values[AT(1)] = values_2;
+  values[AT(2)] = c_angle_3*values_2 - c_angle_1*s_angle_3;
+  values[AT(3)] = c_angle_1*c_angle_3 + s_angle_3*values_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -121,15 +118,12 @@ KERNEL(spherical_polygons_polygon_notation_2, const REAL angles[5], REAL values[
   const REAL star_1 = -c_angle_2*s_angle_1;
   const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
   const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-  const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-  const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-  const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-  const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+  const REAL values_2 = c_angle_4*y_1 + s_angle_4*x_1;
   /* outputs */
-  values[AT(0)] = x_2;
-  values[AT(1)] = star_2;
-  values[AT(2)] = y_2;
-  values[AT(3)] = z_2;
+  values[AT(0)] = c_angle_4*x_1 - s_angle_4*y_1;
+  values[AT(1)] = values_2;
+  values[AT(2)] = c_angle_5*values_2 - s_angle_5*z_1;
+  values[AT(3)] = c_angle_5*z_1 + s_angle_5*values_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -170,15 +164,12 @@ KERNEL(spherical_polygons_polygon_notation_3, const REAL angles[7], REAL values[
   const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
   const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
   const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-  const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-  const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-  const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-  const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+  const REAL values_2 = c_angle_6*y_2 + s_angle_6*x_2;
   /* outputs */
-  values[AT(0)] = x_3;
-  values[AT(1)] = star_3;
-  values[AT(2)] = y_3;
-  values[AT(3)] = z_3;
+  values[AT(0)] = c_angle_6*x_2 - s_angle_6*y_2;
+  values[AT(1)] = values_2;
+  values[AT(2)] = c_angle_7*values_2 - s_angle_7*z_2;
+  values[AT(3)] = c_angle_7*z_2 + s_angle_7*values_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -231,15 +222,12 @@ KERNEL(spherical_polygons_polygon_notation_4, const REAL angles[9], REAL values[
   const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
   const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
   const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-  const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-  const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-  const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-  const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
+  const REAL values_2 = c_angle_8*y_3 + s_angle_8*x_3;
   /* outputs */
-  values[AT(0)] = x_4;
-  values[AT(1)] = star_4;
-  values[AT(2)] = y_4;
-  values[AT(3)] = z_4;
+  values[AT(0)] = c_angle_8*x_3 - s_angle_8*y_3;
+  values[AT(1)] = values_2;
+  values[AT(2)] = c_angle_9*values_2 - s_angle_9*z_3;
+  values[AT(3)] = c_angle_9*z_3 + s_angle_9*values_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -304,26 +292,23 @@ KERNEL(spherical_polygons_polygon_notation_5, const REAL angles[11], REAL values
   const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
   const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
   const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-  const REAL x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-  const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-  const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-  const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
+  const REAL values_2 = c_angle_10*y_4 + s_angle_10*x_4;
   /* outputs */
-  values[AT(0)] = x_5;
-  values[AT(1)] = star_5;
-  values[AT(2)] = y_5;
-  values[AT(3)] = z_5;
+  values[AT(0)] = c_angle_10*x_4 - s_angle_10*y_4;
+  values[AT(1)] = values_2;
+  values[AT(2)] = c_angle_11*values_2 - s_angle_11*z_4;
+  values[AT(3)] = c_angle_11*z_4 + s_angle_11*values_2;
   ANGLE(0, angles_1);
-  ANGLE(1, angles_10);
-  ANGLE(2, angles_11);
-  ANGLE(3, angles_2);
-  ANGLE(4, angles_3);
-  ANGLE(5, angles_4);
-  ANGLE(6, angles_5);
-  ANGLE(7, angles_6);
-  ANGLE(8, angles_7);
-  ANGLE(9, angles_8);
-  ANGLE(10, angles_9);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
+  ANGLE(5, angles_6);
+  ANGLE(6, angles_7);
+  ANGLE(7, angles_8);
+  ANGLE(8, angles_9);
+  ANGLE(9, angles_10);
+  ANGLE(10, angles_11);
 }
 
 /* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
@@ -342,25 +327,22 @@ KERNEL(spherical_polygons_polygon_secondary_1, const REAL angles[3], const REAL 
   const REAL s_angle_1 = SIN(angles_1);
   const REAL s_angle_2 = SIN(angles_2);
   const REAL s_angle_3 = SIN(angles_3);
-  const REAL x_1 = s_angle_1*s_angle_2;
-  const REAL star_1 = -c_angle_2*s_angle_1;
-  const REAL x0 = c_angle_1*lengths_1;
-  const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-  const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
-  const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-  const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-  const REAL x1 = lengths_1*s_angle_1;
-  const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+  const REAL values_1 = s_angle_1*s_angle_2;
+  const REAL values_2 = -c_angle_2*s_angle_1;
+  const REAL x1 = c_angle_1*lengths_1;
+  const REAL secondary_2 = lengths_2*values_1 - x1*c_angle_2;
+  const REAL values_3 = c_angle_3*values_2 - c_angle_1*s_angle_3;
+  const REAL values_4 = c_angle_1*c_angle_3 + s_angle_3*values_2;
+  const REAL x11 = lengths_1*s_angle_1;
   /* outputs */
-  values[AT(0)] = x_1;
-  values[AT(1)] = star_1;
-  values[AT(2)] = y_1;
-  values[AT(3)] = z_1;
-  secondary[AT(0)] = x0_1;
-  secondary[AT(1)] = star0_1;
-  secondary[AT(2)] = y0_1;
-  secondary[AT(3)] = z0_1;
+  values[AT(0)] = values_1;
+  values[AT(1)] = values_2;
+  values[AT(2)] = values_3;
+  values[AT(3)] = values_4;
+  secondary[AT(0)] = x1*s_angle_2 - lengths_2*values_2;
+  secondary[AT(1)] = secondary_2;
+  secondary[AT(2)] = c_angle_3*secondary_2 + x11*s_angle_3 - lengths_3*values_4;
+  secondary[AT(3)] = lengths_3*values_3 + s_angle_3*secondary_2 - c_angle_3*x11;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -392,31 +374,28 @@ KERNEL(spherical_polygons_polygon_secondary_2, const REAL angles[5], const REAL 
   const REAL s_angle_5 = SIN(angles_5);
   const REAL x_1 = s_angle_1*s_angle_2;
   const REAL star_1 = -c_angle_2*s_angle_1;
-  const REAL x0 = c_angle_1*lengths_1;
-  const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-  const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+  const REAL x1 = c_angle_1*lengths_1;
+  const REAL x0_1 = x1*s_angle_2 - lengths_2*star_1;
+  const REAL star0_1 = lengths_2*x_1 - x1*c_angle_2;
   const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
   const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-  const REAL x1 = lengths_1*s_angle_1;
-  const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-  const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-  const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-  const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-  const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-  const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-  const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-  const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-  const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
+  const REAL x11 = lengths_1*s_angle_1;
+  const REAL y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1;
+  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11;
+  const REAL values_1 = c_angle_4*x_1 - s_angle_4*y_1;
+  const REAL values_2 = c_angle_4*y_1 + s_angle_4*x_1;
+  const REAL secondary_2 = c_angle_4*y0_1 + lengths_4*values_1 + s_angle_4*x0_1;
+  const REAL values_3 = c_angle_5*values_2 - s_angle_5*z_1;
+  const REAL values_4 = c_angle_5*z_1 + s_angle_5*values_2;
   /* outputs */
-  values[AT(0)] = x_2;
-  values[AT(1)] = star_2;
-  values[AT(2)] = y_2;
-  values[AT(3)] = z_2;
-  secondary[AT(0)] = x0_2;
-  secondary[AT(1)] = star0_2;
-  secondary[AT(2)] = y0_2;
-  secondary[AT(3)] = z0_2;
+  values[AT(0)] = values_1;
+  values[AT(1)] = values_2;
+  values[AT(2)] = values_3;
+  values[AT(3)] = values_4;
+  secondary[AT(0)] = c_angle_4*x0_1 - lengths_4*values_2 - s_angle_4*y0_1;
+  secondary[AT(1)] = secondary_2;
+  secondary[AT(2)] = c_angle_5*secondary_2 - lengths_5*values_4 - s_angle_5*z0_1;
+  secondary[AT(3)] = c_angle_5*z0_1 + lengths_5*values_3 + s_angle_5*secondary_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -458,14 +437,14 @@ KERNEL(spherical_polygons_polygon_secondary_3, const REAL angles[7], const REAL 
   const REAL s_angle_7 = SIN(angles_7);
   const REAL x_1 = s_angle_1*s_angle_2;
   const REAL star_1 = -c_angle_2*s_angle_1;
-  const REAL x0 = c_angle_1*lengths_1;
-  const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-  const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+  const REAL x1 = c_angle_1*lengths_1;
+  const REAL x0_1 = x1*s_angle_2 - lengths_2*star_1;
+  const REAL star0_1 = lengths_2*x_1 - x1*c_angle_2;
   const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
   const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-  const REAL x1 = lengths_1*s_angle_1;
-  const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+  const REAL x11 = lengths_1*s_angle_1;
+  const REAL y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1;
+  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11;
   const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
   const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
   const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
@@ -474,23 +453,20 @@ KERNEL(spherical_polygons_polygon_secondary_3, const REAL angles[7], const REAL 
   const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
   const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
   const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-  const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-  const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-  const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-  const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-  const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-  const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-  const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-  const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
+  const REAL values_1 = c_angle_6*x_2 - s_angle_6*y_2;
+  const REAL values_2 = c_angle_6*y_2 + s_angle_6*x_2;
+  const REAL secondary_2 = c_angle_6*y0_2 + lengths_6*values_1 + s_angle_6*x0_2;
+  const REAL values_3 = c_angle_7*values_2 - s_angle_7*z_2;
+  const REAL values_4 = c_angle_7*z_2 + s_angle_7*values_2;
   /* outputs */
-  values[AT(0)] = x_3;
-  values[AT(1)] = star_3;
-  values[AT(2)] = y_3;
-  values[AT(3)] = z_3;
-  secondary[AT(0)] = x0_3;
-  secondary[AT(1)] = star0_3;
-  secondary[AT(2)] = y0_3;
-  secondary[AT(3)] = z0_3;
+  values[AT(0)] = values_1;
+  values[AT(1)] = values_2;
+  values[AT(2)] = values_3;
+  values[AT(3)] = values_4;
+  secondary[AT(0)] = c_angle_6*x0_2 - lengths_6*values_2 - s_angle_6*y0_2;
+  secondary[AT(1)] = secondary_2;
+  secondary[AT(2)] = c_angle_7*secondary_2 - lengths_7*values_4 - s_angle_7*z0_2;
+  secondary[AT(3)] = c_angle_7*z0_2 + lengths_7*values_3 + s_angle_7*secondary_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -542,14 +518,14 @@ KERNEL(spherical_polygons_polygon_secondary_4, const REAL angles[9], const REAL 
   const REAL s_angle_9 = SIN(angles_9);
   const REAL x_1 = s_angle_1*s_angle_2;
   const REAL star_1 = -c_angle_2*s_angle_1;
-  const REAL x0 = c_angle_1*lengths_1;
-  const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-  const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+  const REAL x1 = c_angle_1*lengths_1;
+  const REAL x0_1 = x1*s_angle_2 - lengths_2*star_1;
+  const REAL star0_1 = lengths_2*x_1 - x1*c_angle_2;
   const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
   const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-  const REAL x1 = lengths_1*s_angle_1;
-  const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+  const REAL x11 = lengths_1*s_angle_1;
+  const REAL y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1;
+  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11;
   const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
   const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
   const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
@@ -566,23 +542,20 @@ KERNEL(spherical_polygons_polygon_secondary_4, const REAL angles[9], const REAL 
   const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
   const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
   const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-  const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-  const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-  const REAL x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-  const REAL star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-  const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-  const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-  const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-  const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
+  const REAL values_1 = c_angle_8*x_3 - s_angle_8*y_3;
+  const REAL values_2 = c_angle_8*y_3 + s_angle_8*x_3;
+  const REAL secondary_2 = c_angle_8*y0_3 + lengths_8*values_1 + s_angle_8*x0_3;
+  const REAL values_3 = c_angle_9*values_2 - s_angle_9*z_3;
+  const REAL values_4 = c_angle_9*z_3 + s_angle_9*values_2;
   /* outputs */
-  values[AT(0)] = x_4;
-  values[AT(1)] = star_4;
-  values[AT(2)] = y_4;
-  values[AT(3)] = z_4;
-  secondary[AT(0)] = x0_4;
-  secondary[AT(1)] = star0_4;
-  secondary[AT(2)] = y0_4;
-  secondary[AT(3)] = z0_4;
+  values[AT(0)] = values_1;
+  values[AT(1)] = values_2;
+  values[AT(2)] = values_3;
+  values[AT(3)] = values_4;
+  secondary[AT(0)] = c_angle_8*x0_3 - lengths_8*values_2 - s_angle_8*y0_3;
+  secondary[AT(1)] = secondary_2;
+  secondary[AT(2)] = c_angle_9*secondary_2 - lengths_9*values_4 - s_angle_9*z0_3;
+  secondary[AT(3)] = c_angle_9*z0_3 + lengths_9*values_3 + s_angle_9*secondary_2;
   ANGLE(0, angles_1);
   ANGLE(1, angles_2);
   ANGLE(2, angles_3);
@@ -644,14 +617,14 @@ KERNEL(spherical_polygons_polygon_secondary_5, const REAL angles[11], const REAL
   const REAL s_angle_11 = SIN(angles_11);
   const REAL x_1 = s_angle_1*s_angle_2;
   const REAL star_1 = -c_angle_2*s_angle_1;
-  const REAL x0 = c_angle_1*lengths_1;
-  const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
-  const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+  const REAL x1 = c_angle_1*lengths_1;
+  const REAL x0_1 = x1*s_angle_2 - lengths_2*star_1;
+  const REAL star0_1 = lengths_2*x_1 - x1*c_angle_2;
   const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
   const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-  const REAL x1 = lengths_1*s_angle_1;
-  const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+  const REAL x11 = lengths_1*s_angle_1;
+  const REAL y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1;
+  const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11;
   const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
   const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
   const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
@@ -676,37 +649,34 @@ KERNEL(spherical_polygons_polygon_secondary_5, const REAL angles[11], const REAL
   const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
   const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
   const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-  const REAL x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-  const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-  const REAL x0_5 = c_angle_10*x0_4 - lengths_10*star_5 - s_angle_10*y0_4;
-  const REAL star0_5 = c_angle_10*y0_4 + lengths_10*x_5 + s_angle_10*x0_4;
-  const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-  const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-  const REAL y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
-  const REAL z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
+  const REAL values_1 = c_angle_10*x_4 - s_angle_10*y_4;
+  const REAL values_2 = c_angle_10*y_4 + s_angle_10*x_4;
+  const REAL secondary_2 = c_angle_10*y0_4 + lengths_10*values_1 + s_angle_10*x0_4;
+  const REAL values_3 = c_angle_11*values_2 - s_angle_11*z_4;
+  const REAL values_4 = c_angle_11*z_4 + s_angle_11*values_2;
   /* outputs */
-  values[AT(0)] = x_5;
-  values[AT(1)] = star_5;
-  values[AT(2)] = y_5;
-  values[AT(3)] = z_5;
-  secondary[AT(0)] = x0_5;
-  secondary[AT(1)] = star0_5;
-  secondary[AT(2)] = y0_5;
-  secondary[AT(3)] = z0_5;
+  values[AT(0)] = values_1;
+  values[AT(1)] = values_2;
+  values[AT(2)] = values_3;
+  values[AT(3)] = values_4;
+  secondary[AT(0)] = c_angle_10*x0_4 - lengths_10*values_2 - s_angle_10*y0_4;
+  secondary[AT(1)] = secondary_2;
+  secondary[AT(2)] = c_angle_11*secondary_2 - lengths_11*values_4 - s_angle_11*z0_4;
+  secondary[AT(3)] = c_angle_11*z0_4 + lengths_11*values_3 + s_angle_11*secondary_2;
   ANGLE(0, angles_1);
-  ANGLE(1, angles_10);
-  ANGLE(2, angles_11);
-  ANGLE(3, angles_2);
-  ANGLE(4, angles_3);
-  ANGLE(5, angles_4);
-  ANGLE(6, angles_5);
-  ANGLE(7, angles_6);
-  ANGLE(8, angles_7);
-  ANGLE(9, angles_8);
-  ANGLE(10, angles_9);
+  ANGLE(1, angles_2);
+  ANGLE(2, angles_3);
+  ANGLE(3, angles_4);
+  ANGLE(4, angles_5);
+  ANGLE(5, angles_6);
+  ANGLE(6, angles_7);
+  ANGLE(7, angles_8);
+  ANGLE(8, angles_9);
+  ANGLE(9, angles_10);
+  ANGLE(10, angles_11);
 }
 
-/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* polygon_quadrilateral: 44 add, 82 mul, 4 div, 4 sqrt, 28 select, 12 compare, 14 abs, 7 atan2, 5 cos, 9 sin */
 KERNEL(spherical_polygons_polygon_quadrilateral, const REAL alpha[4], REAL theta_4, REAL theta[8], CODE *status) {
   /* inputs */
   const REAL alpha_1 = alpha[AT(0)];
@@ -725,130 +695,122 @@ KERNEL(spherical_polygons_polygon_quadrilateral, const REAL alpha[4], REAL theta
   const REAL c_theta_1 = COS(theta_4);
   const REAL s_theta_1 = SIN(theta_4);
   const REAL x_4 = s_alpha_3*s_theta_1;
-  const REAL x0 = c_theta_1*s_alpha_3;
-  const REAL y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
-  const REAL z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
-  const REAL sine_13 = SQRT((x_4*x_4) + (y_4*y_4));
-  const REAL x1 = K(0.5)*ATAN2(sine_13, z_4);
-  const REAL x2 = K(0.5)*alpha_1;
-  const REAL x3 = K(0.5)*alpha_2;
-  const REAL x4 = x2 + x3;
-  const REAL half_sums_1 = x4 - x1;
-  const REAL half_sums_2 = x1 + x3 - x2;
-  const REAL half_sums_3 = x1 + x4;
-  const REAL half_sums_4 = x1 + x2 - x3;
+  const REAL x1 = c_theta_1*s_alpha_3;
+  const REAL y_4 = -(c_alpha_3*s_alpha_4 + c_alpha_4*x1);
+  const REAL z_4 = c_alpha_3*c_alpha_4 - x1*s_alpha_4;
+  const REAL sine_13 = SQRT(x_4*x_4 + y_4*y_4);
+  const REAL x9 = K(0.5)*alpha_1;
+  const REAL x10 = K(0.5)*alpha_2;
+  const REAL x12 = K(0.5)*ATAN2(sine_13, z_4);
+  const REAL x13 = x9 + x10;
+  const REAL half_sums_1 = x13 - x12;
+  const REAL half_sums_2 = x10 + x12 - x9;
+  const REAL half_sums_3 = x13 + x12;
+  const REAL half_sums_4 = x9 + x12 - x10;
   const REAL factors_1 = SIN(half_sums_1);
   const REAL factors_2 = SIN(half_sums_2);
   const REAL factors_3 = SIN(half_sums_3);
   const REAL factors_4 = SIN(half_sums_4);
-  const REAL x17 = s_alpha_1*sine_13;
-  const REAL side = SELECT(TEST(x17 < K(0.0)), -K(1.0), K(1.0));
+  const REAL x16 = s_alpha_1*sine_13;
+  const REAL side = SELECT(TEST(x16 < K(0.0)), K(-1.0), K(1.0));
   const REAL p_side = factors_1*factors_2*side;
-  const REAL x5 = K(16.0)*REAL_EPSILON;
-  const REAL p_near = x5*(FABS(factors_1) + FABS(factors_2));
+  const REAL x22 = K(16.0)*REAL_EPSILON;
+  const REAL p_near = x22*(FABS(factors_1) + FABS(factors_2));
   const CONDITION p_short = TEST(p_side < -p_near);
   const CONDITION p_zero = TEST(FABS(p_side) <= p_near);
   const REAL p = SELECT(p_zero, K(0.0), p_side);
   const REAL q_side = factors_3*factors_4*side;
-  const REAL q_near = x5*(FABS(factors_3) + FABS(factors_4));
+  const REAL q_near = x22*(FABS(factors_3) + FABS(factors_4));
   const CONDITION q_short = TEST(q_side < -q_near);
   const CONDITION q_zero = TEST(FABS(q_side) <= q_near);
   const REAL q = SELECT(q_zero, K(0.0), q_side);
-  const CONDITION flat = TEST(FABS(x17) <= x5);
-  const CONDITION no_angle = (p_short) | (q_short) | ((flat) & (NOT((p_zero) & (q_zero))));
-  const CONDITION one_angle = (p_zero) | (q_zero);
-  const CONDITION any_angle = (flat) | ((p_zero) & (q_zero));
+  const CONDITION flat = TEST(FABS(x16) <= x22);
+  const CONDITION x32 = p_zero & q_zero;
+  const CONDITION no_angle = p_short | q_short | (flat & NOT(x32));
+  const CONDITION one_angle = p_zero | q_zero;
+  const CONDITION any_angle = flat | x32;
   const REAL p_and_q = SELECT(any_angle, K(1.0), p + q);
-  const REAL x6 = K(1.0)/p_and_q;
-  const REAL angle_c = SELECT(any_angle, K(1.0), x6*(q - p));
-  const REAL angle_s = SELECT(any_angle, K(0.0), K(2.0)*x6*SQRT(FABS(p*q)));
+  const REAL x37 = K(1.0)/p_and_q;
+  const REAL angle_c = SELECT(any_angle, K(1.0), x37*(q - p));
+  const REAL angle_s = SELECT(any_angle, K(0.0), K(2.0)*x37*SQRT(FABS(p*q)));
   const REAL other_sine = SELECT(one_angle, angle_s, -angle_s);
-  const CONDITION on_axis = TEST(sine_13 <= x5);
+  const CONDITION on_axis = TEST(sine_13 <= x22);
   const REAL far = SELECT(on_axis, K(1.0), sine_13);
-  const REAL x7 = K(1.0)/far;
-  const REAL c_gamma = SELECT(on_axis, K(1.0), x7*y_4);
-  const REAL s_gamma = SELECT(on_axis, K(0.0), x7*x_4);
-  const REAL x8 = angle_c*c_gamma;
-  const REAL c_1_1 = x8 - angle_s*s_gamma;
-  const REAL x9 = angle_c*s_gamma;
-  const REAL s_1_1 = angle_s*c_gamma + x9;
-  const REAL c_1_2 = x8 - other_sine*s_gamma;
-  const REAL s_1_2 = c_gamma*other_sine + x9;
-  const CONDITION family = (any_angle) | (TEST(FABS(s_alpha_2) <= x5));
+  const REAL x46 = K(1.0)/far;
+  const REAL c_gamma = SELECT(on_axis, K(1.0), x46*y_4);
+  const REAL s_gamma = SELECT(on_axis, K(0.0), x46*x_4);
+  const REAL x49 = angle_c*c_gamma;
+  const REAL c_1_1 = x49 - angle_s*s_gamma;
+  const REAL x51 = angle_c*s_gamma;
+  const REAL s_1_1 = x51 + angle_s*c_gamma;
+  const REAL c_1_2 = x49 - other_sine*s_gamma;
+  const REAL s_1_2 = x51 + c_gamma*other_sine;
+  const CONDITION x56 = TEST(FABS(s_alpha_2) <= x22);
+  const CONDITION family = any_angle | x56;
   const CONDITION finite = TEST(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(theta_4) <= REAL_MAX);
-  const CONDITION good = (finite) & (NOT(no_angle));
+  const CONDITION good = finite & NOT(no_angle);
   const REAL x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-  const REAL x10 = -s_alpha_1*z_4;
-  const REAL y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
-  const REAL x11 = SELECT(TEST(s_alpha_2 < K(0.0)), -K(1.0), K(1.0));
-  const REAL sine_2_1 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_1);
-  const REAL cosine_2_1 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_1);
-  const REAL length_2_1 = SQRT((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
-  const REAL divisor_2_1 = SELECT(TEST(length_2_1 > K(0.0)), length_2_1, K(1.0));
-  const REAL x12 = K(1.0)/divisor_2_1;
-  const REAL c_2_1 = cosine_2_1*x12;
-  const REAL s_2_1 = sine_2_1*x12;
-  const REAL row_11_1 = c_theta_1;
-  const REAL x13 = -c_alpha_4*s_theta_1;
-  const REAL row_11_2 = x13;
-  const REAL x14 = s_alpha_4*s_theta_1;
-  const REAL row_11_3 = x14;
-  const REAL row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
-  const REAL row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
-  const REAL row_12_3 = row_11_3;
-  const REAL row_13_1 = row_12_1;
-  const REAL row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
-  const REAL row_13_3 = c_alpha_1*row_12_3 - row_12_2*s_alpha_1;
-  const REAL row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
-  const REAL row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
-  const REAL row_14_3 = row_13_3;
-  const REAL sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2;
+  const REAL x73 = s_alpha_1*z_4;
+  const REAL y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) - x73;
+  const REAL x75 = SELECT(TEST(s_alpha_2 < K(0.0)), K(-1.0), K(1.0));
+  const REAL sine_2_1 = SELECT(x56, K(0.0), x_41_1*x75);
+  const REAL cosine_2_1 = SELECT(x56, K(1.0), y_41_1*x75);
+  const REAL length_2_1 = SQRT(cosine_2_1*cosine_2_1 + sine_2_1*sine_2_1);
+  const REAL divisor_2_1 = SELECT(TEST(K(0.0) < length_2_1), length_2_1, K(1.0));
+  const REAL x82 = K(1.0)/divisor_2_1;
+  const REAL c_2_1 = cosine_2_1*x82;
+  const REAL s_2_1 = x82*sine_2_1;
+  const REAL row_11_2 = -c_alpha_4*s_theta_1;
+  const REAL row_11_3 = s_alpha_4*s_theta_1;
+  const REAL row_12_1 = c_1_1*c_theta_1 + row_11_2*s_1_1;
+  const REAL row_12_2 = c_1_1*row_11_2 - c_theta_1*s_1_1;
+  const REAL x89 = row_11_3*s_alpha_1;
+  const REAL row_13_2 = c_alpha_1*row_12_2 + x89;
+  const REAL x90 = c_alpha_1*row_11_3;
+  const REAL row_13_3 = x90 - row_12_2*s_alpha_1;
+  const REAL row_14_1 = c_2_1*row_12_1 + row_13_2*s_2_1;
+  const REAL row_14_2 = c_2_1*row_13_2 - row_12_1*s_2_1;
+  const REAL sine_3_1 = c_alpha_2*row_14_2 + row_13_3*s_alpha_2;
   const REAL x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-  const REAL y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
-  const REAL sine_2_2 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_2);
-  const REAL cosine_2_2 = SELECT(TEST(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_2);
-  const REAL length_2_2 = SQRT((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
-  const REAL divisor_2_2 = SELECT(TEST(length_2_2 > K(0.0)), length_2_2, K(1.0));
-  const REAL x15 = K(1.0)/divisor_2_2;
-  const REAL c_2_2 = cosine_2_2*x15;
-  const REAL s_2_2 = sine_2_2*x15;
-  const REAL row_21_1 = c_theta_1;
-  const REAL row_21_2 = x13;
-  const REAL row_21_3 = x14;
-  const REAL row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
-  const REAL row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
-  const REAL row_22_3 = row_21_3;
-  const REAL row_23_1 = row_22_1;
-  const REAL row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
-  const REAL row_23_3 = c_alpha_1*row_22_3 - row_22_2*s_alpha_1;
-  const REAL row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
-  const REAL row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
-  const REAL row_24_3 = row_23_3;
-  const REAL sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
-  const REAL x16 = SELECT(good, theta_4, (REAL)NAN);
+  const REAL y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) - x73;
+  const REAL sine_2_2 = SELECT(x56, K(0.0), x_41_2*x75);
+  const REAL cosine_2_2 = SELECT(x56, K(1.0), y_41_2*x75);
+  const REAL length_2_2 = SQRT(cosine_2_2*cosine_2_2 + sine_2_2*sine_2_2);
+  const REAL divisor_2_2 = SELECT(TEST(K(0.0) < length_2_2), length_2_2, K(1.0));
+  const REAL x110 = K(1.0)/divisor_2_2;
+  const REAL c_2_2 = cosine_2_2*x110;
+  const REAL s_2_2 = x110*sine_2_2;
+  const REAL row_22_1 = c_1_2*c_theta_1 + row_11_2*s_1_2;
+  const REAL row_22_2 = c_1_2*row_11_2 - c_theta_1*s_1_2;
+  const REAL row_23_2 = c_alpha_1*row_22_2 + x89;
+  const REAL row_23_3 = x90 - row_22_2*s_alpha_1;
+  const REAL row_24_1 = c_2_2*row_22_1 + row_23_2*s_2_2;
+  const REAL row_24_2 = c_2_2*row_23_2 - row_22_1*s_2_2;
+  const REAL sine_3_2 = c_alpha_2*row_24_2 + row_23_3*s_alpha_2;
+  const REAL theta_1_4 = SELECT(good, theta_4, (REAL)NAN);
   const REAL status_value = SELECT(NOT(finite), K(4.0), SELECT(no_angle, K(3.0), SELECT(family, K(2.0), SELECT(one_angle, K(1.0), K(0.0)))));
   /* outputs */
   theta[AT(0)] = SELECT(good, ATAN2(s_1_1, c_1_1), (REAL)NAN);
   theta[AT(1)] = SELECT(good, ATAN2(sine_2_1, cosine_2_1), (REAL)NAN);
   theta[AT(2)] = SELECT(good, ATAN2(sine_3_1, row_14_1), (REAL)NAN);
-  theta[AT(3)] = x16;
+  theta[AT(3)] = theta_1_4;
   theta[AT(4)] = SELECT(good, ATAN2(s_1_2, c_1_2), (REAL)NAN);
   theta[AT(5)] = SELECT(good, ATAN2(sine_2_2, cosine_2_2), (REAL)NAN);
   theta[AT(6)] = SELECT(good, ATAN2(sine_3_2, row_24_1), (REAL)NAN);
-  theta[AT(7)] = x16;
+  theta[AT(7)] = theta_1_4;
   *status = (CODE)status_value;
   ANGLE(0, alpha_1);
   ANGLE(1, alpha_2);
   ANGLE(2, alpha_3);
   ANGLE(3, alpha_4);
-  ANGLE(4, half_sums_1);
-  ANGLE(5, half_sums_2);
-  ANGLE(6, half_sums_3);
-  ANGLE(7, half_sums_4);
-  ANGLE(8, theta_4);
+  ANGLE(4, theta_4);
+  ANGLE(5, half_sums_1);
+  ANGLE(6, half_sums_2);
+  ANGLE(7, half_sums_3);
+  ANGLE(8, half_sums_4);
 }
 
-/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* polygon_pentagon: 51 add, 89 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 KERNEL(spherical_polygons_polygon_pentagon, const REAL alpha[5], const REAL theta_45[2], REAL theta[10], CODE *status) {
   /* inputs */
   const REAL alpha_1 = alpha[AT(0)];
@@ -874,139 +836,123 @@ KERNEL(spherical_polygons_polygon_pentagon, const REAL alpha[5], const REAL thet
   const REAL s_theta_1 = SIN(theta_45_1);
   const REAL s_theta_2 = SIN(theta_45_2);
   const REAL x0 = s_alpha_3*s_theta_1;
-  const REAL x1 = c_theta_1*s_alpha_3;
-  const REAL x2 = -c_alpha_3*s_alpha_4 - c_alpha_4*x1;
-  const REAL x_45 = c_theta_2*x0 - s_theta_2*x2;
-  const REAL x3 = c_alpha_3*c_alpha_4 - s_alpha_4*x1;
-  const REAL x4 = c_theta_2*x2 + s_theta_2*x0;
-  const REAL y_45 = c_alpha_5*x4 - s_alpha_5*x3;
-  const REAL z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-  const REAL x5 = K(0.5)*alpha_2;
-  const REAL x6 = K(0.5)*alpha_1;
-  const REAL x7 = K(0.5)*ATAN2(SQRT((x_45*x_45) + (y_45*y_45)), z_45);
-  const REAL x8 = x6 + x7;
-  const REAL half_sums_1 = x8 - x5;
-  const REAL half_sums_2 = x5 + x7 - x6;
-  const REAL half_sums_3 = x5 + x8;
-  const REAL half_sums_4 = x5 + x6 - x7;
+  const REAL x3 = c_theta_1*s_alpha_3;
+  const REAL x5 = c_alpha_3*s_alpha_4 + c_alpha_4*x3;
+  const REAL x_45 = c_theta_2*x0 + s_theta_2*x5;
+  const REAL x9 = x0*s_theta_2 - c_theta_2*x5;
+  const REAL x13 = c_alpha_3*c_alpha_4 - x3*s_alpha_4;
+  const REAL y_45 = c_alpha_5*x9 - s_alpha_5*x13;
+  const REAL z_45 = c_alpha_5*x13 + s_alpha_5*x9;
+  const REAL x17 = K(0.5)*alpha_1;
+  const REAL x18 = K(0.5)*alpha_2;
+  const REAL x24 = K(0.5)*ATAN2(SQRT(x_45*x_45 + y_45*y_45), z_45);
+  const REAL x25 = x17 + x24;
+  const REAL half_sums_1 = x25 - x18;
+  const REAL half_sums_2 = x18 + x24 - x17;
+  const REAL half_sums_3 = x25 + x18;
+  const REAL half_sums_4 = x17 + x18 - x24;
   const REAL factors_1 = SIN(half_sums_1);
   const REAL factors_2 = SIN(half_sums_2);
   const REAL factors_3 = SIN(half_sums_3);
   const REAL factors_4 = SIN(half_sums_4);
-  const REAL x18 = s_alpha_1*s_alpha_2;
-  const REAL side = SELECT(TEST(x18 < K(0.0)), -K(1.0), K(1.0));
+  const REAL x28 = s_alpha_1*s_alpha_2;
+  const REAL side = SELECT(TEST(x28 < K(0.0)), K(-1.0), K(1.0));
   const REAL p_side = factors_1*factors_2*side;
-  const REAL x9 = K(16.0)*REAL_EPSILON;
-  const REAL p_near = x9*(FABS(factors_1) + FABS(factors_2));
+  const REAL x34 = K(16.0)*REAL_EPSILON;
+  const REAL p_near = x34*(FABS(factors_1) + FABS(factors_2));
   const CONDITION p_short = TEST(p_side < -p_near);
   const CONDITION p_zero = TEST(FABS(p_side) <= p_near);
   const REAL p = SELECT(p_zero, K(0.0), p_side);
   const REAL q_side = factors_3*factors_4*side;
-  const REAL q_near = x9*(FABS(factors_3) + FABS(factors_4));
+  const REAL q_near = x34*(FABS(factors_3) + FABS(factors_4));
   const CONDITION q_short = TEST(q_side < -q_near);
   const CONDITION q_zero = TEST(FABS(q_side) <= q_near);
   const REAL q = SELECT(q_zero, K(0.0), q_side);
-  const CONDITION flat = TEST(FABS(x18) <= x9);
-  const CONDITION no_angle = (p_short) | (q_short) | ((flat) & (NOT((p_zero) & (q_zero))));
-  const CONDITION one_angle = (p_zero) | (q_zero);
-  const CONDITION any_angle = (flat) | ((p_zero) & (q_zero));
+  const CONDITION flat = TEST(FABS(x28) <= x34);
+  const CONDITION x44 = p_zero & q_zero;
+  const CONDITION no_angle = p_short | q_short | (flat & NOT(x44));
+  const CONDITION one_angle = p_zero | q_zero;
+  const CONDITION any_angle = flat | x44;
   const REAL p_and_q = SELECT(any_angle, K(1.0), p + q);
-  const REAL x10 = K(1.0)/p_and_q;
-  const REAL angle_c = SELECT(any_angle, K(1.0), x10*(p - q));
-  const REAL angle_s = SELECT(any_angle, K(0.0), K(2.0)*x10*SQRT(FABS(p*q)));
+  const REAL x49 = K(1.0)/p_and_q;
+  const REAL angle_c = SELECT(any_angle, K(1.0), x49*(p - q));
+  const REAL angle_s = SELECT(any_angle, K(0.0), K(2.0)*x49*SQRT(FABS(p*q)));
   const REAL other_sine = SELECT(one_angle, angle_s, -angle_s);
   const CONDITION finite = TEST(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(alpha_5) + FABS(theta_45_1) + FABS(theta_45_2) <= REAL_MAX);
-  const CONDITION good = (finite) & (NOT(no_angle));
+  const CONDITION good = finite & NOT(no_angle);
   const REAL xb_2_1 = angle_s*s_alpha_2;
-  const REAL x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1;
-  const REAL yb_2_1 = x11;
-  const REAL length_1_1 = SQRT((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-  const CONDITION flat_1_1 = TEST(length_1_1 <= x9);
-  const REAL cosine_1_1 = SELECT(flat_1_1, K(1.0), x_45*xb_2_1 - y_45*yb_2_1);
-  const REAL sine_1_1 = SELECT(flat_1_1, K(0.0), -x_45*yb_2_1 - xb_2_1*y_45);
-  const REAL size_1_1 = SQRT((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
-  const REAL divisor_1_1 = SELECT(TEST(size_1_1 > K(0.0)), size_1_1, K(1.0));
-  const REAL x12 = K(1.0)/divisor_1_1;
-  const REAL c_1_1 = cosine_1_1*x12;
-  const REAL s_1_1 = sine_1_1*x12;
-  const REAL row_11_1 = c_theta_1;
-  const REAL x13 = -c_alpha_4*s_theta_1;
-  const REAL row_11_2 = x13;
-  const REAL x14 = s_alpha_4*s_theta_1;
-  const REAL row_11_3 = x14;
-  const REAL row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
-  const REAL row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
-  const REAL row_12_3 = row_11_3;
-  const REAL row_13_1 = row_12_1;
-  const REAL row_13_2 = c_alpha_5*row_12_2 + row_12_3*s_alpha_5;
-  const REAL row_13_3 = c_alpha_5*row_12_3 - row_12_2*s_alpha_5;
-  const REAL row_14_1 = c_1_1*row_13_1 + row_13_2*s_1_1;
-  const REAL row_14_2 = c_1_1*row_13_2 - row_13_1*s_1_1;
-  const REAL row_14_3 = row_13_3;
-  const REAL row_15_1 = row_14_1;
-  const REAL row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
-  const REAL row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
-  const REAL row_16_1 = angle_c*row_15_1 + angle_s*row_15_2;
-  const REAL row_16_2 = angle_c*row_15_2 - angle_s*row_15_1;
-  const REAL row_16_3 = row_15_3;
-  const REAL sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2;
+  const REAL yb_2_1 = -(angle_c*c_alpha_1*s_alpha_2 + c_alpha_2*s_alpha_1);
+  const REAL x77 = yb_2_1*yb_2_1;
+  const REAL length_1_1 = SQRT(xb_2_1*xb_2_1 + x77);
+  const CONDITION flat_1_1 = TEST(length_1_1 <= x34);
+  const REAL x80 = y_45*yb_2_1;
+  const REAL cosine_1_1 = SELECT(flat_1_1, K(1.0), x_45*xb_2_1 - x80);
+  const REAL x82 = x_45*yb_2_1;
+  const REAL sine_1_1 = SELECT(flat_1_1, K(0.0), -(x82 + xb_2_1*y_45));
+  const REAL size_1_1 = SQRT(cosine_1_1*cosine_1_1 + sine_1_1*sine_1_1);
+  const REAL divisor_1_1 = SELECT(TEST(K(0.0) < size_1_1), size_1_1, K(1.0));
+  const REAL x90 = K(1.0)/divisor_1_1;
+  const REAL c_1_1 = cosine_1_1*x90;
+  const REAL s_1_1 = x90*sine_1_1;
+  const REAL row_11_2 = -c_alpha_4*s_theta_1;
+  const REAL row_11_3 = s_alpha_4*s_theta_1;
+  const REAL row_12_1 = c_theta_2*c_theta_1 + row_11_2*s_theta_2;
+  const REAL row_12_2 = c_theta_2*row_11_2 - c_theta_1*s_theta_2;
+  const REAL row_13_2 = c_alpha_5*row_12_2 + row_11_3*s_alpha_5;
+  const REAL row_13_3 = c_alpha_5*row_11_3 - row_12_2*s_alpha_5;
+  const REAL row_14_1 = c_1_1*row_12_1 + row_13_2*s_1_1;
+  const REAL row_14_2 = c_1_1*row_13_2 - row_12_1*s_1_1;
+  const REAL x105 = row_13_3*s_alpha_1;
+  const REAL row_15_2 = c_alpha_1*row_14_2 + x105;
+  const REAL x106 = c_alpha_1*row_13_3;
+  const REAL row_15_3 = x106 - row_14_2*s_alpha_1;
+  const REAL row_16_1 = angle_c*row_14_1 + angle_s*row_15_2;
+  const REAL row_16_2 = angle_c*row_15_2 - angle_s*row_14_1;
+  const REAL sine_3_1 = c_alpha_2*row_16_2 + row_15_3*s_alpha_2;
   const REAL xb_2_2 = other_sine*s_alpha_2;
-  const REAL yb_2_2 = x11;
-  const REAL length_1_2 = SQRT((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-  const CONDITION flat_1_2 = TEST(length_1_2 <= x9);
-  const REAL cosine_1_2 = SELECT(flat_1_2, K(1.0), x_45*xb_2_2 - y_45*yb_2_2);
-  const REAL sine_1_2 = SELECT(flat_1_2, K(0.0), -x_45*yb_2_2 - xb_2_2*y_45);
-  const REAL size_1_2 = SQRT((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
-  const REAL divisor_1_2 = SELECT(TEST(size_1_2 > K(0.0)), size_1_2, K(1.0));
-  const REAL x15 = K(1.0)/divisor_1_2;
-  const REAL c_1_2 = cosine_1_2*x15;
-  const REAL s_1_2 = sine_1_2*x15;
-  const REAL row_21_1 = c_theta_1;
-  const REAL row_21_2 = x13;
-  const REAL row_21_3 = x14;
-  const REAL row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
-  const REAL row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
-  const REAL row_22_3 = row_21_3;
-  const REAL row_23_1 = row_22_1;
-  const REAL row_23_2 = c_alpha_5*row_22_2 + row_22_3*s_alpha_5;
-  const REAL row_23_3 = c_alpha_5*row_22_3 - row_22_2*s_alpha_5;
-  const REAL row_24_1 = c_1_2*row_23_1 + row_23_2*s_1_2;
-  const REAL row_24_2 = c_1_2*row_23_2 - row_23_1*s_1_2;
-  const REAL row_24_3 = row_23_3;
-  const REAL row_25_1 = row_24_1;
-  const REAL row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
-  const REAL row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-  const REAL row_26_1 = angle_c*row_25_1 + other_sine*row_25_2;
-  const REAL row_26_2 = angle_c*row_25_2 - other_sine*row_25_1;
-  const REAL row_26_3 = row_25_3;
-  const REAL sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
-  const CONDITION family = (any_angle) | (flat_1_1) | (flat_1_2);
-  const REAL x16 = SELECT(good, theta_45_1, (REAL)NAN);
-  const REAL x17 = SELECT(good, theta_45_2, (REAL)NAN);
+  const REAL length_1_2 = SQRT(xb_2_2*xb_2_2 + x77);
+  const CONDITION flat_1_2 = TEST(length_1_2 <= x34);
+  const REAL cosine_1_2 = SELECT(flat_1_2, K(1.0), x_45*xb_2_2 - x80);
+  const REAL sine_1_2 = SELECT(flat_1_2, K(0.0), -(x82 + xb_2_2*y_45));
+  const REAL size_1_2 = SQRT(cosine_1_2*cosine_1_2 + sine_1_2*sine_1_2);
+  const REAL divisor_1_2 = SELECT(TEST(K(0.0) < size_1_2), size_1_2, K(1.0));
+  const REAL x125 = K(1.0)/divisor_1_2;
+  const REAL c_1_2 = cosine_1_2*x125;
+  const REAL s_1_2 = x125*sine_1_2;
+  const REAL row_24_1 = c_1_2*row_12_1 + row_13_2*s_1_2;
+  const REAL row_24_2 = c_1_2*row_13_2 - row_12_1*s_1_2;
+  const REAL row_25_2 = c_alpha_1*row_24_2 + x105;
+  const REAL row_25_3 = x106 - row_24_2*s_alpha_1;
+  const REAL row_26_1 = angle_c*row_24_1 + other_sine*row_25_2;
+  const REAL row_26_2 = angle_c*row_25_2 - other_sine*row_24_1;
+  const REAL sine_3_2 = c_alpha_2*row_26_2 + row_25_3*s_alpha_2;
+  const CONDITION family = any_angle | flat_1_1 | flat_1_2;
+  const REAL theta_1_4 = SELECT(good, theta_45_1, (REAL)NAN);
+  const REAL theta_1_5 = SELECT(good, theta_45_2, (REAL)NAN);
   const REAL status_value = SELECT(NOT(finite), K(4.0), SELECT(no_angle, K(3.0), SELECT(family, K(2.0), SELECT(one_angle, K(1.0), K(0.0)))));
   /* outputs */
   theta[AT(0)] = SELECT(good, ATAN2(sine_1_1, cosine_1_1), (REAL)NAN);
   theta[AT(1)] = SELECT(good, ATAN2(angle_s, angle_c), (REAL)NAN);
   theta[AT(2)] = SELECT(good, ATAN2(sine_3_1, row_16_1), (REAL)NAN);
-  theta[AT(3)] = x16;
-  theta[AT(4)] = x17;
+  theta[AT(3)] = theta_1_4;
+  theta[AT(4)] = theta_1_5;
   theta[AT(5)] = SELECT(good, ATAN2(sine_1_2, cosine_1_2), (REAL)NAN);
   theta[AT(6)] = SELECT(good, ATAN2(other_sine, angle_c), (REAL)NAN);
   theta[AT(7)] = SELECT(good, ATAN2(sine_3_2, row_26_1), (REAL)NAN);
-  theta[AT(8)] = x16;
-  theta[AT(9)] = x17;
+  theta[AT(8)] = theta_1_4;
+  theta[AT(9)] = theta_1_5;
   *status = (CODE)status_value;
   ANGLE(0, alpha_1);
   ANGLE(1, alpha_2);
   ANGLE(2, alpha_3);
   ANGLE(3, alpha_4);
   ANGLE(4, alpha_5);
-  ANGLE(5, half_sums_1);
-  ANGLE(6, half_sums_2);
-  ANGLE(7, half_sums_3);
-  ANGLE(8, half_sums_4);
-  ANGLE(9, theta_45_1);
-  ANGLE(10, theta_45_2);
+  ANGLE(5, theta_45_1);
+  ANGLE(6, theta_45_2);
+  ANGLE(7, half_sums_1);
+  ANGLE(8, half_sums_2);
+  ANGLE(9, half_sums_3);
+  ANGLE(10, half_sums_4);
 }
 
 #ifndef ON_COLUMNS

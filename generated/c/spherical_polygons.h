@@ -154,7 +154,7 @@ void spherical_polygons_polygon_secondary_5_batch_f32(size_t count, const float 
 
 /* Close a spherical quadrilateral: all joint angles of the twists and the last joint angle.
  * Source: derivation spherical_polygons; Crane and Duffy, spherical quadrilateral
- * Operations: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
+ * Operations: 44 add, 82 mul, 4 div, 4 sqrt, 28 select, 12 compare, 14 abs, 7 atan2, 5 cos, 9 sin
  * alpha (4), rad: twists 12, 23, 34, 41
  * theta_4, rad: angle of joint 4
  * theta (2, 4), rad: joint angles 1 to 4 of both ways, from -pi to pi but the given one
@@ -167,7 +167,7 @@ void spherical_polygons_polygon_quadrilateral_batch_f32(size_t count, const floa
 
 /* Close a spherical pentagon: all joint angles of the twists and the last two joint angles.
  * Source: derivation spherical_polygons; Crane and Duffy, spherical pentagon example
- * Operations: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
+ * Operations: 51 add, 89 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
  * alpha (5), rad: twists 12, 23, 34, 45, 51
  * theta_45 (2), rad: angles of the joints 4 and 5
  * theta (2, 5), rad: joint angles 1 to 5 of both ways, from -pi to pi but the given ones

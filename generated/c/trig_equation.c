@@ -46,7 +46,7 @@ static inline float power_of_two_scale_f32(float x) {
 #define CODE int8_t
 #define CONDITION int
 #define TEST(x) (x)
-#define NOT(x) !(x)
+#define NOT(x) (!(x))
 #define SELECT(condition, x, y) ((condition) ? (x) : (y))
 #define AT(component) component
 #define ANGLE(number, x)
@@ -56,9 +56,9 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX DBL_MAX
 #define TYPED(name) name##_f64
 #define K(number) number
-#define ATAN2(x, y) atan2(x, y)
-#define SQRT(x) sqrt(x)
 #define FABS(x) fabs(x)
+#define SQRT(x) sqrt(x)
+#define ATAN2(x, y) atan2(x, y)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f64(x)
 #include "trig_equation.c"
 #undef REAL
@@ -66,9 +66,9 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
-#undef ATAN2
-#undef SQRT
 #undef FABS
+#undef SQRT
+#undef ATAN2
 #undef POWER_OF_TWO_SCALE
 
 #define REAL float
@@ -76,9 +76,9 @@ static inline float power_of_two_scale_f32(float x) {
 #define REAL_MAX FLT_MAX
 #define TYPED(name) name##_f32
 #define K(number) number##f
-#define ATAN2(x, y) atan2f(x, y)
-#define SQRT(x) sqrtf(x)
 #define FABS(x) fabsf(x)
+#define SQRT(x) sqrtf(x)
+#define ATAN2(x, y) atan2f(x, y)
 #define POWER_OF_TWO_SCALE(x) power_of_two_scale_f32(x)
 #include "trig_equation.c"
 #undef REAL
@@ -86,14 +86,14 @@ static inline float power_of_two_scale_f32(float x) {
 #undef REAL_MAX
 #undef TYPED
 #undef K
-#undef ATAN2
-#undef SQRT
 #undef FABS
+#undef SQRT
+#undef ATAN2
 #undef POWER_OF_TWO_SCALE
 
 #else
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 KERNEL(trig_equation_trig_solve, REAL A, REAL B, REAL D, REAL theta[2], CODE *status) {
   /* inputs */
   /* intermediate terms */
@@ -102,32 +102,34 @@ KERNEL(trig_equation_trig_solve, REAL A, REAL B, REAL D, REAL theta[2], CODE *st
   const REAL a = A*scale;
   const REAL b = B*scale;
   const REAL d = D*scale;
-  const REAL x0 = FABS(b);
-  const REAL x1 = FABS(a);
-  const REAL larger = SELECT(TEST(x1 < x0), x0, x1);
-  const REAL smaller = SELECT(TEST(x1 < x0), x1, x0);
-  const REAL x2 = (smaller*smaller);
-  const REAL square = x2 + (larger - d)*(d + larger);
-  const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+  const REAL x7 = FABS(a);
+  const REAL x8 = FABS(b);
+  const CONDITION x9 = TEST(x7 < x8);
+  const REAL larger = SELECT(x9, x8, x7);
+  const REAL smaller = SELECT(x9, x7, x8);
+  const REAL x10 = smaller*smaller;
+  const REAL square = x10 + (larger - d)*(d + larger);
+  const REAL bound = K(4.0)*REAL_EPSILON*(larger*larger + x10);
   const CONDITION is_double = TEST(FABS(square) <= bound);
   const CONDITION valid = TEST(size <= REAL_MAX);
-  const CONDITION two = TEST(square > bound);
+  const CONDITION two = TEST(bound < square);
   const REAL w = SELECT(two, SQRT(square), K(0.0));
-  const CONDITION empty = (TEST(A == K(0.0))) & (TEST(B == K(0.0)));
-  const CONDITION there = (valid) & (NOT(empty)) & ((is_double) | (two));
-  const REAL x3 = a*d;
-  const REAL x4 = b*w;
-  const REAL x5 = x3 + x4;
-  const REAL cosine_plus = SELECT(TEST(x5 == K(0.0)), K(0.0), -x5);
-  const REAL x6 = a*w;
-  const REAL x7 = b*d;
-  const REAL x8 = x6 - x7;
-  const REAL sine_plus = SELECT(TEST(x8 == K(0.0)), K(0.0), x8);
-  const REAL x9 = x3 - x4;
-  const REAL cosine_minus = SELECT(TEST(x9 == K(0.0)), K(0.0), -x9);
-  const REAL x10 = x6 + x7;
-  const REAL sine_minus = SELECT(TEST(x10 == K(0.0)), K(0.0), -x10);
-  const REAL status_value = SELECT(NOT(valid), K(5.0), SELECT((empty) & (TEST(FABS(d) > K(0.0))), K(4.0), SELECT(empty, K(3.0), SELECT(is_double, K(1.0), SELECT(two, K(0.0), K(2.0))))));
+  const CONDITION empty = TEST(A == K(0.0)) & TEST(B == K(0.0));
+  const CONDITION there = valid & NOT(empty) & (is_double | two);
+  const REAL x24 = a*d;
+  const REAL x25 = b*w;
+  const REAL x26 = x24 + x25;
+  const REAL cosine_plus = SELECT(TEST(x26 == K(0.0)), K(0.0), -x26);
+  const REAL x29 = a*w;
+  const REAL x30 = b*d;
+  const REAL x31 = x29 - x30;
+  const REAL sine_plus = SELECT(TEST(x31 == K(0.0)), K(0.0), x31);
+  const REAL x33 = x25 - x24;
+  const REAL cosine_minus = SELECT(TEST(-x33 == K(0.0)), K(0.0), x33);
+  const REAL x36 = x29 + x30;
+  const REAL sine_minus = SELECT(TEST(x36 == K(0.0)), K(0.0), -x36);
+  const REAL x47 = SELECT(empty & TEST(K(0.0) < FABS(d)), K(4.0), SELECT(empty, K(3.0), SELECT(is_double, K(1.0), SELECT(two, K(0.0), K(2.0)))));
+  const REAL status_value = SELECT(NOT(valid), K(5.0), x47);
   /* outputs */
   theta[AT(0)] = SELECT(there, ATAN2(sine_plus, cosine_plus), (REAL)NAN);
   theta[AT(1)] = SELECT(there, ATAN2(sine_minus, cosine_minus), (REAL)NAN);

@@ -36,7 +36,7 @@ enum trig_equation_trig_status {
 
 /* Both angles with A cos(theta) + B sin(theta) + D = 0.
  * Source: Robot Geometry, trig solution method; derivation trig_equation
- * Operations: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+ * Operations: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale
  * A, no unit: coefficient of the cosine, in the unit of all three
  * B, no unit: coefficient of the sine
  * D, no unit: the rest

@@ -19,39 +19,37 @@
 #endif
 
 #ifndef ROW_BY_ROW
-/* trig_solve_usual: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2 */
+/* trig_solve_usual: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 8 compare, 3 abs, 2 atan2 */
 KERNEL(trig_equation_trig_solve_usual, REAL A, REAL B, REAL D, REAL theta[2], CODE *status, CONDITION *is_usual) {
   /* inputs */
   /* intermediate terms */
-  const REAL x11 = FABS(A);
-  const REAL x12 = FABS(B);
-  const REAL size = K(0.25)*x11 + K(0.25)*x12 + K(0.25)*FABS(D);
-  const REAL x0 = x12;
-  const REAL x1 = x11;
-  const REAL larger = SELECT(TEST(x1 < x0), x0, x1);
-  const REAL smaller = SELECT(TEST(x1 < x0), x1, x0);
-  const REAL x2 = (smaller*smaller);
-  const REAL square = x2 + (larger - D)*(D + larger);
-  const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+  const REAL x0 = FABS(A);
+  const REAL x2 = FABS(B);
+  const REAL size = K(0.25)*x0 + K(0.25)*x2 + K(0.25)*FABS(D);
+  const CONDITION x7 = TEST(x0 < x2);
+  const REAL larger = SELECT(x7, x2, x0);
+  const REAL smaller = SELECT(x7, x0, x2);
+  const REAL x8 = smaller*smaller;
+  const REAL square = x8 + (larger - D)*(D + larger);
+  const REAL bound = K(4.0)*REAL_EPSILON*(larger*larger + x8);
   const REAL w = SQRT(square);
-  const REAL x3 = A*D;
-  const REAL x4 = B*w;
-  const REAL x5 = x3 + x4;
-  const REAL cosine_plus = SELECT(TEST(x5 == K(0.0)), K(0.0), -x5);
-  const REAL x6 = A*w;
-  const REAL x7 = B*D;
-  const REAL x8 = x6 - x7;
-  const REAL sine_plus = SELECT(TEST(x8 == K(0.0)), K(0.0), x8);
-  const REAL x9 = x3 - x4;
-  const REAL cosine_minus = SELECT(TEST(x9 == K(0.0)), K(0.0), -x9);
-  const REAL x10 = x6 + x7;
-  const REAL sine_minus = SELECT(TEST(x10 == K(0.0)), K(0.0), -x10);
-  const REAL status_value = K(0.0);
+  const REAL x15 = A*D;
+  const REAL x16 = B*w;
+  const REAL x17 = x15 + x16;
+  const REAL cosine_plus = SELECT(TEST(x17 == K(0.0)), K(0.0), -x17);
+  const REAL x20 = A*w;
+  const REAL x21 = B*D;
+  const REAL x22 = x20 - x21;
+  const REAL sine_plus = SELECT(TEST(x22 == K(0.0)), K(0.0), x22);
+  const REAL x24 = x16 - x15;
+  const REAL cosine_minus = SELECT(TEST(-x24 == K(0.0)), K(0.0), x24);
+  const REAL x27 = x20 + x21;
+  const REAL sine_minus = SELECT(TEST(x27 == K(0.0)), K(0.0), -x27);
   /* outputs */
   theta[AT(0)] = ATAN2(sine_plus, cosine_plus);
   theta[AT(1)] = ATAN2(sine_minus, cosine_minus);
-  *status = (CODE)status_value;
-  *is_usual = (TEST(size > REAL_EPSILON)) & (TEST(square > bound)) & (TEST(size < K(1.0)/REAL_EPSILON));
+  *status = (CODE)K(0.0);
+  *is_usual = TEST(REAL_EPSILON < size) & TEST(bound < square) & TEST(size < K(1.0)/REAL_EPSILON);
 }
 
 /* Returns whether all elements are usual. */

@@ -40,7 +40,7 @@
 #define CODE REAL
 #define CONDITION REAL_MASK
 #define TEST(x) TYPED(mask)(x)
-#define NOT(x) ~(x)
+#define NOT(x) (~(x))
 #define SELECT(condition, x, y) TYPED(blend)(condition, x, y)
 #define AT(component) ((component) * BLOCK)
 #define ANGLE(number, x) _angles[AT(number)] = FABS(x)

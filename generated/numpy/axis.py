@@ -73,7 +73,7 @@ def solve_axis(rho, rho_prime, angle, length_tolerance, *, out=None):
 
 
 def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 53 add, 110 mul, 6 div, 5 sqrt, 40 select, 41 compare, 19 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 53 add, 108 mul, 6 div, 5 sqrt, 40 select, 34 compare, 15 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -92,108 +92,114 @@ def _solve_axis(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
-    length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
+    length_squared = u_1*u_1 + u_2*u_2 + u_3*u_3
+    length_prime_squared = v_1*v_1 + v_2*v_2 + v_3*v_3
     length_product = xp.sqrt(length_prime_squared*length_squared)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
-    nonzero = excess_divisor > 0.0
+    nonzero = 0.0 < excess_divisor
     excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x0 = excess*v_1
-    m_1 = total_1 - x0
-    x1 = excess*v_2
-    m_2 = total_2 - x1
-    x2 = excess*v_3
-    m_3 = total_3 - x2
-    r_1 = difference_1 - x0
-    r_2 = difference_2 - x1
-    r_3 = difference_3 - x2
-    del scale_after, excess_divisor, gain, nonzero, v_1, total_1, v_2, total_2, v_3, total_3, difference_1, x0, difference_2, x1, difference_3, x2
+    x33 = excess*v_1
+    m_1 = total_1 - x33
+    x34 = excess*v_2
+    m_2 = total_2 - x34
+    x35 = excess*v_3
+    m_3 = total_3 - x35
+    r_1 = difference_1 - x33
+    r_2 = difference_2 - x34
+    r_3 = difference_3 - x35
+    del scale_after, excess_divisor, gain, nonzero, v_1, total_1, v_2, total_2, v_3, total_3, difference_1, x33, difference_2, x34, difference_3, x35
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
     sine_size = xp.abs(sine)
-    x3 = (eps*eps)
-    turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
+    x36 = eps*eps
+    x37 = x36*x36
+    turn_scale = _power_of_two_scale(xp.where(x36 < sine_size, sine_size, x36))
     S = sine_size*turn_scale
     C = turn_scale*xp.where(sine < 0.0, -cosine, cosine)
-    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x4 = (S*S)
-    along_m = m_squared*x4
+    m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
+    r_squared = r_1*r_1 + r_2*r_2 + r_3*r_3
+    x51 = S*S
+    along_m = x51*m_squared
     n_1 = C*r_1
     n_2 = C*r_2
     n_3 = C*r_3
-    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
+    along_n = n_1*n_1 + n_2*n_2 + n_3*n_3
     root_squared = along_m - along_n
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
     w_3 = m_1*r_2 - m_2*r_1
-    x5 = xp.abs(half_angle)
-    x6 = 8.0*eps
-    rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
-    x7 = 0.5*along_m
-    band = xp.where(rounding < x7, rounding, x7)
-    both = length_product > 0.0
-    area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x9 = (eps*eps*eps*eps)
-    x11 = m_squared*r_squared
-    plane = (area_squared > 0.5*x11) & (area_squared > x9)
-    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
-    crooked = area_squared < x11*(1.0 - 32.0*eps)
-    across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
-    across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
-    across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
-    under_root = xp.where(two, root_squared, xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)))
-    del sine, n_1, n_2, n_3, along_n, half_angle, along_m, rounding, x7, length_product, both, x11, u_1, u_2, u_3, area_squared
+    x62 = xp.abs(half_angle)
+    x65 = 8.0*eps
+    rounding = x65*S*length_squared*(x62 + 1.0)*xp.abs(C)
+    x69 = 0.5*along_m
+    band = xp.where(rounding < x69, rounding, x69)
+    both = 0.0 < length_product
+    area_squared = w_1*w_1 + w_2*w_2 + w_3*w_3
+    x76 = m_squared*r_squared
+    plane = (x37 < area_squared) & (0.5*x76 < area_squared)
+    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x37 < sine_size)
+    crooked = area_squared < x76*(1.0 - 32.0*eps)
+    x91 = xp.abs(u_1) < xp.abs(u_3)
+    across_1 = xp.where(x91, 0.0, -u_2)
+    across_2 = xp.where(x91, -u_3, u_1)
+    across_3 = xp.where(x91, u_2, 0.0)
+    del sine, n_1, n_2, n_3, along_n, half_angle, along_m, rounding, x69, length_product, both, x76, u_1, u_3, u_2, x91
+    under_root = xp.where(two, root_squared, xp.where(plane, area_squared, across_1*across_1 + across_2*across_2 + across_3*across_3))
     root = xp.sqrt(under_root)
-    divisor = xp.where(two, S*m_squared, xp.where(root > 0.0, root, 1.0))
+    x99 = 0.0 < root
+    divisor = xp.where(two, S*m_squared, xp.where(x99, root, 1.0))
     inverse = 1.0/divisor
     w_factor = inverse*xp.where(two, C, xp.where(C < 0.0, -1.0, 1.0))
     m_factor = xp.where(two, inverse*root, 0.0)
-    base_1 = xp.where((plane) | (two), w_1*w_factor, xp.where(root > 0.0, across_1*inverse, 0.0))
-    base_2 = xp.where((plane) | (two), w_2*w_factor, xp.where(root > 0.0, across_2*inverse, 0.0))
-    base_3 = xp.where((plane) | (two), w_3*w_factor, xp.where(root > 0.0, across_3*inverse, 1.0))
+    x108 = plane | two
+    base_1 = xp.where(x108, w_1*w_factor, xp.where(x99, across_1*inverse, 0.0))
+    base_2 = xp.where(x108, w_2*w_factor, xp.where(x99, across_2*inverse, 0.0))
+    base_3 = xp.where(x108, w_3*w_factor, xp.where(x99, across_3*inverse, 1.0))
+    del area_squared, under_root, S, divisor, C, root, plane, across_1, w_1, across_2, w_2, across_3, inverse, w_3, w_factor, x108, x99
     offset_1 = m_1*m_factor
     offset_2 = m_2*m_factor
-    del under_root, S, divisor, C, across_1, w_1, across_2, w_2, across_3, inverse, plane, root, w_3, w_factor, m_1, m_2
     offset_3 = m_3*m_factor
-    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
+    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((0.0 <= length_tolerance) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3), 1.0)
     minus_1 = base_1 - offset_1
     minus_2 = base_2 - offset_2
     minus_3 = base_3 - offset_3
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3), 1.0)
     axes_1_1 = xp.where(valid, plus_1*plus_factor, xp.nan)
     axes_1_2 = xp.where(valid, plus_2*plus_factor, xp.nan)
     axes_1_3 = xp.where(valid, plus_3*plus_factor, xp.nan)
     axes_2_1 = xp.where(valid, minus_1*minus_factor, xp.nan)
+    del m_1, m_2, m_3, m_factor, base_1, offset_1, base_2, offset_2, base_3, offset_3, crooked, plus_1, plus_2, plus_3, plus_factor, minus_1
     axes_2_2 = xp.where(valid, minus_2*minus_factor, xp.nan)
     axes_2_3 = xp.where(valid, minus_3*minus_factor, xp.nan)
-    del m_3, m_factor, base_1, offset_1, base_2, offset_2, base_3, offset_3, crooked, plus_1, plus_2, plus_3, plus_factor, minus_1, minus_2, minus_3, minus_factor
-    both_zero = (size_after == 0.0) & (size_before == 0.0)
-    one_zero = (size_after == 0.0) | (size_before == 0.0)
-    x8 = length_squared*x3
-    coincident = 16.0*x8
-    x10 = eps*x5
-    no_turn = (sine_size <= x10) | (sine_size <= x9)
-    every = (no_turn) & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
-    too_small = (no_turn) | (root_squared < -4.0*band)
+    x145 = size_after == 0.0
+    x146 = size_before == 0.0
+    both_zero = x145 & x146
+    one_zero = x145 | x146
+    x147 = x36*length_squared
+    coincident = 16.0*x147
+    x149 = eps*x62
+    no_turn = (sine_size <= x37) | (sine_size <= x149)
+    every = no_turn & (r_squared <= coincident)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x149)
+    del minus_2, minus_3, minus_factor, size_after, size_before, x145, x146, x36, x62, sine_size, x37, r_squared, coincident, cosine, m_squared, x149
+    too_small = no_turn | (root_squared < -4.0*band)
     scaled_r_1 = r_1*turn_scale
     scaled_r_2 = r_2*turn_scale
-    del size_after, size_before, x3, x5, sine_size, x9, r_squared, coincident, cosine, m_squared, x10, band, no_turn, root_squared, r_1, r_2
     scaled_r_3 = r_3*turn_scale
-    parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
-    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    ratio = xp.sqrt(length_prime_squared*xp.where(length_squared > 0.0, 1.0/length_squared, 1.0))
-    lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
-    del r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x4, x8, x6, length_prime_squared, length_squared, comparable, excess, least_tolerance, ratio, scale, scale_before
-    status = xp.where(~(valid), 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~(lengths_agree), 6.0, xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~(two), 1.0, xp.where(parallel, 3.0, 0.0)))))))))
-    return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
+    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x51*x147
+    least_tolerance = xp.where(x65 < length_tolerance, length_tolerance, x65)
+    ratio = xp.sqrt(length_prime_squared*xp.where(0.0 < length_squared, 1.0/length_squared, 1.0))
+    lengths_agree = (comparable & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~comparable))
+    del band, no_turn, root_squared, r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x147, x51, x65, length_prime_squared, length_squared, comparable, excess, least_tolerance, ratio, scale, scale_before
+    x187 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
+    status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x187))))
+    return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status_value)
 
 
 def _solve_axis_usual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
@@ -204,64 +210,59 @@ def _solve_axis_usual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_pri
     total_1 = rho_1 + rho_prime_1
     total_2 = rho_2 + rho_prime_2
     total_3 = rho_3 + rho_prime_3
-    length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3)
+    length_squared = rho_1*rho_1 + rho_2*rho_2 + rho_3*rho_3
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = 2.0*gain + 4.0*length_squared
     excess = gain/excess_divisor
-    x0 = excess*((excess*excess) + 1.0)
-    m_1 = total_1 - difference_1*x0
-    m_2 = total_2 - difference_2*x0
-    m_3 = total_3 - difference_3*x0
-    r_1 = difference_1 - total_1*x0
-    r_2 = difference_2 - total_2*x0
-    r_3 = difference_3 - total_3*x0
+    x12 = excess*(excess*excess + 1.0)
+    m_1 = total_1 - difference_1*x12
+    m_2 = total_2 - difference_2*x12
+    m_3 = total_3 - difference_3*x12
+    r_1 = difference_1 - x12*total_1
+    r_2 = difference_2 - x12*total_2
+    r_3 = difference_3 - x12*total_3
     half_angle = 0.5*angle
     sine = xp.tan(half_angle)
     sine_size = xp.abs(sine)
-    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x1 = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    r_squared = x1
-    x4 = (sine_size*sine_size)
-    along_m = m_squared*x4
-    along_n = x1
-    root_squared = along_m - along_n
+    m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
+    r_squared = r_1*r_1 + r_2*r_2 + r_3*r_3
+    along_m = m_squared*(sine_size*sine_size)
+    root_squared = along_m - r_squared
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
     w_3 = m_1*r_2 - m_2*r_1
-    x6 = 8.0*eps
     root = xp.sqrt(root_squared)
     divisor = m_squared*sine
     inverse = 1.0/divisor
-    del length_squared, difference_1, total_1, difference_2, total_2, difference_3, total_3, x0, x4, x1, along_n, r_3, r_1, r_2, sine, divisor
     m_factor = root*xp.abs(inverse)
     base_1 = inverse*w_1
     base_2 = inverse*w_2
+    del length_squared, difference_1, total_1, difference_2, total_2, difference_3, total_3, x12, r_3, r_1, r_2, sine, divisor, root, w_1, w_2
     base_3 = inverse*w_3
     offset_1 = m_1*m_factor
     offset_2 = m_2*m_factor
     offset_3 = m_3*m_factor
-    plus_1 = base_1 + offset_1
-    plus_2 = base_2 + offset_2
-    plus_3 = base_3 + offset_3
-    minus_1 = base_1 - offset_1
-    minus_2 = base_2 - offset_2
-    minus_3 = base_3 - offset_3
-    axes_1_1 = plus_1
-    del root, w_1, w_2, inverse, w_3, m_1, m_2, m_3, m_factor, base_1, offset_1, base_2, offset_2, base_3, offset_3, plus_1
-    axes_1_2 = plus_2
-    axes_1_3 = plus_3
-    axes_2_1 = minus_1
-    axes_2_2 = minus_2
-    axes_2_3 = minus_3
-    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    x2 = xp.abs(excess)
-    lengths_agree = x2 <= 0.375*least_tolerance
-    status = xp.where(~(lengths_agree), 6.0, 0.0)
-    x3 = (eps*eps)
-    x5 = eps**0.5
-    is_usual = (x2 <= 0.000244140625) & ((lengths_agree) | (x2 >= 0.625*least_tolerance)) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0)) & (excess_divisor > 4.0*x3) & (root_squared > 2.0*along_m*x5) & (m_squared*sine_size > 16.0*excess_divisor*x5*(sine_size + 1.0)) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (xp.abs(half_angle) < 8.0)
-    del plus_2, plus_3, minus_1, minus_2, minus_3, x6, excess, along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x2, x3, x5
-    return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
+    axes_1_1 = base_1 + offset_1
+    axes_1_2 = base_2 + offset_2
+    axes_1_3 = base_3 + offset_3
+    axes_2_1 = base_1 - offset_1
+    axes_2_2 = base_2 - offset_2
+    axes_2_3 = base_3 - offset_3
+    x35 = 8.0*eps
+    least_tolerance = xp.where(x35 < length_tolerance, length_tolerance, x35)
+    x37 = xp.abs(excess)
+    lengths_agree = x37 <= 0.375*least_tolerance
+    status_value = xp.where(~lengths_agree, 6.0, 0.0)
+    x47 = eps*eps
+    x50 = eps**0.5
+    x49 = 4.0*x47 < excess_divisor
+    x53 = 2.0*along_m*x50 < root_squared
+    x72 = (x37 <= 0.000244140625) & (lengths_agree | (0.625*least_tolerance <= x37)) & ((0.0 <= length_tolerance) | (length_tolerance <= 0.0)) & x49 & x53
+    del inverse, w_3, m_1, m_2, m_3, m_factor, base_1, offset_1, base_2, offset_2, base_3, offset_3, x35, excess, least_tolerance, lengths_agree, x37, x49, x53
+    x65 = 16.0*(gain*gain) < m_squared*r_squared
+    x75 = x72 & (16.0*x50*excess_divisor*(sine_size + 1.0) < m_squared*sine_size) & (excess_divisor < 4.0/x47) & x65
+    is_usual_value = x75 & (root_squared < along_m) & (xp.abs(half_angle) < 8.0)
+    return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status_value, is_usual_value)
 
 
 solve_axis.signature = "(3),(3),(),()->(2,3),()"
@@ -316,13 +317,15 @@ def _length_mismatch(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
-    length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
+    length_squared = u_1*u_1 + u_2*u_2 + u_3*u_3
+    other_squared = v_1*v_1 + v_2*v_2 + v_3*v_3
     length_product = xp.sqrt(length_squared*other_squared)
     ratio = xp.sqrt(other_squared/length_squared)
-    mismatch = xp.where((length_squared == 0.0) & (other_squared == 0.0), 0.0, xp.where(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0))
-    del size_before, size_after, scale_after, u_1, u_2, u_3, v_1, v_2, v_3, comparable, difference_1, difference_2, difference_3, length_product, length_squared, other_squared, ratio, scale, scale_before, total_1, total_2, total_3
-    return (mismatch,)
+    x30 = ratio*scale_before/scale - 1.0
+    x38 = xp.where(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), x30)
+    del size_before, size_after, scale_after, u_1, u_2, u_3, v_1, v_2, v_3, ratio, scale, scale_before, comparable, difference_1, difference_2, difference_3, length_product, total_1, total_2, total_3, x30
+    mismatch_value = xp.where((length_squared == 0.0) & (other_squared == 0.0), 0.0, x38)
+    return (mismatch_value,)
 
 
 length_mismatch.signature = "(3),(3)->()"
@@ -381,47 +384,47 @@ def _axis_condition(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
-    length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
+    length_squared = u_1*u_1 + u_2*u_2 + u_3*u_3
+    length_prime_squared = v_1*v_1 + v_2*v_2 + v_3*v_3
     length_product = xp.sqrt(length_prime_squared*length_squared)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
-    nonzero = excess_divisor > 0.0
+    nonzero = 0.0 < excess_divisor
     excess = gain*xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x0 = excess*v_1
-    m_1 = total_1 - x0
-    x1 = excess*v_2
-    m_2 = total_2 - x1
+    x33 = excess*v_1
+    m_1 = total_1 - x33
+    x34 = excess*v_2
+    m_2 = total_2 - x34
     del comparable, scale_after, scale_before, scale, u_1, u_2, u_3, length_prime_squared, length_product, excess_divisor, gain, nonzero, v_1, total_1, v_2, total_2
-    x2 = excess*v_3
-    m_3 = total_3 - x2
-    r_1 = difference_1 - x0
-    r_2 = difference_2 - x1
-    r_3 = difference_3 - x2
+    x35 = excess*v_3
+    m_3 = total_3 - x35
+    r_1 = difference_1 - x33
+    r_2 = difference_2 - x34
+    r_3 = difference_3 - x35
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
     sine_size = xp.abs(sine)
-    x3 = (eps*eps)
-    turn_scale = _power_of_two_scale(xp.where(sine_size > x3, sine_size, x3))
+    x36 = eps*eps
+    turn_scale = _power_of_two_scale(xp.where(x36 < sine_size, sine_size, x36))
     S = sine_size*turn_scale
     C = turn_scale*xp.where(sine < 0.0, -cosine, cosine)
-    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    del excess, v_3, total_3, difference_1, x0, difference_2, x1, difference_3, x2, x3, sine_size, cosine, sine, m_1, m_2, m_3
-    along_m = (S*S)*m_squared
+    m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
+    del excess, v_3, total_3, difference_1, x33, difference_2, x34, difference_3, x35, x36, sine_size, cosine, sine, m_1, m_2, m_3
+    along_m = S*S*m_squared
     n_1 = C*r_1
     n_2 = C*r_2
     n_3 = C*r_3
-    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
+    along_n = n_1*n_1 + n_2*n_2 + n_3*n_3
     root_squared = along_m - along_n
     rounding = 8.0*S*eps*length_squared*(xp.abs(half_angle) + 1.0)*xp.abs(C)
-    x4 = 0.5*along_m
-    band = xp.where(rounding < x4, rounding, x4)
+    x58 = 0.5*along_m
+    band = xp.where(rounding < x58, rounding, x58)
     positive = xp.where(length_squared == 0.0, 1.0, length_squared)
     under_root = xp.where(band < root_squared, root_squared, 0.0)
-    del m_squared, r_1, r_2, r_3, n_1, n_2, n_3, along_n, C, S, half_angle, along_m, rounding, x4, length_squared, band, root_squared
-    condition = xp.where((largest >= size_after) & (largest >= size_before) & (largest >= xp.abs(angle)), xp.sqrt(positive)*turn_scale/xp.sqrt(under_root), xp.nan)
-    return (condition,)
+    del m_squared, r_1, r_2, r_3, n_1, n_2, n_3, along_n, C, S, half_angle, along_m, rounding, x58, length_squared, band, root_squared
+    condition_value = xp.where((size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest), xp.sqrt(positive)*turn_scale/xp.sqrt(under_root), xp.nan)
+    return (condition_value,)
 
 
 axis_condition.signature = "(3),(3),()->()"
@@ -465,7 +468,7 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
 
 
 def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 340 add, 629 mul, 12 div, 5 sqrt, 178 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 338 add, 632 mul, 12 div, 5 sqrt, 178 select, 34 compare, 15 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -481,38 +484,34 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     difference_1 = v_1 - u_1
     d_difference_1_d_rho_1 = -scale_before
     difference_2 = v_2 - u_2
-    d_difference_2_d_rho_2 = -scale_before
     difference_3 = v_3 - u_3
-    d_difference_3_d_rho_3 = -scale_before
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
-    length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    x13 = 2.0*scale_before
-    d_length_squared_d_rho_1 = u_1*x13
-    d_length_squared_d_rho_2 = u_2*x13
-    d_length_squared_d_rho_3 = u_3*x13
-    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    x14 = 2.0*scale
-    d_length_prime_squared_d_rho_prime_1 = v_1*x14
-    d_length_prime_squared_d_rho_prime_2 = v_2*x14
-    d_length_prime_squared_d_rho_prime_3 = v_3*x14
-    x15 = xp.sqrt(length_prime_squared*length_squared)
-    length_product = x15
-    x16 = 1.0/length_squared
-    x17 = 0.5*x15
-    x18 = x16*x17
-    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x18
-    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x18
-    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x18
-    x19 = x17/length_prime_squared
-    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x19
-    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x19
-    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x19
+    length_squared = u_1*u_1 + u_2*u_2 + u_3*u_3
+    x22 = 2.0*scale_before
+    d_length_squared_d_rho_1 = x22*u_1
+    d_length_squared_d_rho_2 = x22*u_2
+    d_length_squared_d_rho_3 = x22*u_3
+    length_prime_squared = v_1*v_1 + v_2*v_2 + v_3*v_3
+    x27 = 2.0*scale
+    d_length_prime_squared_d_rho_prime_1 = x27*v_1
+    d_length_prime_squared_d_rho_prime_2 = x27*v_2
+    d_length_prime_squared_d_rho_prime_3 = x27*v_3
+    length_product = xp.sqrt(length_prime_squared*length_squared)
+    x29 = 1.0/length_squared
+    x30 = 0.5*length_product
+    d_length_product_d_rho_1 = x30*d_length_squared_d_rho_1*x29
+    d_length_product_d_rho_2 = x30*d_length_squared_d_rho_2*x29
+    d_length_product_d_rho_3 = x30*d_length_squared_d_rho_3*x29
+    x34 = 1.0/length_prime_squared
+    d_length_product_d_rho_prime_1 = x30*d_length_prime_squared_d_rho_prime_1*x34
+    d_length_product_d_rho_prime_2 = x30*d_length_prime_squared_d_rho_prime_2*x34
+    d_length_product_d_rho_prime_3 = x30*d_length_prime_squared_d_rho_prime_3*x34
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
-    d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
-    d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before
+    d_gain_d_rho_2 = d_difference_1_d_rho_1*total_2 + difference_2*scale_before
+    d_gain_d_rho_3 = d_difference_1_d_rho_1*total_3 + difference_3*scale_before
     d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1
     d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
@@ -520,284 +519,249 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
-    del scale_after, x13, x14, x15, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x18, x17, x19, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
-    nonzero = excess_divisor > 0.0
+    nonzero = 0.0 < excess_divisor
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x20 = 1.0/(excess_divisor*excess_divisor)
-    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x20, 0.0)
-    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x20, 0.0)
-    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x20, 0.0)
-    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x20, 0.0)
-    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x20, 0.0)
-    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x20, 0.0)
+    x56 = 1.0/(excess_divisor*excess_divisor)
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x56, 0.0)
+    del scale_after, x22, x27, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x30, x34, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3, excess_divisor, d_length_product_d_rho_1
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x56, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x56, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x56, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x56, 0.0)
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x56, 0.0)
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
-    del excess_divisor, d_length_product_d_rho_1, d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x20, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
+    del d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x56, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1, d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
-    x0 = excess*v_1
-    d_x0_d_rho_1 = d_excess_d_rho_1*v_1
-    d_x0_d_rho_2 = d_excess_d_rho_2*v_1
-    d_x0_d_rho_3 = d_excess_d_rho_3*v_1
-    x21 = excess*scale
-    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x21
-    d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
-    d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
-    m_1 = total_1 - x0
-    d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
-    d_m_1_d_rho_2 = -d_x0_d_rho_2
-    d_m_1_d_rho_3 = -d_x0_d_rho_3
-    x26 = scale - d_x0_d_rho_prime_1
-    d_m_1_d_rho_prime_1 = x26
-    d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
-    d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
-    x1 = excess*v_2
-    d_x1_d_rho_1 = d_excess_d_rho_1*v_2
-    d_x1_d_rho_2 = d_excess_d_rho_2*v_2
-    d_x1_d_rho_3 = d_excess_d_rho_3*v_2
-    d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
-    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x21
-    d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
-    m_2 = total_2 - x1
-    d_m_2_d_rho_1 = -d_x1_d_rho_1
-    d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
-    d_m_2_d_rho_3 = -d_x1_d_rho_3
-    d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    x33 = scale - d_x1_d_rho_prime_2
-    d_m_2_d_rho_prime_2 = x33
-    d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
-    x2 = excess*v_3
-    d_x2_d_rho_1 = d_excess_d_rho_1*v_3
-    d_x2_d_rho_2 = d_excess_d_rho_2*v_3
-    d_x2_d_rho_3 = d_excess_d_rho_3*v_3
-    d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3
-    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2, d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, v_1, total_1, d_x0_d_rho_prime_1, v_2, total_2, d_x1_d_rho_prime_2, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1
-    d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
-    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x21
-    m_3 = total_3 - x2
-    d_m_3_d_rho_1 = -d_x2_d_rho_1
-    d_m_3_d_rho_2 = -d_x2_d_rho_2
-    d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
-    d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
-    d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    x40 = scale - d_x2_d_rho_prime_3
-    d_m_3_d_rho_prime_3 = x40
-    r_1 = difference_1 - x0
-    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
-    d_r_1_d_rho_2 = -d_x0_d_rho_2
-    d_r_1_d_rho_3 = -d_x0_d_rho_3
-    d_r_1_d_rho_prime_1 = x26
-    d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
-    d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
-    r_2 = difference_2 - x1
-    del d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x21, total_3, d_x2_d_rho_prime_3, difference_1, x0, d_difference_1_d_rho_1, d_x0_d_rho_1, d_x0_d_rho_2, d_x0_d_rho_3, x26, d_x0_d_rho_prime_2, d_x0_d_rho_prime_3, difference_2, x1
-    d_r_2_d_rho_1 = -d_x1_d_rho_1
-    d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2
-    d_r_2_d_rho_3 = -d_x1_d_rho_3
-    d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    d_r_2_d_rho_prime_2 = x33
-    d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
-    r_3 = difference_3 - x2
-    d_r_3_d_rho_1 = -d_x2_d_rho_1
-    d_r_3_d_rho_2 = -d_x2_d_rho_2
-    d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3
-    d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
-    d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    d_r_3_d_rho_prime_3 = x40
-    del d_x1_d_rho_1, d_difference_2_d_rho_2, d_x1_d_rho_2, d_x1_d_rho_3, d_x1_d_rho_prime_1, x33, d_x1_d_rho_prime_3, difference_3, x2, d_x2_d_rho_1, d_x2_d_rho_2, d_difference_3_d_rho_3, d_x2_d_rho_3, d_x2_d_rho_prime_1, d_x2_d_rho_prime_2, x40
+    x81 = excess*v_1
+    m_1 = total_1 - x81
+    x82 = d_excess_d_rho_1*v_1
+    d_m_1_d_rho_1 = scale_before - x82
+    d_m_1_d_rho_2 = -d_excess_d_rho_2*v_1
+    d_m_1_d_rho_3 = -d_excess_d_rho_3*v_1
+    x87 = scale - excess*scale
+    d_m_1_d_rho_prime_1 = x87 - d_excess_d_rho_prime_1*v_1
+    d_m_1_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_1
+    d_m_1_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_1
+    x90 = excess*v_2
+    m_2 = total_2 - x90
+    d_m_2_d_rho_1 = -d_excess_d_rho_1*v_2
+    x92 = d_excess_d_rho_2*v_2
+    d_m_2_d_rho_2 = scale_before - x92
+    d_m_2_d_rho_3 = -d_excess_d_rho_3*v_2
+    d_m_2_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_2
+    d_m_2_d_rho_prime_2 = x87 - d_excess_d_rho_prime_2*v_2
+    d_m_2_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_2
+    x97 = excess*v_3
+    m_3 = total_3 - x97
+    d_m_3_d_rho_1 = -d_excess_d_rho_1*v_3
+    d_m_3_d_rho_2 = -d_excess_d_rho_2*v_3
+    x100 = d_excess_d_rho_3*v_3
+    d_m_3_d_rho_3 = scale_before - x100
+    d_m_3_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_3
+    d_m_3_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_3
+    d_m_3_d_rho_prime_3 = x87 - d_excess_d_rho_prime_3*v_3
+    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, total_1, v_1, total_2, v_2, total_3, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1, d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x87
+    r_1 = difference_1 - x81
+    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - x82
+    r_2 = difference_2 - x90
+    d_r_2_d_rho_2 = d_difference_1_d_rho_1 - x92
+    r_3 = difference_3 - x97
+    d_r_3_d_rho_3 = d_difference_1_d_rho_1 - x100
     half_angle = 0.5*angle
-    x41 = xp.sin(half_angle)
-    sine = x41
-    x42 = xp.cos(half_angle)
-    d_sine_d_angle = 0.5*x42
-    cosine = x42
-    d_cosine_d_angle = -0.5*x41
+    sine = xp.sin(half_angle)
+    cosine = xp.cos(half_angle)
+    d_sine_d_angle = 0.5*cosine
+    d_cosine_d_angle = -0.5*sine
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
-    x3 = (eps*eps)
-    select_1 = xp.where(sine_size > x3, sine_size, x3)
+    x106 = eps*eps
+    x107 = x106*x106
+    select_1 = xp.where(x106 < sine_size, sine_size, x106)
     turn_scale = _power_of_two_scale(select_1)
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
-    select_2 = xp.where(sine < 0.0, -cosine, cosine)
-    d_select_2_d_angle = xp.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
+    x109 = sine < 0.0
+    select_2 = xp.where(x109, -cosine, cosine)
+    d_select_2_d_angle = xp.where(x109, -d_cosine_d_angle, d_cosine_d_angle)
     C = select_2*turn_scale
+    del difference_1, x81, x82, difference_2, x90, x92, difference_3, x97, x100, d_sine_d_angle, select_1, d_sine_size_d_angle, sine, d_cosine_d_angle, x109, select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
-    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x43 = 2.0*m_1
-    x44 = 2.0*m_2
-    x45 = 2.0*m_3
-    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x43 + d_m_2_d_rho_1*x44 + d_m_3_d_rho_1*x45
-    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x43 + d_m_2_d_rho_2*x44 + d_m_3_d_rho_2*x45
-    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x43 + d_m_2_d_rho_3*x44 + d_m_3_d_rho_3*x45
-    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x43 + d_m_2_d_rho_prime_1*x44 + d_m_3_d_rho_prime_1*x45
-    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x43 + d_m_2_d_rho_prime_2*x44 + d_m_3_d_rho_prime_2*x45
-    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x43 + d_m_2_d_rho_prime_3*x44 + d_m_3_d_rho_prime_3*x45
-    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x4 = (S*S)
-    d_x4_d_angle = 2.0*S*d_S_d_angle
-    along_m = m_squared*x4
-    d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4
-    d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4
-    d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4
-    d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4
-    d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4
-    d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
-    d_along_m_d_angle = d_x4_d_angle*m_squared
+    m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
+    x116 = 2.0*m_1
+    x118 = 2.0*m_2
+    x120 = 2.0*m_3
+    d_m_squared_d_rho_1 = x116*d_m_1_d_rho_1 + x118*d_m_2_d_rho_1 + x120*d_m_3_d_rho_1
+    d_m_squared_d_rho_2 = x116*d_m_1_d_rho_2 + x118*d_m_2_d_rho_2 + x120*d_m_3_d_rho_2
+    d_m_squared_d_rho_3 = x116*d_m_1_d_rho_3 + x118*d_m_2_d_rho_3 + x120*d_m_3_d_rho_3
+    d_m_squared_d_rho_prime_1 = x116*d_m_1_d_rho_prime_1 + x118*d_m_2_d_rho_prime_1 + x120*d_m_3_d_rho_prime_1
+    d_m_squared_d_rho_prime_2 = x116*d_m_1_d_rho_prime_2 + x118*d_m_2_d_rho_prime_2 + x120*d_m_3_d_rho_prime_2
+    d_m_squared_d_rho_prime_3 = x116*d_m_1_d_rho_prime_3 + x118*d_m_2_d_rho_prime_3 + x120*d_m_3_d_rho_prime_3
+    r_squared = r_1*r_1 + r_2*r_2 + r_3*r_3
+    x147 = S*S
+    along_m = x147*m_squared
+    d_along_m_d_rho_1 = x147*d_m_squared_d_rho_1
+    d_along_m_d_rho_2 = x147*d_m_squared_d_rho_2
+    d_along_m_d_rho_3 = x147*d_m_squared_d_rho_3
+    d_along_m_d_rho_prime_1 = x147*d_m_squared_d_rho_prime_1
+    d_along_m_d_rho_prime_2 = x147*d_m_squared_d_rho_prime_2
+    d_along_m_d_rho_prime_3 = x147*d_m_squared_d_rho_prime_3
+    x148 = S*m_squared
+    d_along_m_d_angle = 2.0*x148*d_S_d_angle
     n_1 = C*r_1
     d_n_1_d_rho_1 = C*d_r_1_d_rho_1
-    d_n_1_d_rho_2 = C*d_r_1_d_rho_2
-    d_n_1_d_rho_3 = C*d_r_1_d_rho_3
-    d_n_1_d_rho_prime_1 = C*d_r_1_d_rho_prime_1
-    d_n_1_d_rho_prime_2 = C*d_r_1_d_rho_prime_2
-    d_n_1_d_rho_prime_3 = C*d_r_1_d_rho_prime_3
+    d_n_1_d_rho_2 = C*d_m_1_d_rho_2
+    d_n_1_d_rho_3 = C*d_m_1_d_rho_3
+    d_n_1_d_rho_prime_1 = C*d_m_1_d_rho_prime_1
+    d_n_1_d_rho_prime_2 = C*d_m_1_d_rho_prime_2
+    d_n_1_d_rho_prime_3 = C*d_m_1_d_rho_prime_3
     d_n_1_d_angle = d_C_d_angle*r_1
     n_2 = C*r_2
-    d_n_2_d_rho_1 = C*d_r_2_d_rho_1
+    d_n_2_d_rho_1 = C*d_m_2_d_rho_1
     d_n_2_d_rho_2 = C*d_r_2_d_rho_2
-    d_n_2_d_rho_3 = C*d_r_2_d_rho_3
-    d_n_2_d_rho_prime_1 = C*d_r_2_d_rho_prime_1
-    d_n_2_d_rho_prime_2 = C*d_r_2_d_rho_prime_2
-    d_n_2_d_rho_prime_3 = C*d_r_2_d_rho_prime_3
+    d_n_2_d_rho_3 = C*d_m_2_d_rho_3
+    d_n_2_d_rho_prime_1 = C*d_m_2_d_rho_prime_1
+    d_n_2_d_rho_prime_2 = C*d_m_2_d_rho_prime_2
+    d_n_2_d_rho_prime_3 = C*d_m_2_d_rho_prime_3
     d_n_2_d_angle = d_C_d_angle*r_2
     n_3 = C*r_3
-    d_n_3_d_rho_1 = C*d_r_3_d_rho_1
-    d_n_3_d_rho_2 = C*d_r_3_d_rho_2
+    d_n_3_d_rho_1 = C*d_m_3_d_rho_1
+    d_n_3_d_rho_2 = C*d_m_3_d_rho_2
     d_n_3_d_rho_3 = C*d_r_3_d_rho_3
-    d_n_3_d_rho_prime_1 = C*d_r_3_d_rho_prime_1
-    d_n_3_d_rho_prime_2 = C*d_r_3_d_rho_prime_2
-    d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3
+    d_n_3_d_rho_prime_1 = C*d_m_3_d_rho_prime_1
+    d_n_3_d_rho_prime_2 = C*d_m_3_d_rho_prime_2
+    d_n_3_d_rho_prime_3 = C*d_m_3_d_rho_prime_3
     d_n_3_d_angle = d_C_d_angle*r_3
-    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
-    x46 = 2.0*n_1
-    x47 = 2.0*n_2
-    x48 = 2.0*n_3
-    del x42, x41, d_sine_d_angle, select_1, d_sine_size_d_angle, d_cosine_d_angle, sine, select_2, d_select_2_d_angle, x43, x44, x45, d_x4_d_angle, n_1, n_2, n_3
-    d_along_n_d_rho_1 = d_n_1_d_rho_1*x46 + d_n_2_d_rho_1*x47 + d_n_3_d_rho_1*x48
-    d_along_n_d_rho_2 = d_n_1_d_rho_2*x46 + d_n_2_d_rho_2*x47 + d_n_3_d_rho_2*x48
-    d_along_n_d_rho_3 = d_n_1_d_rho_3*x46 + d_n_2_d_rho_3*x47 + d_n_3_d_rho_3*x48
-    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x46 + d_n_2_d_rho_prime_1*x47 + d_n_3_d_rho_prime_1*x48
-    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x46 + d_n_2_d_rho_prime_2*x47 + d_n_3_d_rho_prime_2*x48
-    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x46 + d_n_2_d_rho_prime_3*x47 + d_n_3_d_rho_prime_3*x48
-    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3, d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
-    d_along_n_d_angle = d_n_1_d_angle*x46 + d_n_2_d_angle*x47 + d_n_3_d_angle*x48
+    along_n = n_1*n_1 + n_2*n_2 + n_3*n_3
+    x154 = 2.0*n_1
+    x156 = 2.0*n_2
+    x158 = 2.0*n_3
+    d_along_n_d_rho_1 = x154*d_n_1_d_rho_1 + x156*d_n_2_d_rho_1 + x158*d_n_3_d_rho_1
+    d_along_n_d_rho_2 = x154*d_n_1_d_rho_2 + x156*d_n_2_d_rho_2 + x158*d_n_3_d_rho_2
+    d_along_n_d_rho_3 = x154*d_n_1_d_rho_3 + x156*d_n_2_d_rho_3 + x158*d_n_3_d_rho_3
+    del d_select_2_d_angle, x116, x118, x120, n_1, n_2, n_3, d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
+    d_along_n_d_rho_prime_1 = x154*d_n_1_d_rho_prime_1 + x156*d_n_2_d_rho_prime_1 + x158*d_n_3_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = x154*d_n_1_d_rho_prime_2 + x156*d_n_2_d_rho_prime_2 + x158*d_n_3_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = x154*d_n_1_d_rho_prime_3 + x156*d_n_2_d_rho_prime_3 + x158*d_n_3_d_rho_prime_3
+    d_along_n_d_angle = x154*d_n_1_d_angle + x156*d_n_2_d_angle + x158*d_n_3_d_angle
     root_squared = along_m - along_n
+    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3, d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x154, x156, x158, along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
     d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1
     d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2
-    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48, along_n, d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
     d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3
     d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle
     w_1 = m_2*r_3 - m_3*r_2
-    d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3
-    d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
-    d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3
-    d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3
-    d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3
-    d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3
+    d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_m_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_m_2_d_rho_1*m_3
+    d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_m_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
+    d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_m_2_d_rho_3*m_3
+    d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_m_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_m_2_d_rho_prime_1*m_3
+    d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_m_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_m_2_d_rho_prime_2*m_3
+    d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_m_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_m_2_d_rho_prime_3*m_3
     w_2 = m_3*r_1 - m_1*r_3
-    d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1
-    d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1
-    d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
-    d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1
-    d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
-    d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
+    d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_m_3_d_rho_1*m_1
+    d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_m_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_m_3_d_rho_2*m_1
+    d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_m_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
+    d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_m_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_m_3_d_rho_prime_1*m_1
+    d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_m_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_m_3_d_rho_prime_2*m_1
+    d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_m_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_m_3_d_rho_prime_3*m_1
     w_3 = m_1*r_2 - m_2*r_1
-    d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
-    d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2
-    d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2
-    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_1, d_r_3_d_rho_2, d_r_3_d_rho_3, d_r_3_d_rho_prime_1, d_r_3_d_rho_prime_2, d_r_3_d_rho_prime_3, d_r_1_d_rho_1, d_r_2_d_rho_1, d_r_1_d_rho_2, d_r_2_d_rho_2, d_r_1_d_rho_3, d_r_2_d_rho_3
-    d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2
-    d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
-    d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
-    x5 = xp.abs(half_angle)
-    x6 = 8.0*eps
-    rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
-    x7 = 0.5*along_m
-    band = xp.where(rounding < x7, rounding, x7)
-    both = length_product > 0.0
-    area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x49 = 2.0*w_1
-    x50 = 2.0*w_2
-    x51 = 2.0*w_3
-    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
-    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
-    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
-    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
-    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
-    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
-    x9 = (eps*eps*eps*eps)
-    x11 = m_squared*r_squared
-    plane = (area_squared > 0.5*x11) & (area_squared > x9)
-    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
-    crooked = area_squared < x11*(1.0 - 32.0*eps)
-    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1, d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2, d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, half_angle, along_m, rounding, x7, length_product, x49, x50, x51, both, x11
-    across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
-    d_across_1_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -scale_before)
-    across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
-    d_across_2_d_rho_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, scale_before)
-    d_across_2_d_rho_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), -scale_before, 0.0)
-    across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
-    d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
-    select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
-    x52 = 2.0*across_2
-    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
+    d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_m_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
+    del d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2, d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_3, d_r_1_d_rho_1
+    d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_m_1_d_rho_2*m_2
+    d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_m_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_m_1_d_rho_3*m_2
+    d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_m_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_m_1_d_rho_prime_1*m_2
+    d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_m_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_m_1_d_rho_prime_2*m_2
+    d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_m_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_m_1_d_rho_prime_3*m_2
+    x299 = xp.abs(half_angle)
+    x302 = 8.0*eps
+    rounding = x302*S*length_squared*(x299 + 1.0)*xp.abs(C)
+    x306 = 0.5*along_m
+    band = xp.where(rounding < x306, rounding, x306)
+    both = 0.0 < length_product
+    area_squared = w_1*w_1 + w_2*w_2 + w_3*w_3
+    x312 = 2.0*w_1
+    x314 = 2.0*w_2
+    x316 = 2.0*w_3
+    d_area_squared_d_rho_1 = x312*d_w_1_d_rho_1 + x314*d_w_2_d_rho_1 + x316*d_w_3_d_rho_1
+    d_area_squared_d_rho_2 = x312*d_w_1_d_rho_2 + x314*d_w_2_d_rho_2 + x316*d_w_3_d_rho_2
+    d_area_squared_d_rho_3 = x312*d_w_1_d_rho_3 + x314*d_w_2_d_rho_3 + x316*d_w_3_d_rho_3
+    d_area_squared_d_rho_prime_1 = x312*d_w_1_d_rho_prime_1 + x314*d_w_2_d_rho_prime_1 + x316*d_w_3_d_rho_prime_1
+    d_area_squared_d_rho_prime_2 = x312*d_w_1_d_rho_prime_2 + x314*d_w_2_d_rho_prime_2 + x316*d_w_3_d_rho_prime_2
+    d_area_squared_d_rho_prime_3 = x312*d_w_1_d_rho_prime_3 + x314*d_w_2_d_rho_prime_3 + x316*d_w_3_d_rho_prime_3
+    x340 = m_squared*r_squared
+    plane = (x107 < area_squared) & (0.5*x340 < area_squared)
+    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x107 < sine_size)
+    crooked = area_squared < x340*(1.0 - 32.0*eps)
+    x355 = xp.abs(u_1) < xp.abs(u_3)
+    across_1 = xp.where(x355, 0.0, -u_2)
+    d_across_1_d_rho_2 = xp.where(x355, 0.0, d_difference_1_d_rho_1)
+    across_2 = xp.where(x355, -u_3, u_1)
+    d_across_2_d_rho_1 = xp.where(x355, 0.0, scale_before)
+    d_across_2_d_rho_3 = xp.where(x355, d_difference_1_d_rho_1, 0.0)
+    across_3 = xp.where(x355, u_2, 0.0)
+    d_across_3_d_rho_2 = xp.where(x355, scale_before, 0.0)
+    del d_r_2_d_rho_2, half_angle, along_m, rounding, x306, length_product, x312, x314, x316, both, x340, u_1, u_3, d_difference_1_d_rho_1, u_2, x355
+    select_3 = xp.where(plane, area_squared, across_1*across_1 + across_2*across_2 + across_3*across_3)
+    x362 = 2.0*across_2
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, x362*d_across_2_d_rho_1)
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
-    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, x362*d_across_2_d_rho_3)
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
     d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
     under_root = xp.where(two, root_squared, select_3)
     d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
     d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
-    del u_2, u_1, u_3, area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x52, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2
     d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
     d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
+    del area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x362, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2, d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
     d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
-    x53 = xp.sqrt(under_root)
-    root = x53
-    x54 = 0.5/x53
-    d_root_d_rho_1 = d_under_root_d_rho_1*x54
-    d_root_d_rho_2 = d_under_root_d_rho_2*x54
-    d_root_d_rho_3 = d_under_root_d_rho_3*x54
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
-    del d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, x53, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
-    d_root_d_angle = d_under_root_d_angle*x54
-    select_4 = xp.where(root > 0.0, root, 1.0)
-    d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
-    d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
-    d_select_4_d_rho_3 = xp.where(root > 0.0, d_root_d_rho_3, 0.0)
-    d_select_4_d_rho_prime_1 = xp.where(root > 0.0, d_root_d_rho_prime_1, 0.0)
-    d_select_4_d_rho_prime_2 = xp.where(root > 0.0, d_root_d_rho_prime_2, 0.0)
-    d_select_4_d_rho_prime_3 = xp.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
-    d_select_4_d_angle = xp.where(root > 0.0, d_root_d_angle, 0.0)
-    divisor = xp.where(two, S*m_squared, select_4)
+    root = xp.sqrt(under_root)
+    x371 = 0.5*(1.0/root)
+    d_root_d_rho_1 = x371*d_under_root_d_rho_1
+    d_root_d_rho_2 = x371*d_under_root_d_rho_2
+    d_root_d_rho_3 = x371*d_under_root_d_rho_3
+    d_root_d_rho_prime_1 = x371*d_under_root_d_rho_prime_1
+    d_root_d_rho_prime_2 = x371*d_under_root_d_rho_prime_2
+    d_root_d_rho_prime_3 = x371*d_under_root_d_rho_prime_3
+    d_root_d_angle = x371*d_under_root_d_angle
+    x372 = 0.0 < root
+    select_4 = xp.where(x372, root, 1.0)
+    d_select_4_d_rho_1 = xp.where(x372, d_root_d_rho_1, 0.0)
+    d_select_4_d_rho_2 = xp.where(x372, d_root_d_rho_2, 0.0)
+    d_select_4_d_rho_3 = xp.where(x372, d_root_d_rho_3, 0.0)
+    d_select_4_d_rho_prime_1 = xp.where(x372, d_root_d_rho_prime_1, 0.0)
+    d_select_4_d_rho_prime_2 = xp.where(x372, d_root_d_rho_prime_2, 0.0)
+    d_select_4_d_rho_prime_3 = xp.where(x372, d_root_d_rho_prime_3, 0.0)
+    d_select_4_d_angle = xp.where(x372, d_root_d_angle, 0.0)
+    divisor = xp.where(two, x148, select_4)
+    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2, d_under_root_d_rho_prime_3, d_under_root_d_angle, x371, select_4, x148
     d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
     d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
     d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
     d_divisor_d_rho_prime_1 = xp.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
     d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
     d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
-    del d_under_root_d_rho_prime_3, d_under_root_d_angle, x54, select_4, d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     inverse = 1.0/divisor
-    x55 = 1.0/(divisor*divisor)
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
-    d_inverse_d_angle = -d_divisor_d_angle*x55
+    x381 = 1.0/(divisor*divisor)
+    del d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3, d_S_d_angle, d_select_4_d_angle, divisor
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x381
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x381
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x381
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x381
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x381
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x381
+    d_inverse_d_angle = -d_divisor_d_angle*x381
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
     d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
@@ -809,74 +773,75 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
-    del d_S_d_angle, d_select_4_d_angle, divisor, d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x55, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6
     m_factor = xp.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
     d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
     d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
+    del d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x381, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6, d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
     d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
     d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
     d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
-    select_7 = xp.where(root > 0.0, across_1*inverse, 0.0)
-    d_select_7_d_rho_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
-    d_select_7_d_rho_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
-    d_select_7_d_rho_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
-    d_select_7_d_rho_prime_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
-    d_select_7_d_rho_prime_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
-    d_select_7_d_rho_prime_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
-    d_select_7_d_angle = xp.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
-    base_1 = xp.where((plane) | (two), w_1*w_factor, select_7)
-    d_base_1_d_rho_1 = xp.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
-    d_base_1_d_rho_2 = xp.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
-    d_base_1_d_rho_3 = xp.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
-    del d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3, d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, d_across_1_d_rho_2, across_1, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3
-    d_base_1_d_rho_prime_1 = xp.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
-    d_base_1_d_rho_prime_2 = xp.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
-    d_base_1_d_rho_prime_3 = xp.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
-    d_base_1_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
-    select_8 = xp.where(root > 0.0, across_2*inverse, 0.0)
-    d_select_8_d_rho_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
-    d_select_8_d_rho_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
-    d_select_8_d_rho_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
-    d_select_8_d_rho_prime_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
-    d_select_8_d_rho_prime_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
-    d_select_8_d_rho_prime_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
-    d_select_8_d_angle = xp.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
-    base_2 = xp.where((plane) | (two), w_2*w_factor, select_8)
-    d_base_2_d_rho_1 = xp.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
-    d_base_2_d_rho_2 = xp.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
-    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1, d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2
-    d_base_2_d_rho_3 = xp.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
-    d_base_2_d_rho_prime_1 = xp.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
-    d_base_2_d_rho_prime_2 = xp.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
-    d_base_2_d_rho_prime_3 = xp.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
-    d_base_2_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
-    select_9 = xp.where(root > 0.0, across_3*inverse, 1.0)
-    d_select_9_d_rho_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
-    d_select_9_d_rho_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
-    d_select_9_d_rho_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
-    d_select_9_d_rho_prime_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
-    del d_select_8_d_rho_3, d_w_2_d_rho_3, d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1
-    d_select_9_d_rho_prime_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
-    d_select_9_d_rho_prime_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
-    d_select_9_d_angle = xp.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
-    base_3 = xp.where((plane) | (two), w_3*w_factor, select_9)
-    d_base_3_d_rho_1 = xp.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
-    d_base_3_d_rho_2 = xp.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
-    d_base_3_d_rho_3 = xp.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
-    d_base_3_d_rho_prime_1 = xp.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
-    del d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3, across_3, d_inverse_d_angle, root, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
-    d_base_3_d_rho_prime_2 = xp.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
-    d_base_3_d_rho_prime_3 = xp.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
-    d_base_3_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    select_7 = xp.where(x372, across_1*inverse, 0.0)
+    d_select_7_d_rho_1 = xp.where(x372, across_1*d_inverse_d_rho_1, 0.0)
+    d_select_7_d_rho_2 = xp.where(x372, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    d_select_7_d_rho_3 = xp.where(x372, across_1*d_inverse_d_rho_3, 0.0)
+    d_select_7_d_rho_prime_1 = xp.where(x372, across_1*d_inverse_d_rho_prime_1, 0.0)
+    d_select_7_d_rho_prime_2 = xp.where(x372, across_1*d_inverse_d_rho_prime_2, 0.0)
+    d_select_7_d_rho_prime_3 = xp.where(x372, across_1*d_inverse_d_rho_prime_3, 0.0)
+    d_select_7_d_angle = xp.where(x372, across_1*d_inverse_d_angle, 0.0)
+    x424 = plane | two
+    base_1 = xp.where(x424, w_1*w_factor, select_7)
+    d_base_1_d_rho_1 = xp.where(x424, d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    d_base_1_d_rho_2 = xp.where(x424, d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    d_base_1_d_rho_3 = xp.where(x424, d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    d_base_1_d_rho_prime_1 = xp.where(x424, d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    del d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, root, d_across_1_d_rho_2, across_1, plane, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3, d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
+    d_base_1_d_rho_prime_2 = xp.where(x424, d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    d_base_1_d_rho_prime_3 = xp.where(x424, d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    d_base_1_d_angle = xp.where(x424, d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    select_8 = xp.where(x372, across_2*inverse, 0.0)
+    d_select_8_d_rho_1 = xp.where(x372, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    d_select_8_d_rho_2 = xp.where(x372, across_2*d_inverse_d_rho_2, 0.0)
+    d_select_8_d_rho_3 = xp.where(x372, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    d_select_8_d_rho_prime_1 = xp.where(x372, across_2*d_inverse_d_rho_prime_1, 0.0)
+    d_select_8_d_rho_prime_2 = xp.where(x372, across_2*d_inverse_d_rho_prime_2, 0.0)
+    d_select_8_d_rho_prime_3 = xp.where(x372, across_2*d_inverse_d_rho_prime_3, 0.0)
+    d_select_8_d_angle = xp.where(x372, across_2*d_inverse_d_angle, 0.0)
+    base_2 = xp.where(x424, w_2*w_factor, select_8)
+    d_base_2_d_rho_1 = xp.where(x424, d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    d_base_2_d_rho_2 = xp.where(x424, d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    d_base_2_d_rho_3 = xp.where(x424, d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2, d_select_8_d_rho_3, d_w_2_d_rho_3
+    d_base_2_d_rho_prime_1 = xp.where(x424, d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    d_base_2_d_rho_prime_2 = xp.where(x424, d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    d_base_2_d_rho_prime_3 = xp.where(x424, d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    d_base_2_d_angle = xp.where(x424, d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    select_9 = xp.where(x372, across_3*inverse, 1.0)
+    d_select_9_d_rho_1 = xp.where(x372, across_3*d_inverse_d_rho_1, 0.0)
+    d_select_9_d_rho_2 = xp.where(x372, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    d_select_9_d_rho_3 = xp.where(x372, across_3*d_inverse_d_rho_3, 0.0)
+    d_select_9_d_rho_prime_1 = xp.where(x372, across_3*d_inverse_d_rho_prime_1, 0.0)
+    d_select_9_d_rho_prime_2 = xp.where(x372, across_3*d_inverse_d_rho_prime_2, 0.0)
+    d_select_9_d_rho_prime_3 = xp.where(x372, across_3*d_inverse_d_rho_prime_3, 0.0)
+    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1, d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3
+    d_select_9_d_angle = xp.where(x372, across_3*d_inverse_d_angle, 0.0)
+    base_3 = xp.where(x424, w_3*w_factor, select_9)
+    d_base_3_d_rho_1 = xp.where(x424, d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    d_base_3_d_rho_2 = xp.where(x424, d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    d_base_3_d_rho_3 = xp.where(x424, d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    d_base_3_d_rho_prime_1 = xp.where(x424, d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    del across_3, d_inverse_d_angle, x372, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
+    d_base_3_d_rho_prime_2 = xp.where(x424, d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    d_base_3_d_rho_prime_3 = xp.where(x424, d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    d_base_3_d_angle = xp.where(x424, d_w_factor_d_angle*w_3, d_select_9_d_angle)
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
-    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, plane, w_3, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, w_3, x424, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
     offset_2 = m_2*m_factor
@@ -896,7 +861,7 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3
     d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
-    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
+    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((0.0 <= length_tolerance) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
     d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
@@ -921,22 +886,22 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x56), 1.0)
-    x57 = 1.0/xp.pow(x56, 1.5)
-    x58 = plus_1*x57
-    x59 = plus_2*x57
-    x60 = plus_3*x57
-    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
-    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
-    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
-    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
-    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
-    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
-    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    x556 = plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x556), 1.0)
+    x560 = 1.0/xp.pow(x556, 1.5)
+    x561 = plus_1*x560
+    x563 = plus_2*x560
+    x565 = plus_3*x560
+    d_plus_factor_d_rho_1 = xp.where(crooked, -(d_plus_1_d_rho_1*x561 + d_plus_2_d_rho_1*x563 + d_plus_3_d_rho_1*x565), 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -(d_plus_1_d_rho_2*x561 + d_plus_2_d_rho_2*x563 + d_plus_3_d_rho_2*x565), 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -(d_plus_1_d_rho_3*x561 + d_plus_2_d_rho_3*x563 + d_plus_3_d_rho_3*x565), 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -(d_plus_1_d_rho_prime_1*x561 + d_plus_2_d_rho_prime_1*x563 + d_plus_3_d_rho_prime_1*x565), 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -(d_plus_1_d_rho_prime_2*x561 + d_plus_2_d_rho_prime_2*x563 + d_plus_3_d_rho_prime_2*x565), 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -(d_plus_1_d_rho_prime_3*x561 + d_plus_2_d_rho_prime_3*x563 + d_plus_3_d_rho_prime_3*x565), 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -(d_plus_1_d_angle*x561 + d_plus_2_d_angle*x563 + d_plus_3_d_angle*x565), 0.0)
     minus_1 = base_1 - offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
-    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x56, x57, x58, x59, x60, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x556, x560, x561, x563, x565, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
     d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
     d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
@@ -961,140 +926,90 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
     d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
-    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x61), 1.0)
-    x62 = 1.0/xp.pow(x61, 1.5)
-    x63 = minus_1*x62
-    x64 = minus_2*x62
-    x65 = minus_3*x62
-    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
-    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
-    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
-    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
-    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
-    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
-    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x61, x62, crooked, x63, x64, x65
-    d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
-    d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
-    d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
-    d_axes_1_1_d_rho_prime_1 = xp.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, xp.nan)
-    d_axes_1_1_d_rho_prime_2 = xp.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, xp.nan)
-    d_axes_1_1_d_rho_prime_3 = xp.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, xp.nan)
-    d_axes_1_1_d_angle = xp.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, xp.nan)
-    d_axes_1_2_d_rho_1 = xp.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, xp.nan)
-    d_axes_1_2_d_rho_2 = xp.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, xp.nan)
-    d_axes_1_2_d_rho_3 = xp.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, xp.nan)
-    d_axes_1_2_d_rho_prime_1 = xp.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, xp.nan)
-    d_axes_1_2_d_rho_prime_2 = xp.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, xp.nan)
-    d_axes_1_2_d_rho_prime_3 = xp.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, xp.nan)
-    d_axes_1_2_d_angle = xp.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, xp.nan)
+    x610 = minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x610), 1.0)
+    x614 = 1.0/xp.pow(x610, 1.5)
+    x615 = minus_1*x614
+    x617 = minus_2*x614
+    x619 = minus_3*x614
+    d_minus_factor_d_rho_1 = xp.where(crooked, -(d_minus_1_d_rho_1*x615 + d_minus_2_d_rho_1*x617 + d_minus_3_d_rho_1*x619), 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -(d_minus_1_d_rho_2*x615 + d_minus_2_d_rho_2*x617 + d_minus_3_d_rho_2*x619), 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -(d_minus_1_d_rho_3*x615 + d_minus_2_d_rho_3*x617 + d_minus_3_d_rho_3*x619), 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -(d_minus_1_d_rho_prime_1*x615 + d_minus_2_d_rho_prime_1*x617 + d_minus_3_d_rho_prime_1*x619), 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -(d_minus_1_d_rho_prime_2*x615 + d_minus_2_d_rho_prime_2*x617 + d_minus_3_d_rho_prime_2*x619), 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -(d_minus_1_d_rho_prime_3*x615 + d_minus_2_d_rho_prime_3*x617 + d_minus_3_d_rho_prime_3*x619), 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -(d_minus_1_d_angle*x615 + d_minus_2_d_angle*x617 + d_minus_3_d_angle*x619), 0.0)
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x610, x614, crooked, x615, x617, x619
+    axes_jacobian_1_1_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
+    axes_jacobian_1_1_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
+    axes_jacobian_1_1_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
+    axes_jacobian_1_1_4 = xp.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, xp.nan)
+    axes_jacobian_1_1_5 = xp.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, xp.nan)
+    axes_jacobian_1_1_6 = xp.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, xp.nan)
+    axes_jacobian_1_1_7 = xp.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, xp.nan)
+    axes_jacobian_1_2_1 = xp.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, xp.nan)
+    axes_jacobian_1_2_2 = xp.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, xp.nan)
+    axes_jacobian_1_2_3 = xp.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, xp.nan)
+    axes_jacobian_1_2_4 = xp.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, xp.nan)
+    axes_jacobian_1_2_5 = xp.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, xp.nan)
+    axes_jacobian_1_2_6 = xp.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, xp.nan)
+    axes_jacobian_1_2_7 = xp.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, xp.nan)
     del d_plus_1_d_rho_1, d_plus_1_d_rho_2, d_plus_1_d_rho_3, d_plus_1_d_rho_prime_1, d_plus_1_d_rho_prime_2, d_plus_1_d_rho_prime_3, d_plus_1_d_angle, plus_1, d_plus_2_d_rho_1, d_plus_2_d_rho_2, d_plus_2_d_rho_3, d_plus_2_d_rho_prime_1, d_plus_2_d_rho_prime_2, d_plus_2_d_rho_prime_3, d_plus_2_d_angle, plus_2
-    d_axes_1_3_d_rho_1 = xp.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, xp.nan)
-    d_axes_1_3_d_rho_2 = xp.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, xp.nan)
-    d_axes_1_3_d_rho_3 = xp.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, xp.nan)
-    d_axes_1_3_d_rho_prime_1 = xp.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, xp.nan)
-    d_axes_1_3_d_rho_prime_2 = xp.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, xp.nan)
-    d_axes_1_3_d_rho_prime_3 = xp.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, xp.nan)
-    d_axes_1_3_d_angle = xp.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, xp.nan)
+    axes_jacobian_1_3_1 = xp.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, xp.nan)
+    axes_jacobian_1_3_2 = xp.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, xp.nan)
+    axes_jacobian_1_3_3 = xp.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, xp.nan)
+    axes_jacobian_1_3_4 = xp.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, xp.nan)
+    axes_jacobian_1_3_5 = xp.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, xp.nan)
+    axes_jacobian_1_3_6 = xp.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, xp.nan)
+    axes_jacobian_1_3_7 = xp.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, xp.nan)
     del d_plus_3_d_rho_1, d_plus_factor_d_rho_1, d_plus_3_d_rho_2, d_plus_factor_d_rho_2, d_plus_3_d_rho_3, d_plus_factor_d_rho_3, d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1, d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2, d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3, d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
-    d_axes_2_1_d_rho_1 = xp.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, xp.nan)
-    d_axes_2_1_d_rho_2 = xp.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, xp.nan)
-    d_axes_2_1_d_rho_3 = xp.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, xp.nan)
-    d_axes_2_1_d_rho_prime_1 = xp.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, xp.nan)
-    d_axes_2_1_d_rho_prime_2 = xp.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, xp.nan)
-    d_axes_2_1_d_rho_prime_3 = xp.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, xp.nan)
-    d_axes_2_1_d_angle = xp.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, xp.nan)
-    d_axes_2_2_d_rho_1 = xp.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, xp.nan)
-    d_axes_2_2_d_rho_2 = xp.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, xp.nan)
-    d_axes_2_2_d_rho_3 = xp.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, xp.nan)
-    d_axes_2_2_d_rho_prime_1 = xp.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, xp.nan)
-    d_axes_2_2_d_rho_prime_2 = xp.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, xp.nan)
-    d_axes_2_2_d_rho_prime_3 = xp.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, xp.nan)
-    d_axes_2_2_d_angle = xp.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, xp.nan)
+    axes_jacobian_2_1_1 = xp.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, xp.nan)
+    axes_jacobian_2_1_2 = xp.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, xp.nan)
+    axes_jacobian_2_1_3 = xp.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, xp.nan)
+    axes_jacobian_2_1_4 = xp.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, xp.nan)
+    axes_jacobian_2_1_5 = xp.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, xp.nan)
+    axes_jacobian_2_1_6 = xp.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, xp.nan)
+    axes_jacobian_2_1_7 = xp.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, xp.nan)
+    axes_jacobian_2_2_1 = xp.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, xp.nan)
+    axes_jacobian_2_2_2 = xp.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, xp.nan)
+    axes_jacobian_2_2_3 = xp.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, xp.nan)
+    axes_jacobian_2_2_4 = xp.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, xp.nan)
+    axes_jacobian_2_2_5 = xp.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, xp.nan)
+    axes_jacobian_2_2_6 = xp.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, xp.nan)
+    axes_jacobian_2_2_7 = xp.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, xp.nan)
     del d_minus_1_d_rho_1, d_minus_1_d_rho_2, d_minus_1_d_rho_3, d_minus_1_d_rho_prime_1, d_minus_1_d_rho_prime_2, d_minus_1_d_rho_prime_3, d_minus_1_d_angle, minus_1, d_minus_2_d_rho_1, d_minus_2_d_rho_2, d_minus_2_d_rho_3, d_minus_2_d_rho_prime_1, d_minus_2_d_rho_prime_2, d_minus_2_d_rho_prime_3, d_minus_2_d_angle, minus_2
-    d_axes_2_3_d_rho_1 = xp.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, xp.nan)
-    d_axes_2_3_d_rho_2 = xp.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, xp.nan)
-    d_axes_2_3_d_rho_3 = xp.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, xp.nan)
-    d_axes_2_3_d_rho_prime_1 = xp.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, xp.nan)
-    d_axes_2_3_d_rho_prime_2 = xp.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, xp.nan)
-    d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
-    d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
+    axes_jacobian_2_3_1 = xp.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, xp.nan)
+    axes_jacobian_2_3_2 = xp.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, xp.nan)
+    axes_jacobian_2_3_3 = xp.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, xp.nan)
+    axes_jacobian_2_3_4 = xp.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, xp.nan)
+    axes_jacobian_2_3_5 = xp.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, xp.nan)
+    axes_jacobian_2_3_6 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
+    axes_jacobian_2_3_7 = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
     del d_minus_3_d_rho_1, d_minus_factor_d_rho_1, d_minus_3_d_rho_2, d_minus_factor_d_rho_2, d_minus_3_d_rho_3, d_minus_factor_d_rho_3, d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1, d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2, d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3, d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
-    both_zero = (size_after == 0.0) & (size_before == 0.0)
-    one_zero = (size_after == 0.0) | (size_before == 0.0)
-    x8 = length_squared*x3
-    coincident = 16.0*x8
-    x10 = eps*x5
-    no_turn = (sine_size <= x10) | (sine_size <= x9)
-    every = (no_turn) & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
-    too_small = (no_turn) | (root_squared < -4.0*band)
+    x786 = size_after == 0.0
+    x787 = size_before == 0.0
+    both_zero = x786 & x787
+    one_zero = x786 | x787
+    x788 = x106*length_squared
+    coincident = 16.0*x788
+    x790 = eps*x299
+    no_turn = (sine_size <= x107) | (sine_size <= x790)
+    every = no_turn & (r_squared <= coincident)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x790)
+    too_small = no_turn | (root_squared < -4.0*band)
+    del size_after, size_before, x786, x787, x106, x299, sine_size, x107, r_squared, coincident, cosine, m_squared, x790, band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
     scaled_r_2 = r_2*turn_scale
-    del size_after, size_before, x3, x5, sine_size, x9, r_squared, coincident, cosine, m_squared, x10, band, no_turn, root_squared, r_1, r_2
     scaled_r_3 = r_3*turn_scale
-    parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
-    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    select_10 = xp.where(length_squared > 0.0, x16, 1.0)
+    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x147*x788
+    least_tolerance = xp.where(x302 < length_tolerance, length_tolerance, x302)
+    select_10 = xp.where(0.0 < length_squared, x29, 1.0)
     ratio = xp.sqrt(length_prime_squared*select_10)
-    lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
-    del r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x4, x8, x6, length_squared, x16, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
-    select_11 = xp.where(parallel, 3.0, 0.0)
-    select_12 = xp.where(~(two), 1.0, select_11)
-    select_13 = xp.where(too_small, 2.0, select_12)
-    select_14 = xp.where(opposite, 4.0, select_13)
-    select_15 = xp.where(every, 5.0, select_14)
-    select_16 = xp.where(~(lengths_agree), 6.0, select_15)
-    select_17 = xp.where(one_zero, 2.0, select_16)
-    select_18 = xp.where(both_zero, 5.0, select_17)
-    status = xp.where(~(valid), 7.0, select_18)
-    del parallel, select_11, two, select_12, too_small, opposite, select_13, every, select_14, lengths_agree, select_15, one_zero, select_16, both_zero, select_17, select_18, valid
-    axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
-    axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
-    axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3
-    axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1
-    axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2
-    axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3
-    axes_jacobian_1_1_7 = d_axes_1_1_d_angle
-    axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1
-    axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2
-    axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3
-    axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1
-    axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2
-    axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3
-    axes_jacobian_1_2_7 = d_axes_1_2_d_angle
-    axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1
-    axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2
-    del d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3, d_axes_1_1_d_angle, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, d_axes_1_2_d_angle, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2
-    axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3
-    axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1
-    axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2
-    axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3
-    axes_jacobian_1_3_7 = d_axes_1_3_d_angle
-    axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1
-    axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2
-    axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3
-    axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1
-    axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2
-    axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3
-    axes_jacobian_2_1_7 = d_axes_2_1_d_angle
-    axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1
-    axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2
-    axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3
-    axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1
-    del d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, d_axes_1_3_d_angle, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3, d_axes_2_1_d_angle, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1
-    axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2
-    axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3
-    axes_jacobian_2_2_7 = d_axes_2_2_d_angle
-    axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1
-    axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2
-    axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3
-    axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1
-    axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2
-    axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3
-    axes_jacobian_2_3_7 = d_axes_2_3_d_angle
-    return (axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, axes_jacobian_1_1_7, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, axes_jacobian_1_2_7, axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, axes_jacobian_2_1_7, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, axes_jacobian_2_2_7, axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, status)
+    lengths_agree = (comparable & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~comparable))
+    del r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x147, x788, x302, length_squared, x29, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
+    x826 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
+    status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x826))))
+    return (axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, axes_jacobian_1_1_7, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, axes_jacobian_1_2_7, axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, axes_jacobian_2_1_7, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, axes_jacobian_2_2_7, axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, status_value)
 
 
 axis_jacobian.signature = "(3),(3),(),()->(2,3,7),()"
@@ -1142,7 +1057,7 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
 
 
 def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 520 add, 867 mul, 12 div, 5 sqrt, 196 select, 74 compare, 27 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 518 add, 870 mul, 12 div, 5 sqrt, 196 select, 34 compare, 15 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1158,38 +1073,34 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     difference_1 = v_1 - u_1
     d_difference_1_d_rho_1 = -scale_before
     difference_2 = v_2 - u_2
-    d_difference_2_d_rho_2 = -scale_before
     difference_3 = v_3 - u_3
-    d_difference_3_d_rho_3 = -scale_before
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
-    length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    x13 = 2.0*scale_before
-    d_length_squared_d_rho_1 = u_1*x13
-    d_length_squared_d_rho_2 = u_2*x13
-    d_length_squared_d_rho_3 = u_3*x13
-    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    x14 = 2.0*scale
-    d_length_prime_squared_d_rho_prime_1 = v_1*x14
-    d_length_prime_squared_d_rho_prime_2 = v_2*x14
-    d_length_prime_squared_d_rho_prime_3 = v_3*x14
-    x15 = xp.sqrt(length_prime_squared*length_squared)
-    length_product = x15
-    x16 = 1.0/length_squared
-    x17 = 0.5*x15
-    x18 = x16*x17
-    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x18
-    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x18
-    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x18
-    x19 = x17/length_prime_squared
-    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x19
-    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x19
-    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x19
+    length_squared = u_1*u_1 + u_2*u_2 + u_3*u_3
+    x22 = 2.0*scale_before
+    d_length_squared_d_rho_1 = x22*u_1
+    d_length_squared_d_rho_2 = x22*u_2
+    d_length_squared_d_rho_3 = x22*u_3
+    length_prime_squared = v_1*v_1 + v_2*v_2 + v_3*v_3
+    x27 = 2.0*scale
+    d_length_prime_squared_d_rho_prime_1 = x27*v_1
+    d_length_prime_squared_d_rho_prime_2 = x27*v_2
+    d_length_prime_squared_d_rho_prime_3 = x27*v_3
+    length_product = xp.sqrt(length_prime_squared*length_squared)
+    x29 = 1.0/length_squared
+    x30 = 0.5*length_product
+    d_length_product_d_rho_1 = x30*d_length_squared_d_rho_1*x29
+    d_length_product_d_rho_2 = x30*d_length_squared_d_rho_2*x29
+    d_length_product_d_rho_3 = x30*d_length_squared_d_rho_3*x29
+    x34 = 1.0/length_prime_squared
+    d_length_product_d_rho_prime_1 = x30*d_length_prime_squared_d_rho_prime_1*x34
+    d_length_product_d_rho_prime_2 = x30*d_length_prime_squared_d_rho_prime_2*x34
+    d_length_product_d_rho_prime_3 = x30*d_length_prime_squared_d_rho_prime_3*x34
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
-    d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
-    d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before
+    d_gain_d_rho_2 = d_difference_1_d_rho_1*total_2 + difference_2*scale_before
+    d_gain_d_rho_3 = d_difference_1_d_rho_1*total_3 + difference_3*scale_before
     d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1
     d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
@@ -1197,284 +1108,249 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
-    del scale_after, x13, x14, x15, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x18, x17, x19, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
-    nonzero = excess_divisor > 0.0
+    nonzero = 0.0 < excess_divisor
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x20 = 1.0/(excess_divisor*excess_divisor)
-    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x20, 0.0)
-    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x20, 0.0)
-    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x20, 0.0)
-    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x20, 0.0)
-    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x20, 0.0)
-    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x20, 0.0)
+    x56 = 1.0/(excess_divisor*excess_divisor)
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x56, 0.0)
+    del scale_after, x22, x27, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x30, x34, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3, excess_divisor, d_length_product_d_rho_1
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x56, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x56, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x56, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x56, 0.0)
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x56, 0.0)
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
-    del excess_divisor, d_length_product_d_rho_1, d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x20, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
+    del d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x56, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1, d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
-    x0 = excess*v_1
-    d_x0_d_rho_1 = d_excess_d_rho_1*v_1
-    d_x0_d_rho_2 = d_excess_d_rho_2*v_1
-    d_x0_d_rho_3 = d_excess_d_rho_3*v_1
-    x21 = excess*scale
-    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x21
-    d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
-    d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
-    m_1 = total_1 - x0
-    d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
-    d_m_1_d_rho_2 = -d_x0_d_rho_2
-    d_m_1_d_rho_3 = -d_x0_d_rho_3
-    x26 = scale - d_x0_d_rho_prime_1
-    d_m_1_d_rho_prime_1 = x26
-    d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
-    d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
-    x1 = excess*v_2
-    d_x1_d_rho_1 = d_excess_d_rho_1*v_2
-    d_x1_d_rho_2 = d_excess_d_rho_2*v_2
-    d_x1_d_rho_3 = d_excess_d_rho_3*v_2
-    d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
-    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x21
-    d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
-    m_2 = total_2 - x1
-    d_m_2_d_rho_1 = -d_x1_d_rho_1
-    d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
-    d_m_2_d_rho_3 = -d_x1_d_rho_3
-    d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    x33 = scale - d_x1_d_rho_prime_2
-    d_m_2_d_rho_prime_2 = x33
-    d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
-    x2 = excess*v_3
-    d_x2_d_rho_1 = d_excess_d_rho_1*v_3
-    d_x2_d_rho_2 = d_excess_d_rho_2*v_3
-    d_x2_d_rho_3 = d_excess_d_rho_3*v_3
-    d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3
-    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2, d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, v_1, total_1, d_x0_d_rho_prime_1, v_2, total_2, d_x1_d_rho_prime_2, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1
-    d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
-    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x21
-    m_3 = total_3 - x2
-    d_m_3_d_rho_1 = -d_x2_d_rho_1
-    d_m_3_d_rho_2 = -d_x2_d_rho_2
-    d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
-    d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
-    d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    x40 = scale - d_x2_d_rho_prime_3
-    d_m_3_d_rho_prime_3 = x40
-    r_1 = difference_1 - x0
-    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
-    d_r_1_d_rho_2 = -d_x0_d_rho_2
-    d_r_1_d_rho_3 = -d_x0_d_rho_3
-    d_r_1_d_rho_prime_1 = x26
-    d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
-    d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
-    r_2 = difference_2 - x1
-    del d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x21, total_3, d_x2_d_rho_prime_3, difference_1, x0, d_difference_1_d_rho_1, d_x0_d_rho_1, d_x0_d_rho_2, d_x0_d_rho_3, x26, d_x0_d_rho_prime_2, d_x0_d_rho_prime_3, difference_2, x1
-    d_r_2_d_rho_1 = -d_x1_d_rho_1
-    d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2
-    d_r_2_d_rho_3 = -d_x1_d_rho_3
-    d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    d_r_2_d_rho_prime_2 = x33
-    d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
-    r_3 = difference_3 - x2
-    d_r_3_d_rho_1 = -d_x2_d_rho_1
-    d_r_3_d_rho_2 = -d_x2_d_rho_2
-    d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3
-    d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
-    d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    d_r_3_d_rho_prime_3 = x40
-    del d_x1_d_rho_1, d_difference_2_d_rho_2, d_x1_d_rho_2, d_x1_d_rho_3, d_x1_d_rho_prime_1, x33, d_x1_d_rho_prime_3, difference_3, x2, d_x2_d_rho_1, d_x2_d_rho_2, d_difference_3_d_rho_3, d_x2_d_rho_3, d_x2_d_rho_prime_1, d_x2_d_rho_prime_2, x40
+    x81 = excess*v_1
+    m_1 = total_1 - x81
+    x82 = d_excess_d_rho_1*v_1
+    d_m_1_d_rho_1 = scale_before - x82
+    d_m_1_d_rho_2 = -d_excess_d_rho_2*v_1
+    d_m_1_d_rho_3 = -d_excess_d_rho_3*v_1
+    x87 = scale - excess*scale
+    d_m_1_d_rho_prime_1 = x87 - d_excess_d_rho_prime_1*v_1
+    d_m_1_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_1
+    d_m_1_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_1
+    x90 = excess*v_2
+    m_2 = total_2 - x90
+    d_m_2_d_rho_1 = -d_excess_d_rho_1*v_2
+    x92 = d_excess_d_rho_2*v_2
+    d_m_2_d_rho_2 = scale_before - x92
+    d_m_2_d_rho_3 = -d_excess_d_rho_3*v_2
+    d_m_2_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_2
+    d_m_2_d_rho_prime_2 = x87 - d_excess_d_rho_prime_2*v_2
+    d_m_2_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_2
+    x97 = excess*v_3
+    m_3 = total_3 - x97
+    d_m_3_d_rho_1 = -d_excess_d_rho_1*v_3
+    d_m_3_d_rho_2 = -d_excess_d_rho_2*v_3
+    x100 = d_excess_d_rho_3*v_3
+    d_m_3_d_rho_3 = scale_before - x100
+    d_m_3_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_3
+    d_m_3_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_3
+    d_m_3_d_rho_prime_3 = x87 - d_excess_d_rho_prime_3*v_3
+    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, total_1, v_1, total_2, v_2, total_3, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1, d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x87
+    r_1 = difference_1 - x81
+    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - x82
+    r_2 = difference_2 - x90
+    d_r_2_d_rho_2 = d_difference_1_d_rho_1 - x92
+    r_3 = difference_3 - x97
+    d_r_3_d_rho_3 = d_difference_1_d_rho_1 - x100
     half_angle = 0.5*angle
-    x41 = xp.sin(half_angle)
-    sine = x41
-    x42 = xp.cos(half_angle)
-    d_sine_d_angle = 0.5*x42
-    cosine = x42
-    d_cosine_d_angle = -0.5*x41
+    sine = xp.sin(half_angle)
+    cosine = xp.cos(half_angle)
+    d_sine_d_angle = 0.5*cosine
+    d_cosine_d_angle = -0.5*sine
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
-    x3 = (eps*eps)
-    select_1 = xp.where(sine_size > x3, sine_size, x3)
+    x106 = eps*eps
+    x107 = x106*x106
+    select_1 = xp.where(x106 < sine_size, sine_size, x106)
     turn_scale = _power_of_two_scale(select_1)
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
-    select_2 = xp.where(sine < 0.0, -cosine, cosine)
-    d_select_2_d_angle = xp.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
+    x109 = sine < 0.0
+    select_2 = xp.where(x109, -cosine, cosine)
+    d_select_2_d_angle = xp.where(x109, -d_cosine_d_angle, d_cosine_d_angle)
     C = select_2*turn_scale
+    del difference_1, x81, x82, difference_2, x90, x92, difference_3, x97, x100, d_sine_d_angle, select_1, d_sine_size_d_angle, sine, d_cosine_d_angle, x109, select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
-    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x43 = 2.0*m_1
-    x44 = 2.0*m_2
-    x45 = 2.0*m_3
-    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x43 + d_m_2_d_rho_1*x44 + d_m_3_d_rho_1*x45
-    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x43 + d_m_2_d_rho_2*x44 + d_m_3_d_rho_2*x45
-    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x43 + d_m_2_d_rho_3*x44 + d_m_3_d_rho_3*x45
-    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x43 + d_m_2_d_rho_prime_1*x44 + d_m_3_d_rho_prime_1*x45
-    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x43 + d_m_2_d_rho_prime_2*x44 + d_m_3_d_rho_prime_2*x45
-    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x43 + d_m_2_d_rho_prime_3*x44 + d_m_3_d_rho_prime_3*x45
-    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x4 = (S*S)
-    d_x4_d_angle = 2.0*S*d_S_d_angle
-    along_m = m_squared*x4
-    d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4
-    d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4
-    d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4
-    d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4
-    d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4
-    d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
-    d_along_m_d_angle = d_x4_d_angle*m_squared
+    m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
+    x116 = 2.0*m_1
+    x118 = 2.0*m_2
+    x120 = 2.0*m_3
+    d_m_squared_d_rho_1 = x116*d_m_1_d_rho_1 + x118*d_m_2_d_rho_1 + x120*d_m_3_d_rho_1
+    d_m_squared_d_rho_2 = x116*d_m_1_d_rho_2 + x118*d_m_2_d_rho_2 + x120*d_m_3_d_rho_2
+    d_m_squared_d_rho_3 = x116*d_m_1_d_rho_3 + x118*d_m_2_d_rho_3 + x120*d_m_3_d_rho_3
+    d_m_squared_d_rho_prime_1 = x116*d_m_1_d_rho_prime_1 + x118*d_m_2_d_rho_prime_1 + x120*d_m_3_d_rho_prime_1
+    d_m_squared_d_rho_prime_2 = x116*d_m_1_d_rho_prime_2 + x118*d_m_2_d_rho_prime_2 + x120*d_m_3_d_rho_prime_2
+    d_m_squared_d_rho_prime_3 = x116*d_m_1_d_rho_prime_3 + x118*d_m_2_d_rho_prime_3 + x120*d_m_3_d_rho_prime_3
+    r_squared = r_1*r_1 + r_2*r_2 + r_3*r_3
+    x147 = S*S
+    along_m = x147*m_squared
+    d_along_m_d_rho_1 = x147*d_m_squared_d_rho_1
+    d_along_m_d_rho_2 = x147*d_m_squared_d_rho_2
+    d_along_m_d_rho_3 = x147*d_m_squared_d_rho_3
+    d_along_m_d_rho_prime_1 = x147*d_m_squared_d_rho_prime_1
+    d_along_m_d_rho_prime_2 = x147*d_m_squared_d_rho_prime_2
+    d_along_m_d_rho_prime_3 = x147*d_m_squared_d_rho_prime_3
+    x148 = S*m_squared
+    d_along_m_d_angle = 2.0*x148*d_S_d_angle
     n_1 = C*r_1
     d_n_1_d_rho_1 = C*d_r_1_d_rho_1
-    d_n_1_d_rho_2 = C*d_r_1_d_rho_2
-    d_n_1_d_rho_3 = C*d_r_1_d_rho_3
-    d_n_1_d_rho_prime_1 = C*d_r_1_d_rho_prime_1
-    d_n_1_d_rho_prime_2 = C*d_r_1_d_rho_prime_2
-    d_n_1_d_rho_prime_3 = C*d_r_1_d_rho_prime_3
+    d_n_1_d_rho_2 = C*d_m_1_d_rho_2
+    d_n_1_d_rho_3 = C*d_m_1_d_rho_3
+    d_n_1_d_rho_prime_1 = C*d_m_1_d_rho_prime_1
+    d_n_1_d_rho_prime_2 = C*d_m_1_d_rho_prime_2
+    d_n_1_d_rho_prime_3 = C*d_m_1_d_rho_prime_3
     d_n_1_d_angle = d_C_d_angle*r_1
     n_2 = C*r_2
-    d_n_2_d_rho_1 = C*d_r_2_d_rho_1
+    d_n_2_d_rho_1 = C*d_m_2_d_rho_1
     d_n_2_d_rho_2 = C*d_r_2_d_rho_2
-    d_n_2_d_rho_3 = C*d_r_2_d_rho_3
-    d_n_2_d_rho_prime_1 = C*d_r_2_d_rho_prime_1
-    d_n_2_d_rho_prime_2 = C*d_r_2_d_rho_prime_2
-    d_n_2_d_rho_prime_3 = C*d_r_2_d_rho_prime_3
+    d_n_2_d_rho_3 = C*d_m_2_d_rho_3
+    d_n_2_d_rho_prime_1 = C*d_m_2_d_rho_prime_1
+    d_n_2_d_rho_prime_2 = C*d_m_2_d_rho_prime_2
+    d_n_2_d_rho_prime_3 = C*d_m_2_d_rho_prime_3
     d_n_2_d_angle = d_C_d_angle*r_2
     n_3 = C*r_3
-    d_n_3_d_rho_1 = C*d_r_3_d_rho_1
-    d_n_3_d_rho_2 = C*d_r_3_d_rho_2
+    d_n_3_d_rho_1 = C*d_m_3_d_rho_1
+    d_n_3_d_rho_2 = C*d_m_3_d_rho_2
     d_n_3_d_rho_3 = C*d_r_3_d_rho_3
-    d_n_3_d_rho_prime_1 = C*d_r_3_d_rho_prime_1
-    d_n_3_d_rho_prime_2 = C*d_r_3_d_rho_prime_2
-    d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3
+    d_n_3_d_rho_prime_1 = C*d_m_3_d_rho_prime_1
+    d_n_3_d_rho_prime_2 = C*d_m_3_d_rho_prime_2
+    d_n_3_d_rho_prime_3 = C*d_m_3_d_rho_prime_3
     d_n_3_d_angle = d_C_d_angle*r_3
-    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
-    x46 = 2.0*n_1
-    x47 = 2.0*n_2
-    x48 = 2.0*n_3
-    del x42, x41, d_sine_d_angle, select_1, d_sine_size_d_angle, d_cosine_d_angle, sine, select_2, d_select_2_d_angle, x43, x44, x45, d_x4_d_angle, n_1, n_2, n_3
-    d_along_n_d_rho_1 = d_n_1_d_rho_1*x46 + d_n_2_d_rho_1*x47 + d_n_3_d_rho_1*x48
-    d_along_n_d_rho_2 = d_n_1_d_rho_2*x46 + d_n_2_d_rho_2*x47 + d_n_3_d_rho_2*x48
-    d_along_n_d_rho_3 = d_n_1_d_rho_3*x46 + d_n_2_d_rho_3*x47 + d_n_3_d_rho_3*x48
-    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x46 + d_n_2_d_rho_prime_1*x47 + d_n_3_d_rho_prime_1*x48
-    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x46 + d_n_2_d_rho_prime_2*x47 + d_n_3_d_rho_prime_2*x48
-    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x46 + d_n_2_d_rho_prime_3*x47 + d_n_3_d_rho_prime_3*x48
-    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3, d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
-    d_along_n_d_angle = d_n_1_d_angle*x46 + d_n_2_d_angle*x47 + d_n_3_d_angle*x48
+    along_n = n_1*n_1 + n_2*n_2 + n_3*n_3
+    x154 = 2.0*n_1
+    x156 = 2.0*n_2
+    x158 = 2.0*n_3
+    d_along_n_d_rho_1 = x154*d_n_1_d_rho_1 + x156*d_n_2_d_rho_1 + x158*d_n_3_d_rho_1
+    d_along_n_d_rho_2 = x154*d_n_1_d_rho_2 + x156*d_n_2_d_rho_2 + x158*d_n_3_d_rho_2
+    d_along_n_d_rho_3 = x154*d_n_1_d_rho_3 + x156*d_n_2_d_rho_3 + x158*d_n_3_d_rho_3
+    del d_select_2_d_angle, x116, x118, x120, n_1, n_2, n_3, d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
+    d_along_n_d_rho_prime_1 = x154*d_n_1_d_rho_prime_1 + x156*d_n_2_d_rho_prime_1 + x158*d_n_3_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = x154*d_n_1_d_rho_prime_2 + x156*d_n_2_d_rho_prime_2 + x158*d_n_3_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = x154*d_n_1_d_rho_prime_3 + x156*d_n_2_d_rho_prime_3 + x158*d_n_3_d_rho_prime_3
+    d_along_n_d_angle = x154*d_n_1_d_angle + x156*d_n_2_d_angle + x158*d_n_3_d_angle
     root_squared = along_m - along_n
+    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3, d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x154, x156, x158, along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
     d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1
     d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2
-    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x46, x47, x48, along_n, d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
     d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3
     d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle
     w_1 = m_2*r_3 - m_3*r_2
-    d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3
-    d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
-    d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3
-    d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3
-    d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3
-    d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3
+    d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_m_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_m_2_d_rho_1*m_3
+    d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_m_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
+    d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_m_2_d_rho_3*m_3
+    d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_m_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_m_2_d_rho_prime_1*m_3
+    d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_m_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_m_2_d_rho_prime_2*m_3
+    d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_m_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_m_2_d_rho_prime_3*m_3
     w_2 = m_3*r_1 - m_1*r_3
-    d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1
-    d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1
-    d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
-    d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1
-    d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
-    d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
+    d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_m_3_d_rho_1*m_1
+    d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_m_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_m_3_d_rho_2*m_1
+    d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_m_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
+    d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_m_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_m_3_d_rho_prime_1*m_1
+    d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_m_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_m_3_d_rho_prime_2*m_1
+    d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_m_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_m_3_d_rho_prime_3*m_1
     w_3 = m_1*r_2 - m_2*r_1
-    d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
-    d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2
-    d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2
-    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_1, d_r_3_d_rho_2, d_r_3_d_rho_3, d_r_3_d_rho_prime_1, d_r_3_d_rho_prime_2, d_r_3_d_rho_prime_3, d_r_1_d_rho_1, d_r_2_d_rho_1, d_r_1_d_rho_2, d_r_2_d_rho_2, d_r_1_d_rho_3, d_r_2_d_rho_3
-    d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2
-    d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
-    d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
-    x5 = xp.abs(half_angle)
-    x6 = 8.0*eps
-    rounding = S*length_squared*x6*(x5 + 1.0)*xp.abs(C)
-    x7 = 0.5*along_m
-    band = xp.where(rounding < x7, rounding, x7)
-    both = length_product > 0.0
-    area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x49 = 2.0*w_1
-    x50 = 2.0*w_2
-    x51 = 2.0*w_3
-    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
-    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
-    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
-    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
-    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
-    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
-    x9 = (eps*eps*eps*eps)
-    x11 = m_squared*r_squared
-    plane = (area_squared > 0.5*x11) & (area_squared > x9)
-    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
-    crooked = area_squared < x11*(1.0 - 32.0*eps)
-    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1, d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2, d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, half_angle, along_m, rounding, x7, length_product, x49, x50, x51, both, x11
-    across_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -u_2)
-    d_across_1_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, -scale_before)
-    across_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), -u_3, u_1)
-    d_across_2_d_rho_1 = xp.where(xp.abs(u_1) < xp.abs(u_3), 0.0, scale_before)
-    d_across_2_d_rho_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), -scale_before, 0.0)
-    across_3 = xp.where(xp.abs(u_1) < xp.abs(u_3), u_2, 0.0)
-    d_across_3_d_rho_2 = xp.where(xp.abs(u_1) < xp.abs(u_3), scale_before, 0.0)
-    select_3 = xp.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
-    x52 = 2.0*across_2
-    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
+    d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_m_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
+    del d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2, d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_3, d_r_1_d_rho_1
+    d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_m_1_d_rho_2*m_2
+    d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_m_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_m_1_d_rho_3*m_2
+    d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_m_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_m_1_d_rho_prime_1*m_2
+    d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_m_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_m_1_d_rho_prime_2*m_2
+    d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_m_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_m_1_d_rho_prime_3*m_2
+    x299 = xp.abs(half_angle)
+    x302 = 8.0*eps
+    rounding = x302*S*length_squared*(x299 + 1.0)*xp.abs(C)
+    x306 = 0.5*along_m
+    band = xp.where(rounding < x306, rounding, x306)
+    both = 0.0 < length_product
+    area_squared = w_1*w_1 + w_2*w_2 + w_3*w_3
+    x312 = 2.0*w_1
+    x314 = 2.0*w_2
+    x316 = 2.0*w_3
+    d_area_squared_d_rho_1 = x312*d_w_1_d_rho_1 + x314*d_w_2_d_rho_1 + x316*d_w_3_d_rho_1
+    d_area_squared_d_rho_2 = x312*d_w_1_d_rho_2 + x314*d_w_2_d_rho_2 + x316*d_w_3_d_rho_2
+    d_area_squared_d_rho_3 = x312*d_w_1_d_rho_3 + x314*d_w_2_d_rho_3 + x316*d_w_3_d_rho_3
+    d_area_squared_d_rho_prime_1 = x312*d_w_1_d_rho_prime_1 + x314*d_w_2_d_rho_prime_1 + x316*d_w_3_d_rho_prime_1
+    d_area_squared_d_rho_prime_2 = x312*d_w_1_d_rho_prime_2 + x314*d_w_2_d_rho_prime_2 + x316*d_w_3_d_rho_prime_2
+    d_area_squared_d_rho_prime_3 = x312*d_w_1_d_rho_prime_3 + x314*d_w_2_d_rho_prime_3 + x316*d_w_3_d_rho_prime_3
+    x340 = m_squared*r_squared
+    plane = (x107 < area_squared) & (0.5*x340 < area_squared)
+    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x107 < sine_size)
+    crooked = area_squared < x340*(1.0 - 32.0*eps)
+    x355 = xp.abs(u_1) < xp.abs(u_3)
+    across_1 = xp.where(x355, 0.0, -u_2)
+    d_across_1_d_rho_2 = xp.where(x355, 0.0, d_difference_1_d_rho_1)
+    across_2 = xp.where(x355, -u_3, u_1)
+    d_across_2_d_rho_1 = xp.where(x355, 0.0, scale_before)
+    d_across_2_d_rho_3 = xp.where(x355, d_difference_1_d_rho_1, 0.0)
+    across_3 = xp.where(x355, u_2, 0.0)
+    d_across_3_d_rho_2 = xp.where(x355, scale_before, 0.0)
+    del d_r_2_d_rho_2, half_angle, along_m, rounding, x306, length_product, x312, x314, x316, both, x340, u_1, u_3, d_difference_1_d_rho_1, u_2, x355
+    select_3 = xp.where(plane, area_squared, across_1*across_1 + across_2*across_2 + across_3*across_3)
+    x362 = 2.0*across_2
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, x362*d_across_2_d_rho_1)
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
-    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, x362*d_across_2_d_rho_3)
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
     d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
     under_root = xp.where(two, root_squared, select_3)
     d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
     d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
-    del u_2, u_1, u_3, area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x52, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2
     d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
     d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
+    del area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x362, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2, d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
     d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
-    x53 = xp.sqrt(under_root)
-    root = x53
-    x54 = 0.5/x53
-    d_root_d_rho_1 = d_under_root_d_rho_1*x54
-    d_root_d_rho_2 = d_under_root_d_rho_2*x54
-    d_root_d_rho_3 = d_under_root_d_rho_3*x54
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
-    del d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, x53, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
-    d_root_d_angle = d_under_root_d_angle*x54
-    select_4 = xp.where(root > 0.0, root, 1.0)
-    d_select_4_d_rho_1 = xp.where(root > 0.0, d_root_d_rho_1, 0.0)
-    d_select_4_d_rho_2 = xp.where(root > 0.0, d_root_d_rho_2, 0.0)
-    d_select_4_d_rho_3 = xp.where(root > 0.0, d_root_d_rho_3, 0.0)
-    d_select_4_d_rho_prime_1 = xp.where(root > 0.0, d_root_d_rho_prime_1, 0.0)
-    d_select_4_d_rho_prime_2 = xp.where(root > 0.0, d_root_d_rho_prime_2, 0.0)
-    d_select_4_d_rho_prime_3 = xp.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
-    d_select_4_d_angle = xp.where(root > 0.0, d_root_d_angle, 0.0)
-    divisor = xp.where(two, S*m_squared, select_4)
+    root = xp.sqrt(under_root)
+    x371 = 0.5*(1.0/root)
+    d_root_d_rho_1 = x371*d_under_root_d_rho_1
+    d_root_d_rho_2 = x371*d_under_root_d_rho_2
+    d_root_d_rho_3 = x371*d_under_root_d_rho_3
+    d_root_d_rho_prime_1 = x371*d_under_root_d_rho_prime_1
+    d_root_d_rho_prime_2 = x371*d_under_root_d_rho_prime_2
+    d_root_d_rho_prime_3 = x371*d_under_root_d_rho_prime_3
+    d_root_d_angle = x371*d_under_root_d_angle
+    x372 = 0.0 < root
+    select_4 = xp.where(x372, root, 1.0)
+    d_select_4_d_rho_1 = xp.where(x372, d_root_d_rho_1, 0.0)
+    d_select_4_d_rho_2 = xp.where(x372, d_root_d_rho_2, 0.0)
+    d_select_4_d_rho_3 = xp.where(x372, d_root_d_rho_3, 0.0)
+    d_select_4_d_rho_prime_1 = xp.where(x372, d_root_d_rho_prime_1, 0.0)
+    d_select_4_d_rho_prime_2 = xp.where(x372, d_root_d_rho_prime_2, 0.0)
+    d_select_4_d_rho_prime_3 = xp.where(x372, d_root_d_rho_prime_3, 0.0)
+    d_select_4_d_angle = xp.where(x372, d_root_d_angle, 0.0)
+    divisor = xp.where(two, x148, select_4)
+    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2, d_under_root_d_rho_prime_3, d_under_root_d_angle, x371, select_4, x148
     d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
     d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
     d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
     d_divisor_d_rho_prime_1 = xp.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
     d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
     d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
-    del d_under_root_d_rho_prime_3, d_under_root_d_angle, x54, select_4, d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     inverse = 1.0/divisor
-    x55 = 1.0/(divisor*divisor)
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
-    d_inverse_d_angle = -d_divisor_d_angle*x55
+    x381 = 1.0/(divisor*divisor)
+    del d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3, d_S_d_angle, d_select_4_d_angle, divisor
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x381
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x381
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x381
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x381
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x381
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x381
+    d_inverse_d_angle = -d_divisor_d_angle*x381
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
     d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
@@ -1486,74 +1362,75 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
-    del d_S_d_angle, d_select_4_d_angle, divisor, d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x55, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6
     m_factor = xp.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
     d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
     d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
+    del d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x381, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6, d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
     d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
     d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
     d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
-    select_7 = xp.where(root > 0.0, across_1*inverse, 0.0)
-    d_select_7_d_rho_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
-    d_select_7_d_rho_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
-    d_select_7_d_rho_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
-    d_select_7_d_rho_prime_1 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
-    d_select_7_d_rho_prime_2 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
-    d_select_7_d_rho_prime_3 = xp.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
-    d_select_7_d_angle = xp.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
-    base_1 = xp.where((plane) | (two), w_1*w_factor, select_7)
-    d_base_1_d_rho_1 = xp.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
-    d_base_1_d_rho_2 = xp.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
-    d_base_1_d_rho_3 = xp.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
-    del d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3, d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, d_across_1_d_rho_2, across_1, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3
-    d_base_1_d_rho_prime_1 = xp.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
-    d_base_1_d_rho_prime_2 = xp.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
-    d_base_1_d_rho_prime_3 = xp.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
-    d_base_1_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
-    select_8 = xp.where(root > 0.0, across_2*inverse, 0.0)
-    d_select_8_d_rho_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
-    d_select_8_d_rho_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
-    d_select_8_d_rho_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
-    d_select_8_d_rho_prime_1 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
-    d_select_8_d_rho_prime_2 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
-    d_select_8_d_rho_prime_3 = xp.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
-    d_select_8_d_angle = xp.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
-    base_2 = xp.where((plane) | (two), w_2*w_factor, select_8)
-    d_base_2_d_rho_1 = xp.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
-    d_base_2_d_rho_2 = xp.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
-    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1, d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2
-    d_base_2_d_rho_3 = xp.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
-    d_base_2_d_rho_prime_1 = xp.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
-    d_base_2_d_rho_prime_2 = xp.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
-    d_base_2_d_rho_prime_3 = xp.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
-    d_base_2_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
-    select_9 = xp.where(root > 0.0, across_3*inverse, 1.0)
-    d_select_9_d_rho_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
-    d_select_9_d_rho_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
-    d_select_9_d_rho_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
-    d_select_9_d_rho_prime_1 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
-    del d_select_8_d_rho_3, d_w_2_d_rho_3, d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1
-    d_select_9_d_rho_prime_2 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
-    d_select_9_d_rho_prime_3 = xp.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
-    d_select_9_d_angle = xp.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
-    base_3 = xp.where((plane) | (two), w_3*w_factor, select_9)
-    d_base_3_d_rho_1 = xp.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
-    d_base_3_d_rho_2 = xp.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
-    d_base_3_d_rho_3 = xp.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
-    d_base_3_d_rho_prime_1 = xp.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
-    del d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3, across_3, d_inverse_d_angle, root, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
-    d_base_3_d_rho_prime_2 = xp.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
-    d_base_3_d_rho_prime_3 = xp.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
-    d_base_3_d_angle = xp.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    select_7 = xp.where(x372, across_1*inverse, 0.0)
+    d_select_7_d_rho_1 = xp.where(x372, across_1*d_inverse_d_rho_1, 0.0)
+    d_select_7_d_rho_2 = xp.where(x372, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    d_select_7_d_rho_3 = xp.where(x372, across_1*d_inverse_d_rho_3, 0.0)
+    d_select_7_d_rho_prime_1 = xp.where(x372, across_1*d_inverse_d_rho_prime_1, 0.0)
+    d_select_7_d_rho_prime_2 = xp.where(x372, across_1*d_inverse_d_rho_prime_2, 0.0)
+    d_select_7_d_rho_prime_3 = xp.where(x372, across_1*d_inverse_d_rho_prime_3, 0.0)
+    d_select_7_d_angle = xp.where(x372, across_1*d_inverse_d_angle, 0.0)
+    x424 = plane | two
+    base_1 = xp.where(x424, w_1*w_factor, select_7)
+    d_base_1_d_rho_1 = xp.where(x424, d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    d_base_1_d_rho_2 = xp.where(x424, d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    d_base_1_d_rho_3 = xp.where(x424, d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    d_base_1_d_rho_prime_1 = xp.where(x424, d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    del d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, root, d_across_1_d_rho_2, across_1, plane, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3, d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
+    d_base_1_d_rho_prime_2 = xp.where(x424, d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    d_base_1_d_rho_prime_3 = xp.where(x424, d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    d_base_1_d_angle = xp.where(x424, d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    select_8 = xp.where(x372, across_2*inverse, 0.0)
+    d_select_8_d_rho_1 = xp.where(x372, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    d_select_8_d_rho_2 = xp.where(x372, across_2*d_inverse_d_rho_2, 0.0)
+    d_select_8_d_rho_3 = xp.where(x372, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    d_select_8_d_rho_prime_1 = xp.where(x372, across_2*d_inverse_d_rho_prime_1, 0.0)
+    d_select_8_d_rho_prime_2 = xp.where(x372, across_2*d_inverse_d_rho_prime_2, 0.0)
+    d_select_8_d_rho_prime_3 = xp.where(x372, across_2*d_inverse_d_rho_prime_3, 0.0)
+    d_select_8_d_angle = xp.where(x372, across_2*d_inverse_d_angle, 0.0)
+    base_2 = xp.where(x424, w_2*w_factor, select_8)
+    d_base_2_d_rho_1 = xp.where(x424, d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    d_base_2_d_rho_2 = xp.where(x424, d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    d_base_2_d_rho_3 = xp.where(x424, d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2, d_select_8_d_rho_3, d_w_2_d_rho_3
+    d_base_2_d_rho_prime_1 = xp.where(x424, d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    d_base_2_d_rho_prime_2 = xp.where(x424, d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    d_base_2_d_rho_prime_3 = xp.where(x424, d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    d_base_2_d_angle = xp.where(x424, d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    select_9 = xp.where(x372, across_3*inverse, 1.0)
+    d_select_9_d_rho_1 = xp.where(x372, across_3*d_inverse_d_rho_1, 0.0)
+    d_select_9_d_rho_2 = xp.where(x372, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    d_select_9_d_rho_3 = xp.where(x372, across_3*d_inverse_d_rho_3, 0.0)
+    d_select_9_d_rho_prime_1 = xp.where(x372, across_3*d_inverse_d_rho_prime_1, 0.0)
+    d_select_9_d_rho_prime_2 = xp.where(x372, across_3*d_inverse_d_rho_prime_2, 0.0)
+    d_select_9_d_rho_prime_3 = xp.where(x372, across_3*d_inverse_d_rho_prime_3, 0.0)
+    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1, d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3
+    d_select_9_d_angle = xp.where(x372, across_3*d_inverse_d_angle, 0.0)
+    base_3 = xp.where(x424, w_3*w_factor, select_9)
+    d_base_3_d_rho_1 = xp.where(x424, d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    d_base_3_d_rho_2 = xp.where(x424, d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    d_base_3_d_rho_3 = xp.where(x424, d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    d_base_3_d_rho_prime_1 = xp.where(x424, d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    del across_3, d_inverse_d_angle, x372, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
+    d_base_3_d_rho_prime_2 = xp.where(x424, d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    d_base_3_d_rho_prime_3 = xp.where(x424, d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    d_base_3_d_angle = xp.where(x424, d_w_factor_d_angle*w_3, d_select_9_d_angle)
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
-    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, plane, w_3, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, w_3, x424, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
     offset_2 = m_2*m_factor
@@ -1573,7 +1450,7 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3
     d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
-    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
+    valid = (size_after <= largest) & (size_before <= largest) & (xp.abs(angle) <= largest) & ((0.0 <= length_tolerance) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
     d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
@@ -1598,22 +1475,22 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x56), 1.0)
-    x57 = 1.0/xp.pow(x56, 1.5)
-    x58 = plus_1*x57
-    x59 = plus_2*x57
-    x60 = plus_3*x57
-    d_plus_factor_d_rho_1 = xp.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
-    d_plus_factor_d_rho_2 = xp.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
-    d_plus_factor_d_rho_3 = xp.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
-    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
-    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
-    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
-    d_plus_factor_d_angle = xp.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    x556 = plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x556), 1.0)
+    x560 = 1.0/xp.pow(x556, 1.5)
+    x561 = plus_1*x560
+    x563 = plus_2*x560
+    x565 = plus_3*x560
+    d_plus_factor_d_rho_1 = xp.where(crooked, -(d_plus_1_d_rho_1*x561 + d_plus_2_d_rho_1*x563 + d_plus_3_d_rho_1*x565), 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -(d_plus_1_d_rho_2*x561 + d_plus_2_d_rho_2*x563 + d_plus_3_d_rho_2*x565), 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -(d_plus_1_d_rho_3*x561 + d_plus_2_d_rho_3*x563 + d_plus_3_d_rho_3*x565), 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -(d_plus_1_d_rho_prime_1*x561 + d_plus_2_d_rho_prime_1*x563 + d_plus_3_d_rho_prime_1*x565), 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -(d_plus_1_d_rho_prime_2*x561 + d_plus_2_d_rho_prime_2*x563 + d_plus_3_d_rho_prime_2*x565), 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -(d_plus_1_d_rho_prime_3*x561 + d_plus_2_d_rho_prime_3*x563 + d_plus_3_d_rho_prime_3*x565), 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -(d_plus_1_d_angle*x561 + d_plus_2_d_angle*x563 + d_plus_3_d_angle*x565), 0.0)
     minus_1 = base_1 - offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
-    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x56, x57, x58, x59, x60, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x556, x560, x561, x563, x565, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
     d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
     d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
@@ -1638,20 +1515,20 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
     d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
-    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x61), 1.0)
-    x62 = 1.0/xp.pow(x61, 1.5)
-    x63 = minus_1*x62
-    x64 = minus_2*x62
-    x65 = minus_3*x62
-    d_minus_factor_d_rho_1 = xp.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
-    d_minus_factor_d_rho_2 = xp.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
-    d_minus_factor_d_rho_3 = xp.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
-    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
-    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
-    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
-    d_minus_factor_d_angle = xp.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x61, x62, crooked, x63, x64, x65
+    x610 = minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x610), 1.0)
+    x614 = 1.0/xp.pow(x610, 1.5)
+    x615 = minus_1*x614
+    x617 = minus_2*x614
+    x619 = minus_3*x614
+    d_minus_factor_d_rho_1 = xp.where(crooked, -(d_minus_1_d_rho_1*x615 + d_minus_2_d_rho_1*x617 + d_minus_3_d_rho_1*x619), 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -(d_minus_1_d_rho_2*x615 + d_minus_2_d_rho_2*x617 + d_minus_3_d_rho_2*x619), 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -(d_minus_1_d_rho_3*x615 + d_minus_2_d_rho_3*x617 + d_minus_3_d_rho_3*x619), 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -(d_minus_1_d_rho_prime_1*x615 + d_minus_2_d_rho_prime_1*x617 + d_minus_3_d_rho_prime_1*x619), 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -(d_minus_1_d_rho_prime_2*x615 + d_minus_2_d_rho_prime_2*x617 + d_minus_3_d_rho_prime_2*x619), 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -(d_minus_1_d_rho_prime_3*x615 + d_minus_2_d_rho_prime_3*x617 + d_minus_3_d_rho_prime_3*x619), 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -(d_minus_1_d_angle*x615 + d_minus_2_d_angle*x617 + d_minus_3_d_angle*x619), 0.0)
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x610, x614, crooked, x615, x617, x619
     d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
     d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
@@ -1698,147 +1575,122 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
     d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
     del d_minus_3_d_rho_1, d_minus_factor_d_rho_1, d_minus_3_d_rho_2, d_minus_factor_d_rho_2, d_minus_3_d_rho_3, d_minus_factor_d_rho_3, d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1, d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2, d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3, d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
-    both_zero = (size_after == 0.0) & (size_before == 0.0)
-    one_zero = (size_after == 0.0) | (size_before == 0.0)
-    x8 = length_squared*x3
-    coincident = 16.0*x8
-    x10 = eps*x5
-    no_turn = (sine_size <= x10) | (sine_size <= x9)
-    every = (no_turn) & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x10)
-    too_small = (no_turn) | (root_squared < -4.0*band)
+    x786 = size_after == 0.0
+    x787 = size_before == 0.0
+    both_zero = x786 & x787
+    one_zero = x786 | x787
+    x788 = x106*length_squared
+    coincident = 16.0*x788
+    x790 = eps*x299
+    no_turn = (sine_size <= x107) | (sine_size <= x790)
+    every = no_turn & (r_squared <= coincident)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x790)
+    too_small = no_turn | (root_squared < -4.0*band)
+    del size_after, size_before, x786, x787, x106, x299, sine_size, x107, r_squared, coincident, cosine, m_squared, x790, band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
     scaled_r_2 = r_2*turn_scale
-    del size_after, size_before, x3, x5, sine_size, x9, r_squared, coincident, cosine, m_squared, x10, band, no_turn, root_squared, r_1, r_2
     scaled_r_3 = r_3*turn_scale
-    parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
-    least_tolerance = xp.where(length_tolerance > x6, length_tolerance, x6)
-    select_10 = xp.where(length_squared > 0.0, x16, 1.0)
+    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x147*x788
+    least_tolerance = xp.where(x302 < length_tolerance, length_tolerance, x302)
+    select_10 = xp.where(0.0 < length_squared, x29, 1.0)
     ratio = xp.sqrt(length_prime_squared*select_10)
-    lengths_agree = ((comparable) & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~(comparable)))
-    del r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x4, x8, x6, length_squared, x16, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
-    select_11 = xp.where(parallel, 3.0, 0.0)
-    select_12 = xp.where(~(two), 1.0, select_11)
-    select_13 = xp.where(too_small, 2.0, select_12)
-    select_14 = xp.where(opposite, 4.0, select_13)
-    select_15 = xp.where(every, 5.0, select_14)
-    select_16 = xp.where(~(lengths_agree), 6.0, select_15)
-    select_17 = xp.where(one_zero, 2.0, select_16)
-    select_18 = xp.where(both_zero, 5.0, select_17)
-    status = xp.where(~(valid), 7.0, select_18)
-    del parallel, select_11, select_12, too_small, opposite, select_13, every, select_14, lengths_agree, select_15, one_zero, select_16, both_zero, select_17, select_18, valid
-    axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
-    axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
-    axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3
-    axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1
-    axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2
-    axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3
-    axes_jacobian_1_1_7 = d_axes_1_1_d_angle
-    axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1
-    axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2
-    axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3
-    axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1
-    axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2
-    axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3
-    axes_jacobian_1_2_7 = d_axes_1_2_d_angle
-    axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1
-    axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2
-    del d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3, d_axes_1_1_d_angle, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, d_axes_1_2_d_angle, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2
-    axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3
-    axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1
-    axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2
-    axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3
-    axes_jacobian_1_3_7 = d_axes_1_3_d_angle
-    axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1
-    axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2
-    axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3
-    axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1
-    axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2
-    axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3
-    axes_jacobian_2_1_7 = d_axes_2_1_d_angle
-    axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1
-    axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2
-    axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3
-    axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1
-    del d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, d_axes_1_3_d_angle, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3, d_axes_2_1_d_angle, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1
-    axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2
-    axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3
-    axes_jacobian_2_2_7 = d_axes_2_2_d_angle
-    axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1
-    axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2
-    axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3
-    axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1
-    axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2
-    axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3
-    axes_jacobian_2_3_7 = d_axes_2_3_d_angle
-    half_rho_a_1_1 = axes_jacobian_1_1_1*cov_rho_1_1 + axes_jacobian_1_1_2*cov_rho_2_1 + axes_jacobian_1_1_3*cov_rho_3_1
-    half_rho_a_1_2 = axes_jacobian_1_1_1*cov_rho_1_2 + axes_jacobian_1_1_2*cov_rho_2_2 + axes_jacobian_1_1_3*cov_rho_3_2
-    half_rho_a_1_3 = axes_jacobian_1_1_1*cov_rho_1_3 + axes_jacobian_1_1_2*cov_rho_2_3 + axes_jacobian_1_1_3*cov_rho_3_3
-    half_rho_a_2_1 = axes_jacobian_1_2_1*cov_rho_1_1 + axes_jacobian_1_2_2*cov_rho_2_1 + axes_jacobian_1_2_3*cov_rho_3_1
-    half_rho_a_2_2 = axes_jacobian_1_2_1*cov_rho_1_2 + axes_jacobian_1_2_2*cov_rho_2_2 + axes_jacobian_1_2_3*cov_rho_3_2
-    half_rho_a_2_3 = axes_jacobian_1_2_1*cov_rho_1_3 + axes_jacobian_1_2_2*cov_rho_2_3 + axes_jacobian_1_2_3*cov_rho_3_3
-    half_rho_a_3_1 = axes_jacobian_1_3_1*cov_rho_1_1 + axes_jacobian_1_3_2*cov_rho_2_1 + axes_jacobian_1_3_3*cov_rho_3_1
-    half_rho_a_3_2 = axes_jacobian_1_3_1*cov_rho_1_2 + axes_jacobian_1_3_2*cov_rho_2_2 + axes_jacobian_1_3_3*cov_rho_3_2
-    half_rho_a_3_3 = axes_jacobian_1_3_1*cov_rho_1_3 + axes_jacobian_1_3_2*cov_rho_2_3 + axes_jacobian_1_3_3*cov_rho_3_3
-    half_prime_a_1_1 = axes_jacobian_1_1_4*cov_rho_prime_1_1 + axes_jacobian_1_1_5*cov_rho_prime_2_1 + axes_jacobian_1_1_6*cov_rho_prime_3_1
-    half_prime_a_1_2 = axes_jacobian_1_1_4*cov_rho_prime_1_2 + axes_jacobian_1_1_5*cov_rho_prime_2_2 + axes_jacobian_1_1_6*cov_rho_prime_3_2
-    half_prime_a_1_3 = axes_jacobian_1_1_4*cov_rho_prime_1_3 + axes_jacobian_1_1_5*cov_rho_prime_2_3 + axes_jacobian_1_1_6*cov_rho_prime_3_3
-    half_prime_a_2_1 = axes_jacobian_1_2_4*cov_rho_prime_1_1 + axes_jacobian_1_2_5*cov_rho_prime_2_1 + axes_jacobian_1_2_6*cov_rho_prime_3_1
-    half_prime_a_2_2 = axes_jacobian_1_2_4*cov_rho_prime_1_2 + axes_jacobian_1_2_5*cov_rho_prime_2_2 + axes_jacobian_1_2_6*cov_rho_prime_3_2
-    half_prime_a_2_3 = axes_jacobian_1_2_4*cov_rho_prime_1_3 + axes_jacobian_1_2_5*cov_rho_prime_2_3 + axes_jacobian_1_2_6*cov_rho_prime_3_3
-    half_prime_a_3_1 = axes_jacobian_1_3_4*cov_rho_prime_1_1 + axes_jacobian_1_3_5*cov_rho_prime_2_1 + axes_jacobian_1_3_6*cov_rho_prime_3_1
-    half_prime_a_3_2 = axes_jacobian_1_3_4*cov_rho_prime_1_2 + axes_jacobian_1_3_5*cov_rho_prime_2_2 + axes_jacobian_1_3_6*cov_rho_prime_3_2
-    half_prime_a_3_3 = axes_jacobian_1_3_4*cov_rho_prime_1_3 + axes_jacobian_1_3_5*cov_rho_prime_2_3 + axes_jacobian_1_3_6*cov_rho_prime_3_3
-    half_rho_b_1_1 = axes_jacobian_2_1_1*cov_rho_1_1 + axes_jacobian_2_1_2*cov_rho_2_1 + axes_jacobian_2_1_3*cov_rho_3_1
-    half_rho_b_1_2 = axes_jacobian_2_1_1*cov_rho_1_2 + axes_jacobian_2_1_2*cov_rho_2_2 + axes_jacobian_2_1_3*cov_rho_3_2
-    half_rho_b_1_3 = axes_jacobian_2_1_1*cov_rho_1_3 + axes_jacobian_2_1_2*cov_rho_2_3 + axes_jacobian_2_1_3*cov_rho_3_3
-    half_rho_b_2_1 = axes_jacobian_2_2_1*cov_rho_1_1 + axes_jacobian_2_2_2*cov_rho_2_1 + axes_jacobian_2_2_3*cov_rho_3_1
-    half_rho_b_2_2 = axes_jacobian_2_2_1*cov_rho_1_2 + axes_jacobian_2_2_2*cov_rho_2_2 + axes_jacobian_2_2_3*cov_rho_3_2
-    half_rho_b_2_3 = axes_jacobian_2_2_1*cov_rho_1_3 + axes_jacobian_2_2_2*cov_rho_2_3 + axes_jacobian_2_2_3*cov_rho_3_3
-    half_rho_b_3_1 = axes_jacobian_2_3_1*cov_rho_1_1 + axes_jacobian_2_3_2*cov_rho_2_1 + axes_jacobian_2_3_3*cov_rho_3_1
-    half_rho_b_3_2 = axes_jacobian_2_3_1*cov_rho_1_2 + axes_jacobian_2_3_2*cov_rho_2_2 + axes_jacobian_2_3_3*cov_rho_3_2
-    half_rho_b_3_3 = axes_jacobian_2_3_1*cov_rho_1_3 + axes_jacobian_2_3_2*cov_rho_2_3 + axes_jacobian_2_3_3*cov_rho_3_3
-    half_prime_b_1_1 = axes_jacobian_2_1_4*cov_rho_prime_1_1 + axes_jacobian_2_1_5*cov_rho_prime_2_1 + axes_jacobian_2_1_6*cov_rho_prime_3_1
-    half_prime_b_1_2 = axes_jacobian_2_1_4*cov_rho_prime_1_2 + axes_jacobian_2_1_5*cov_rho_prime_2_2 + axes_jacobian_2_1_6*cov_rho_prime_3_2
-    half_prime_b_1_3 = axes_jacobian_2_1_4*cov_rho_prime_1_3 + axes_jacobian_2_1_5*cov_rho_prime_2_3 + axes_jacobian_2_1_6*cov_rho_prime_3_3
-    half_prime_b_2_1 = axes_jacobian_2_2_4*cov_rho_prime_1_1 + axes_jacobian_2_2_5*cov_rho_prime_2_1 + axes_jacobian_2_2_6*cov_rho_prime_3_1
-    half_prime_b_2_2 = axes_jacobian_2_2_4*cov_rho_prime_1_2 + axes_jacobian_2_2_5*cov_rho_prime_2_2 + axes_jacobian_2_2_6*cov_rho_prime_3_2
-    half_prime_b_2_3 = axes_jacobian_2_2_4*cov_rho_prime_1_3 + axes_jacobian_2_2_5*cov_rho_prime_2_3 + axes_jacobian_2_2_6*cov_rho_prime_3_3
-    half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1
-    half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2
-    half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
-    covariance_1_1_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, xp.nan)
-    x66 = axes_jacobian_1_1_7*var_angle
-    x67 = axes_jacobian_1_2_7*x66
-    covariance_1_1_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, xp.nan)
-    x68 = axes_jacobian_1_3_7*x66
-    covariance_1_1_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, xp.nan)
-    del d_axes_2_2_d_rho_prime_2, d_axes_2_2_d_rho_prime_3, d_axes_2_2_d_angle, d_axes_2_3_d_rho_1, d_axes_2_3_d_rho_2, d_axes_2_3_d_rho_3, d_axes_2_3_d_rho_prime_1, d_axes_2_3_d_rho_prime_2, d_axes_2_3_d_rho_prime_3, d_axes_2_3_d_angle, axes_jacobian_1_1_7, x66, half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
-    covariance_1_2_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, xp.nan)
-    covariance_1_2_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, xp.nan)
-    x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
-    covariance_1_2_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, xp.nan)
-    covariance_1_3_1 = xp.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, xp.nan)
-    covariance_1_3_2 = xp.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, xp.nan)
-    del x67, axes_jacobian_1_2_7, half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3, axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
-    covariance_1_3_3 = xp.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, xp.nan)
-    covariance_2_1_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, xp.nan)
-    x70 = axes_jacobian_2_1_7*var_angle
-    x71 = axes_jacobian_2_2_7*x70
-    covariance_2_1_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, xp.nan)
-    x72 = axes_jacobian_2_3_7*x70
-    covariance_2_1_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, xp.nan)
-    del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3, axes_jacobian_2_1_7, x70, half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
-    covariance_2_2_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, xp.nan)
-    covariance_2_2_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, xp.nan)
-    x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
-    covariance_2_2_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, xp.nan)
-    covariance_2_3_1 = xp.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, xp.nan)
-    covariance_2_3_2 = xp.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, xp.nan)
-    del x71, axes_jacobian_2_2_7, half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
-    covariance_2_3_3 = xp.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, xp.nan)
-    axis_status = status
-    return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status)
+    lengths_agree = (comparable & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~comparable))
+    del r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x147, x788, x302, length_squared, x29, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
+    x826 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
+    axis_status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x826))))
+    half_rho_a_1_1 = d_axes_1_1_d_rho_1*cov_rho_1_1 + d_axes_1_1_d_rho_2*cov_rho_2_1 + d_axes_1_1_d_rho_3*cov_rho_3_1
+    half_rho_a_1_2 = d_axes_1_1_d_rho_1*cov_rho_1_2 + d_axes_1_1_d_rho_2*cov_rho_2_2 + d_axes_1_1_d_rho_3*cov_rho_3_2
+    half_rho_a_1_3 = d_axes_1_1_d_rho_1*cov_rho_1_3 + d_axes_1_1_d_rho_2*cov_rho_2_3 + d_axes_1_1_d_rho_3*cov_rho_3_3
+    half_rho_a_2_1 = d_axes_1_2_d_rho_1*cov_rho_1_1 + d_axes_1_2_d_rho_2*cov_rho_2_1 + d_axes_1_2_d_rho_3*cov_rho_3_1
+    half_rho_a_2_2 = d_axes_1_2_d_rho_1*cov_rho_1_2 + d_axes_1_2_d_rho_2*cov_rho_2_2 + d_axes_1_2_d_rho_3*cov_rho_3_2
+    half_rho_a_2_3 = d_axes_1_2_d_rho_1*cov_rho_1_3 + d_axes_1_2_d_rho_2*cov_rho_2_3 + d_axes_1_2_d_rho_3*cov_rho_3_3
+    half_rho_a_3_1 = d_axes_1_3_d_rho_1*cov_rho_1_1 + d_axes_1_3_d_rho_2*cov_rho_2_1 + d_axes_1_3_d_rho_3*cov_rho_3_1
+    half_rho_a_3_2 = d_axes_1_3_d_rho_1*cov_rho_1_2 + d_axes_1_3_d_rho_2*cov_rho_2_2 + d_axes_1_3_d_rho_3*cov_rho_3_2
+    half_rho_a_3_3 = d_axes_1_3_d_rho_1*cov_rho_1_3 + d_axes_1_3_d_rho_2*cov_rho_2_3 + d_axes_1_3_d_rho_3*cov_rho_3_3
+    half_prime_a_1_1 = d_axes_1_1_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_1_1_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_1_1_d_rho_prime_3*cov_rho_prime_3_1
+    half_prime_a_1_2 = d_axes_1_1_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_1_1_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_1_1_d_rho_prime_3*cov_rho_prime_3_2
+    half_prime_a_1_3 = d_axes_1_1_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_1_1_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_1_1_d_rho_prime_3*cov_rho_prime_3_3
+    half_prime_a_2_1 = d_axes_1_2_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_1_2_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_1_2_d_rho_prime_3*cov_rho_prime_3_1
+    half_prime_a_2_2 = d_axes_1_2_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_1_2_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_1_2_d_rho_prime_3*cov_rho_prime_3_2
+    half_prime_a_2_3 = d_axes_1_2_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_1_2_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_1_2_d_rho_prime_3*cov_rho_prime_3_3
+    half_prime_a_3_1 = d_axes_1_3_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_1_3_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_1_3_d_rho_prime_3*cov_rho_prime_3_1
+    half_prime_a_3_2 = d_axes_1_3_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_1_3_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_1_3_d_rho_prime_3*cov_rho_prime_3_2
+    half_prime_a_3_3 = d_axes_1_3_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_1_3_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_1_3_d_rho_prime_3*cov_rho_prime_3_3
+    half_rho_b_1_1 = d_axes_2_1_d_rho_1*cov_rho_1_1 + d_axes_2_1_d_rho_2*cov_rho_2_1 + d_axes_2_1_d_rho_3*cov_rho_3_1
+    half_rho_b_1_2 = d_axes_2_1_d_rho_1*cov_rho_1_2 + d_axes_2_1_d_rho_2*cov_rho_2_2 + d_axes_2_1_d_rho_3*cov_rho_3_2
+    half_rho_b_1_3 = d_axes_2_1_d_rho_1*cov_rho_1_3 + d_axes_2_1_d_rho_2*cov_rho_2_3 + d_axes_2_1_d_rho_3*cov_rho_3_3
+    half_rho_b_2_1 = d_axes_2_2_d_rho_1*cov_rho_1_1 + d_axes_2_2_d_rho_2*cov_rho_2_1 + d_axes_2_2_d_rho_3*cov_rho_3_1
+    half_rho_b_2_2 = d_axes_2_2_d_rho_1*cov_rho_1_2 + d_axes_2_2_d_rho_2*cov_rho_2_2 + d_axes_2_2_d_rho_3*cov_rho_3_2
+    half_rho_b_2_3 = d_axes_2_2_d_rho_1*cov_rho_1_3 + d_axes_2_2_d_rho_2*cov_rho_2_3 + d_axes_2_2_d_rho_3*cov_rho_3_3
+    half_rho_b_3_1 = d_axes_2_3_d_rho_1*cov_rho_1_1 + d_axes_2_3_d_rho_2*cov_rho_2_1 + d_axes_2_3_d_rho_3*cov_rho_3_1
+    half_rho_b_3_2 = d_axes_2_3_d_rho_1*cov_rho_1_2 + d_axes_2_3_d_rho_2*cov_rho_2_2 + d_axes_2_3_d_rho_3*cov_rho_3_2
+    half_rho_b_3_3 = d_axes_2_3_d_rho_1*cov_rho_1_3 + d_axes_2_3_d_rho_2*cov_rho_2_3 + d_axes_2_3_d_rho_3*cov_rho_3_3
+    half_prime_b_1_1 = d_axes_2_1_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_2_1_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_2_1_d_rho_prime_3*cov_rho_prime_3_1
+    half_prime_b_1_2 = d_axes_2_1_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_2_1_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_2_1_d_rho_prime_3*cov_rho_prime_3_2
+    half_prime_b_1_3 = d_axes_2_1_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_2_1_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_2_1_d_rho_prime_3*cov_rho_prime_3_3
+    half_prime_b_2_1 = d_axes_2_2_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_2_2_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_2_2_d_rho_prime_3*cov_rho_prime_3_1
+    half_prime_b_2_2 = d_axes_2_2_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_2_2_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_2_2_d_rho_prime_3*cov_rho_prime_3_2
+    half_prime_b_2_3 = d_axes_2_2_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_2_2_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_2_2_d_rho_prime_3*cov_rho_prime_3_3
+    half_prime_b_3_1 = d_axes_2_3_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_2_3_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_2_3_d_rho_prime_3*cov_rho_prime_3_1
+    half_prime_b_3_2 = d_axes_2_3_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_2_3_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_2_3_d_rho_prime_3*cov_rho_prime_3_2
+    half_prime_b_3_3 = d_axes_2_3_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_2_3_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_2_3_d_rho_prime_3*cov_rho_prime_3_3
+    x988 = d_axes_1_1_d_rho_1*half_rho_a_1_1 + d_axes_1_1_d_rho_2*half_rho_a_1_2 + d_axes_1_1_d_rho_3*half_rho_a_1_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_1_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_1_3
+    covariance_1_1_1 = xp.where(two, x988 + d_axes_1_1_d_angle*d_axes_1_1_d_angle*var_angle, xp.nan)
+    x990 = d_axes_1_1_d_angle*var_angle
+    x991 = x990*d_axes_1_2_d_angle
+    x997 = d_axes_1_2_d_rho_prime_3*half_prime_a_1_3
+    x1003 = x991 + d_axes_1_2_d_rho_1*half_rho_a_1_1 + d_axes_1_2_d_rho_2*half_rho_a_1_2 + d_axes_1_2_d_rho_3*half_rho_a_1_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_1_2 + x997
+    covariance_1_1_2 = xp.where(two, x1003, xp.nan)
+    x1004 = x990*d_axes_1_3_d_angle
+    x1010 = d_axes_1_3_d_rho_prime_3*half_prime_a_1_3
+    x1016 = x1004 + d_axes_1_3_d_rho_1*half_rho_a_1_1 + d_axes_1_3_d_rho_2*half_rho_a_1_2 + d_axes_1_3_d_rho_3*half_rho_a_1_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_1_2 + x1010
+    del every, opposite, parallel, too_small, both_zero, lengths_agree, one_zero, valid, x826, x988, d_axes_1_1_d_angle, x997, x1003, x990, half_prime_a_1_3, half_prime_a_1_1, half_prime_a_1_2, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3, x1010
+    covariance_1_1_3 = xp.where(two, x1016, xp.nan)
+    x1027 = d_axes_1_1_d_rho_1*half_rho_a_2_1 + d_axes_1_1_d_rho_2*half_rho_a_2_2 + d_axes_1_1_d_rho_3*half_rho_a_2_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_2_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_2_3
+    covariance_1_2_1 = xp.where(two, x1027 + x991, xp.nan)
+    x1041 = d_axes_1_2_d_rho_1*half_rho_a_2_1 + d_axes_1_2_d_rho_2*half_rho_a_2_2 + d_axes_1_2_d_rho_3*half_rho_a_2_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_2_2 + d_axes_1_2_d_rho_prime_3*half_prime_a_2_3
+    covariance_1_2_2 = xp.where(two, x1041 + d_axes_1_2_d_angle*d_axes_1_2_d_angle*var_angle, xp.nan)
+    x1044 = d_axes_1_2_d_angle*var_angle*d_axes_1_3_d_angle
+    x1050 = d_axes_1_3_d_rho_prime_3*half_prime_a_2_3
+    x1056 = x1044 + d_axes_1_3_d_rho_1*half_rho_a_2_1 + d_axes_1_3_d_rho_2*half_rho_a_2_2 + d_axes_1_3_d_rho_3*half_rho_a_2_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_2_2 + x1050
+    covariance_1_2_3 = xp.where(two, x1056, xp.nan)
+    x1067 = d_axes_1_1_d_rho_1*half_rho_a_3_1 + d_axes_1_1_d_rho_2*half_rho_a_3_2 + d_axes_1_1_d_rho_3*half_rho_a_3_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_3_3
+    del x1016, x1027, x991, x1041, d_axes_1_2_d_angle, half_prime_a_2_3, half_prime_a_2_1, half_prime_a_2_2, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3, x1050, x1056, d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3
+    covariance_1_3_1 = xp.where(two, x1067 + x1004, xp.nan)
+    x1079 = d_axes_1_2_d_rho_1*half_rho_a_3_1 + d_axes_1_2_d_rho_2*half_rho_a_3_2 + d_axes_1_2_d_rho_3*half_rho_a_3_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_2_d_rho_prime_3*half_prime_a_3_3
+    covariance_1_3_2 = xp.where(two, x1079 + x1044, xp.nan)
+    x1093 = d_axes_1_3_d_rho_1*half_rho_a_3_1 + d_axes_1_3_d_rho_2*half_rho_a_3_2 + d_axes_1_3_d_rho_3*half_rho_a_3_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_3_d_rho_prime_3*half_prime_a_3_3
+    del x1004, x1067, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, x1044, x1079, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2, d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
+    covariance_1_3_3 = xp.where(two, x1093 + d_axes_1_3_d_angle*d_axes_1_3_d_angle*var_angle, xp.nan)
+    x1107 = d_axes_2_1_d_rho_1*half_rho_b_1_1 + d_axes_2_1_d_rho_2*half_rho_b_1_2 + d_axes_2_1_d_rho_3*half_rho_b_1_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_1_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_1_3
+    covariance_2_1_1 = xp.where(two, x1107 + d_axes_2_1_d_angle*d_axes_2_1_d_angle*var_angle, xp.nan)
+    x1109 = d_axes_2_1_d_angle*var_angle
+    x1110 = x1109*d_axes_2_2_d_angle
+    x1116 = d_axes_2_2_d_rho_prime_3*half_prime_b_1_3
+    x1122 = x1110 + d_axes_2_2_d_rho_1*half_rho_b_1_1 + d_axes_2_2_d_rho_2*half_rho_b_1_2 + d_axes_2_2_d_rho_3*half_rho_b_1_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_1_2 + x1116
+    covariance_2_1_2 = xp.where(two, x1122, xp.nan)
+    x1123 = x1109*d_axes_2_3_d_angle
+    x1129 = d_axes_2_3_d_rho_prime_3*half_prime_b_1_3
+    x1135 = x1123 + d_axes_2_3_d_rho_1*half_rho_b_1_1 + d_axes_2_3_d_rho_2*half_rho_b_1_2 + d_axes_2_3_d_rho_3*half_rho_b_1_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_1_2 + x1129
+    covariance_2_1_3 = xp.where(two, x1135, xp.nan)
+    x1146 = d_axes_2_1_d_rho_1*half_rho_b_2_1 + d_axes_2_1_d_rho_2*half_rho_b_2_2 + d_axes_2_1_d_rho_3*half_rho_b_2_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_2_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_2_3
+    covariance_2_2_1 = xp.where(two, x1146 + x1110, xp.nan)
+    del d_axes_1_3_d_angle, x1093, x1107, d_axes_2_1_d_angle, x1116, x1122, x1109, half_prime_b_1_3, half_prime_b_1_1, half_prime_b_1_2, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3, x1129, x1135, x1110, x1146
+    x1160 = d_axes_2_2_d_rho_1*half_rho_b_2_1 + d_axes_2_2_d_rho_2*half_rho_b_2_2 + d_axes_2_2_d_rho_3*half_rho_b_2_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_2_2 + d_axes_2_2_d_rho_prime_3*half_prime_b_2_3
+    covariance_2_2_2 = xp.where(two, x1160 + d_axes_2_2_d_angle*d_axes_2_2_d_angle*var_angle, xp.nan)
+    x1163 = d_axes_2_2_d_angle*var_angle*d_axes_2_3_d_angle
+    x1169 = d_axes_2_3_d_rho_prime_3*half_prime_b_2_3
+    x1175 = x1163 + d_axes_2_3_d_rho_1*half_rho_b_2_1 + d_axes_2_3_d_rho_2*half_rho_b_2_2 + d_axes_2_3_d_rho_3*half_rho_b_2_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_2_2 + x1169
+    covariance_2_2_3 = xp.where(two, x1175, xp.nan)
+    x1186 = d_axes_2_1_d_rho_1*half_rho_b_3_1 + d_axes_2_1_d_rho_2*half_rho_b_3_2 + d_axes_2_1_d_rho_3*half_rho_b_3_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_3_3
+    del x1160, d_axes_2_2_d_angle, half_prime_b_2_3, half_prime_b_2_1, half_prime_b_2_2, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3, x1169, x1175, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3
+    covariance_2_3_1 = xp.where(two, x1186 + x1123, xp.nan)
+    x1198 = d_axes_2_2_d_rho_1*half_rho_b_3_1 + d_axes_2_2_d_rho_2*half_rho_b_3_2 + d_axes_2_2_d_rho_3*half_rho_b_3_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_2_d_rho_prime_3*half_prime_b_3_3
+    covariance_2_3_2 = xp.where(two, x1198 + x1163, xp.nan)
+    x1212 = d_axes_2_3_d_rho_1*half_rho_b_3_1 + d_axes_2_3_d_rho_2*half_rho_b_3_2 + d_axes_2_3_d_rho_3*half_rho_b_3_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_3_d_rho_prime_3*half_prime_b_3_3
+    del x1123, x1186, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1, d_axes_2_2_d_rho_prime_2, d_axes_2_2_d_rho_prime_3, x1163, x1198, d_axes_2_3_d_rho_1, d_axes_2_3_d_rho_2, d_axes_2_3_d_rho_3, d_axes_2_3_d_rho_prime_1, d_axes_2_3_d_rho_prime_2, d_axes_2_3_d_rho_prime_3, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3
+    covariance_2_3_3 = xp.where(two, x1212 + d_axes_2_3_d_angle*d_axes_2_3_d_angle*var_angle, xp.nan)
+    return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status_value)
 
 
 axis_covariance.signature = "(3),(3),(),(),(3,3),(3,3),()->(2,3,3),()"
@@ -1884,7 +1736,7 @@ def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
 
 
 def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
-    # 36 add, 73 mul, 1 cos, 1 sin
+    # 36 add, 62 mul, 1 cos, 1 sin
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
@@ -1892,81 +1744,57 @@ def _axis_residual(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     arm_2 = rho_2 - point_2
     arm_3 = rho_3 - point_3
     inner_1 = arm_1*cosine + sine*(arm_3*axis_2 - arm_2*axis_3)
-    x1 = arm_3*sine
-    d_inner_1_d_axis_2 = x1
-    x2 = arm_2*sine
-    d_inner_1_d_axis_3 = -x2
+    d_inner_1_d_axis_2 = arm_3*sine
+    d_inner_3_d_axis_1 = arm_2*sine
+    d_inner_1_d_axis_3 = -d_inner_3_d_axis_1
     d_inner_1_d_point_1 = -cosine
-    x4 = axis_3*sine
-    d_inner_1_d_point_2 = x4
-    x5 = axis_2*sine
-    d_inner_1_d_point_3 = -x5
+    d_inner_1_d_point_2 = axis_3*sine
+    d_inner_3_d_point_1 = axis_2*sine
+    d_inner_1_d_point_3 = -d_inner_3_d_point_1
     inner_2 = arm_2*cosine + sine*(arm_1*axis_3 - arm_3*axis_1)
-    d_inner_2_d_axis_1 = -x1
-    x6 = arm_1*sine
-    d_inner_2_d_axis_3 = x6
-    d_inner_2_d_point_1 = -x4
-    d_inner_2_d_point_2 = -cosine
-    x7 = axis_1*sine
-    d_inner_2_d_point_3 = x7
+    d_inner_2_d_axis_1 = -d_inner_1_d_axis_2
+    d_inner_2_d_axis_3 = arm_1*sine
+    d_inner_2_d_point_1 = -d_inner_1_d_point_2
+    d_inner_2_d_point_3 = axis_1*sine
     inner_3 = arm_3*cosine + sine*(arm_2*axis_1 - arm_1*axis_2)
-    d_inner_3_d_axis_1 = x2
-    d_inner_3_d_axis_2 = -x6
-    d_inner_3_d_point_1 = x5
-    d_inner_3_d_point_2 = -x7
-    d_inner_3_d_point_3 = -cosine
+    d_inner_3_d_axis_2 = -d_inner_2_d_axis_3
+    d_inner_3_d_point_2 = -d_inner_2_d_point_3
     moved_1 = rho_prime_1 - rho_1
     moved_2 = rho_prime_2 - rho_2
     moved_3 = rho_prime_3 - rho_3
-    x0 = 2.0*sine
-    residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2)
-    x8 = axis_2*x0
-    d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8
-    x9 = inner_3*x0
-    d_residual_1_d_axis_2 = -d_inner_3_d_axis_2*x8 - x9
-    x10 = inner_2*x0
-    x11 = axis_3*x0
-    d_residual_1_d_axis_3 = d_inner_2_d_axis_3*x11 + x10
-    d_residual_1_d_point_1 = axis_3*d_inner_2_d_point_1*x0 - d_inner_3_d_point_1*x8
-    d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8
-    d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8
-    residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3)
-    x12 = axis_1*x0
-    d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9
-    del half_angle, x1, x4, arm_1, arm_2, arm_3, x2, x6, x5, x7, cosine, sine, moved_1, inner_3, moved_2, d_inner_3_d_axis_1, x9
-    d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11
-    x13 = inner_1*x0
-    d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x11 - x13
-    d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11
-    d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11
-    d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11
-    residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1)
-    d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10
-    d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13
-    d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12
-    d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12
-    del d_inner_3_d_axis_2, d_inner_3_d_point_1, d_inner_3_d_point_2, d_inner_3_d_point_3, x11, inner_1, inner_2, moved_3, d_inner_2_d_axis_1, x10, d_inner_1_d_axis_2, x13, x8, d_inner_1_d_axis_3, d_inner_2_d_axis_3, d_inner_1_d_point_1, d_inner_2_d_point_1
-    d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12
-    d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12
-    residual_jacobian_1_1 = d_residual_1_d_axis_1
-    residual_jacobian_1_2 = d_residual_1_d_axis_2
-    residual_jacobian_1_3 = d_residual_1_d_axis_3
-    residual_jacobian_1_4 = d_residual_1_d_point_1
-    residual_jacobian_1_5 = d_residual_1_d_point_2
-    residual_jacobian_1_6 = d_residual_1_d_point_3
-    residual_jacobian_2_1 = d_residual_2_d_axis_1
-    residual_jacobian_2_2 = d_residual_2_d_axis_2
-    residual_jacobian_2_3 = d_residual_2_d_axis_3
-    residual_jacobian_2_4 = d_residual_2_d_point_1
-    del d_inner_1_d_point_2, d_inner_2_d_point_2, d_inner_1_d_point_3, d_inner_2_d_point_3, x0, x12, d_residual_1_d_axis_1, d_residual_1_d_axis_2, d_residual_1_d_axis_3, d_residual_1_d_point_1, d_residual_1_d_point_2, d_residual_1_d_point_3, d_residual_2_d_axis_1, d_residual_2_d_axis_2, d_residual_2_d_axis_3, d_residual_2_d_point_1
-    residual_jacobian_2_5 = d_residual_2_d_point_2
-    residual_jacobian_2_6 = d_residual_2_d_point_3
-    residual_jacobian_3_1 = d_residual_3_d_axis_1
-    residual_jacobian_3_2 = d_residual_3_d_axis_2
-    residual_jacobian_3_3 = d_residual_3_d_axis_3
-    residual_jacobian_3_4 = d_residual_3_d_point_1
-    residual_jacobian_3_5 = d_residual_3_d_point_2
-    residual_jacobian_3_6 = d_residual_3_d_point_3
+    x18 = 2.0*sine
+    residual_1 = moved_1 - x18*(axis_2*inner_3 - axis_3*inner_2)
+    x20 = x18*axis_2
+    x22 = x18*axis_3
+    residual_jacobian_1_1 = x22*d_inner_2_d_axis_1 - x20*d_inner_3_d_axis_1
+    x25 = x18*inner_3
+    residual_jacobian_1_2 = -(x20*d_inner_3_d_axis_2 + x25)
+    x28 = x18*inner_2
+    residual_jacobian_1_3 = x22*d_inner_2_d_axis_3 + x28
+    residual_jacobian_1_4 = x22*d_inner_2_d_point_1 - x20*d_inner_3_d_point_1
+    x32 = x22*d_inner_1_d_point_1
+    residual_jacobian_1_5 = x32 - x20*d_inner_3_d_point_2
+    x33 = x20*d_inner_1_d_point_1
+    residual_jacobian_1_6 = x22*d_inner_2_d_point_3 - x33
+    residual_2 = moved_2 - x18*(axis_3*inner_1 - axis_1*inner_3)
+    x39 = x18*axis_1
+    residual_jacobian_2_1 = x39*d_inner_3_d_axis_1 + x25
+    residual_jacobian_2_2 = x39*d_inner_3_d_axis_2 - x22*d_inner_1_d_axis_2
+    x44 = x18*inner_1
+    residual_jacobian_2_3 = -(x22*d_inner_1_d_axis_3 + x44)
+    residual_jacobian_2_4 = x39*d_inner_3_d_point_1 - x32
+    residual_jacobian_2_5 = x39*d_inner_3_d_point_2 - x22*d_inner_1_d_point_2
+    x49 = x39*d_inner_1_d_point_1
+    del half_angle, arm_1, arm_2, arm_3, cosine, sine, moved_1, inner_3, moved_2, d_inner_3_d_axis_1, x25, d_inner_3_d_axis_2, d_inner_3_d_point_1, x32, d_inner_3_d_point_2, d_inner_1_d_point_1
+    residual_jacobian_2_6 = x49 - x22*d_inner_1_d_point_3
+    residual_3 = moved_3 - x18*(axis_1*inner_2 - axis_2*inner_1)
+    residual_jacobian_3_1 = -(x39*d_inner_2_d_axis_1 + x28)
+    residual_jacobian_3_2 = x20*d_inner_1_d_axis_2 + x44
+    residual_jacobian_3_3 = x20*d_inner_1_d_axis_3 - x39*d_inner_2_d_axis_3
+    residual_jacobian_3_4 = x33 - x39*d_inner_2_d_point_1
+    residual_jacobian_3_5 = x20*d_inner_1_d_point_2 - x49
+    residual_jacobian_3_6 = x20*d_inner_1_d_point_3 - x39*d_inner_2_d_point_3
+    del x22, inner_1, inner_2, moved_3, x18, d_inner_2_d_axis_1, x28, d_inner_1_d_axis_2, x44, d_inner_1_d_axis_3, d_inner_2_d_axis_3, d_inner_2_d_point_1, x33, d_inner_1_d_point_2, x49, d_inner_1_d_point_3, d_inner_2_d_point_3, x20, x39
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6)
 
 

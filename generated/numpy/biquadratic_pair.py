@@ -58,33 +58,38 @@ def pair_prepared(first, second, *, out=None):
 
 
 def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, first_2_3, first_3_1, first_3_2, first_3_3, second_1_1, second_1_2, second_1_3, second_2_1, second_2_2, second_2_3, second_3_1, second_3_2, second_3_3, eps, largest):
-    # 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale
-    size_a = 0.125*xp.abs(first_1_1) + 0.125*xp.abs(first_1_2) + 0.125*xp.abs(first_1_3) + 0.125*xp.abs(first_2_1) + 0.125*xp.abs(first_2_2) + 0.125*xp.abs(first_2_3) + 0.125*xp.abs(first_3_1) + 0.125*xp.abs(first_3_2) + 0.125*xp.abs(first_3_3)
+    # 66 add, 78 mul, 2 div, 21 select, 4 compare, 46 abs, 3 power_of_two_scale
+    x22 = 0.125*xp.abs(first_1_1) + 0.125*xp.abs(first_1_2) + 0.125*xp.abs(first_1_3) + 0.125*xp.abs(first_2_1) + 0.125*xp.abs(first_2_2) + 0.125*xp.abs(first_2_3)
+    size_a = x22 + 0.125*xp.abs(first_3_1) + 0.125*xp.abs(first_3_2) + 0.125*xp.abs(first_3_3)
     good_a = size_a <= largest
-    x0 = 0.25*_power_of_two_scale(size_a)
-    scaled_a_1_1 = first_1_1*x0
-    scaled_a_1_2 = first_1_2*x0
-    scaled_a_1_3 = first_1_3*x0
-    scaled_a_2_1 = first_2_1*x0
-    scaled_a_2_2 = first_2_2*x0
-    scaled_a_2_3 = first_2_3*x0
-    scaled_a_3_1 = first_3_1*x0
-    scaled_a_3_2 = first_3_2*x0
-    scaled_a_3_3 = first_3_3*x0
-    size_b = 0.125*xp.abs(second_1_1) + 0.125*xp.abs(second_1_2) + 0.125*xp.abs(second_1_3) + 0.125*xp.abs(second_2_1) + 0.125*xp.abs(second_2_2) + 0.125*xp.abs(second_2_3) + 0.125*xp.abs(second_3_1) + 0.125*xp.abs(second_3_2) + 0.125*xp.abs(second_3_3)
-    good_b = (good_a) & (size_b <= largest)
-    x1 = 0.25*_power_of_two_scale(size_b)
-    scaled_b_1_1 = second_1_1*x1
-    scaled_b_1_2 = second_1_2*x1
-    scaled_b_1_3 = second_1_3*x1
-    scaled_b_2_1 = second_2_1*x1
-    scaled_b_2_2 = second_2_2*x1
-    scaled_b_2_3 = second_2_3*x1
-    scaled_b_3_1 = second_3_1*x1
-    scaled_b_3_2 = second_3_2*x1
-    scaled_b_3_3 = second_3_3*x1
-    square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3)
-    share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*xp.where(square > 0.0, 1.0/square, 1.0)
+    x26 = 0.25*_power_of_two_scale(size_a)
+    scaled_a_1_1 = x26*first_1_1
+    scaled_a_1_2 = x26*first_1_2
+    scaled_a_1_3 = x26*first_1_3
+    scaled_a_2_1 = x26*first_2_1
+    scaled_a_2_2 = x26*first_2_2
+    scaled_a_2_3 = x26*first_2_3
+    scaled_a_3_1 = x26*first_3_1
+    scaled_a_3_2 = x26*first_3_2
+    scaled_a_3_3 = x26*first_3_3
+    x49 = 0.125*xp.abs(second_1_1) + 0.125*xp.abs(second_1_2) + 0.125*xp.abs(second_1_3) + 0.125*xp.abs(second_2_1) + 0.125*xp.abs(second_2_2) + 0.125*xp.abs(second_2_3)
+    size_b = x49 + 0.125*xp.abs(second_3_1) + 0.125*xp.abs(second_3_2) + 0.125*xp.abs(second_3_3)
+    good_b = good_a & (size_b <= largest)
+    x54 = 0.25*_power_of_two_scale(size_b)
+    scaled_b_1_1 = x54*second_1_1
+    scaled_b_1_2 = x54*second_1_2
+    scaled_b_1_3 = x54*second_1_3
+    scaled_b_2_1 = x54*second_2_1
+    scaled_b_2_2 = x54*second_2_2
+    scaled_b_2_3 = x54*second_2_3
+    scaled_b_3_1 = x54*second_3_1
+    scaled_b_3_2 = x54*second_3_2
+    scaled_b_3_3 = x54*second_3_3
+    x68 = scaled_a_1_1*scaled_a_1_1 + scaled_a_1_2*scaled_a_1_2 + scaled_a_1_3*scaled_a_1_3 + scaled_a_2_1*scaled_a_2_1 + scaled_a_2_2*scaled_a_2_2 + scaled_a_2_3*scaled_a_2_3
+    square = x68 + scaled_a_3_1*scaled_a_3_1 + scaled_a_3_2*scaled_a_3_2 + scaled_a_3_3*scaled_a_3_3
+    x84 = scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3
+    x88 = 0.0 < square
+    share = (x84 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*xp.where(x88, 1.0/square, 1.0)
     rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share
     rest_1_2 = scaled_b_1_2 - scaled_a_1_2*share
     rest_1_3 = scaled_b_1_3 - scaled_a_1_3*share
@@ -94,11 +99,12 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     rest_3_1 = scaled_b_3_1 - scaled_a_3_1*share
     rest_3_2 = scaled_b_3_2 - scaled_a_3_2*share
     rest_3_3 = scaled_b_3_3 - scaled_a_3_3*share
-    before = (xp.abs(scaled_a_1_1) + xp.abs(scaled_a_1_2) + xp.abs(scaled_a_1_3) + xp.abs(scaled_a_2_1) + xp.abs(scaled_a_2_2) + xp.abs(scaled_a_2_3) + xp.abs(scaled_a_3_1) + xp.abs(scaled_a_3_2) + xp.abs(scaled_a_3_3))*xp.abs(share) + xp.abs(scaled_b_1_1) + xp.abs(scaled_b_1_2) + xp.abs(scaled_b_1_3) + xp.abs(scaled_b_2_1) + xp.abs(scaled_b_2_2) + xp.abs(scaled_b_2_3) + xp.abs(scaled_b_3_1) + xp.abs(scaled_b_3_2) + xp.abs(scaled_b_3_3)
+    x129 = (xp.abs(scaled_a_1_1) + xp.abs(scaled_a_1_2) + xp.abs(scaled_a_1_3) + xp.abs(scaled_a_2_1) + xp.abs(scaled_a_2_2) + xp.abs(scaled_a_2_3) + xp.abs(scaled_a_3_1) + xp.abs(scaled_a_3_2) + xp.abs(scaled_a_3_3))*xp.abs(share) + xp.abs(scaled_b_1_1) + xp.abs(scaled_b_1_2)
+    before = x129 + xp.abs(scaled_b_1_3) + xp.abs(scaled_b_2_1) + xp.abs(scaled_b_2_2) + xp.abs(scaled_b_2_3) + xp.abs(scaled_b_3_1) + xp.abs(scaled_b_3_2) + xp.abs(scaled_b_3_3)
+    del x22, size_a, x26, x49, good_a, size_b, x54, x68, square, x84, scaled_b_1_1, scaled_b_1_2, share, scaled_b_1_3, scaled_b_2_1, scaled_b_2_2, scaled_b_2_3, scaled_b_3_1, scaled_b_3_2, scaled_b_3_3, x129
     left = xp.abs(rest_1_1) + xp.abs(rest_1_2) + xp.abs(rest_1_3) + xp.abs(rest_2_1) + xp.abs(rest_2_2) + xp.abs(rest_2_3) + xp.abs(rest_3_1) + xp.abs(rest_3_2) + xp.abs(rest_3_3)
     rest_scale = _power_of_two_scale(left)
-    there = (good_b) & (left > 0.0) & (square > 0.0)
-    del size_a, x0, good_a, size_b, x1, scaled_b_1_1, scaled_b_1_2, scaled_b_1_3, scaled_b_2_1, scaled_b_2_2, scaled_b_2_3, scaled_b_3_1, scaled_b_3_2, scaled_b_3_3, share, square
+    there = good_b & (0.0 < left) & x88
     one_1_1 = xp.where(good_b, scaled_a_1_1, xp.nan)
     one_1_2 = xp.where(good_b, scaled_a_1_2, xp.nan)
     one_1_3 = xp.where(good_b, scaled_a_1_3, xp.nan)
@@ -108,19 +114,19 @@ def _pair_prepared(xp, first_1_1, first_1_2, first_1_3, first_2_1, first_2_2, fi
     one_3_1 = xp.where(good_b, scaled_a_3_1, xp.nan)
     one_3_2 = xp.where(good_b, scaled_a_3_2, xp.nan)
     one_3_3 = xp.where(good_b, scaled_a_3_3, xp.nan)
-    x2 = 0.5*rest_scale
-    two_1_1 = xp.where(good_b, rest_1_1*x2, xp.nan)
-    two_1_2 = xp.where(good_b, rest_1_2*x2, xp.nan)
-    two_1_3 = xp.where(good_b, rest_1_3*x2, xp.nan)
-    two_2_1 = xp.where(good_b, rest_2_1*x2, xp.nan)
-    two_2_2 = xp.where(good_b, rest_2_2*x2, xp.nan)
-    two_2_3 = xp.where(good_b, rest_2_3*x2, xp.nan)
-    del scaled_a_1_1, scaled_a_1_2, scaled_a_1_3, scaled_a_2_1, scaled_a_2_2, scaled_a_2_3, scaled_a_3_1, scaled_a_3_2, scaled_a_3_3, rest_scale, rest_1_1, rest_1_2, rest_1_3, rest_2_1, rest_2_2, rest_2_3
-    two_3_1 = xp.where(good_b, rest_3_1*x2, xp.nan)
-    two_3_2 = xp.where(good_b, rest_3_2*x2, xp.nan)
-    two_3_3 = xp.where(good_b, rest_3_3*x2, xp.nan)
-    loss = xp.where(there, before*xp.where(there, 1.0/left, 1.0), largest)
-    return (one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, loss)
+    x154 = 0.5*rest_scale
+    two_1_1 = xp.where(good_b, x154*rest_1_1, xp.nan)
+    two_1_2 = xp.where(good_b, x154*rest_1_2, xp.nan)
+    two_1_3 = xp.where(good_b, x154*rest_1_3, xp.nan)
+    two_2_1 = xp.where(good_b, x154*rest_2_1, xp.nan)
+    two_2_2 = xp.where(good_b, x154*rest_2_2, xp.nan)
+    del x88, scaled_a_1_1, scaled_a_1_2, scaled_a_1_3, scaled_a_2_1, scaled_a_2_2, scaled_a_2_3, scaled_a_3_1, scaled_a_3_2, scaled_a_3_3, rest_scale, rest_1_1, rest_1_2, rest_1_3, rest_2_1, rest_2_2
+    two_2_3 = xp.where(good_b, x154*rest_2_3, xp.nan)
+    two_3_1 = xp.where(good_b, x154*rest_3_1, xp.nan)
+    two_3_2 = xp.where(good_b, x154*rest_3_2, xp.nan)
+    two_3_3 = xp.where(good_b, x154*rest_3_3, xp.nan)
+    loss_value = xp.where(there, before*xp.where(there, 1.0/left, 1.0), largest)
+    return (one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, loss_value)
 
 
 pair_prepared.signature = "(3,3),(3,3)->(3,3),(3,3),()"
@@ -162,151 +168,152 @@ def pair_octic(one, two, *, out=None):
 
 
 def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, eps, largest):
-    # 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs
-    x0 = 0.5*two_3_3
-    x1 = one_3_2*x0
-    x2 = 0.5*one_3_3
-    x3 = two_3_2*x2
-    x4 = 0.5*two_2_3
-    x5 = 0.5*one_2_3
-    x6 = one_2_2*x4 - two_2_2*x5
-    k0_1 = one_1_2*two_1_3 + x1 + x6 - one_1_3*two_1_2 - x3
-    x7 = one_3_1*x0
-    x8 = two_3_1*x2
-    x9 = one_2_1*x4 - 0.5*one_2_3*two_2_1
-    k0_2 = one_1_3*two_1_1 + x8 - one_1_1*two_1_3 - x7 - x9
-    x10 = 0.5*one_3_1
-    x11 = two_3_2*x10
-    x12 = 0.5*one_3_2
-    x13 = two_3_1*x12
-    x14 = 0.5*one_2_1
-    x15 = 0.5*one_2_2
-    x16 = two_2_2*x14 - two_2_1*x15
-    k0_3 = one_1_1*two_1_2 + x11 + x16 - one_1_2*two_1_1 - x13
+    # 210 add, 195 mul, 6 sqrt, 20 select, 7 compare, 8 abs
+    x2 = 0.5*one_2_2
+    x4 = 0.5*one_2_3
+    x6 = 0.5*one_3_2
+    x8 = 0.5*one_3_3
+    x10 = x2*two_2_3 - x4*two_2_2
+    x11 = x6*two_3_3 - x8*two_3_2
+    k0_1 = one_1_2*two_1_3 + x10 + x11 - one_1_3*two_1_2
+    x16 = 0.5*one_2_1
+    x19 = 0.5*one_3_1
+    x22 = x4*two_2_1 - x16*two_2_3
+    x23 = x8*two_3_1 - x19*two_3_3
+    k0_2 = one_1_3*two_1_1 + x22 + x23 - one_1_1*two_1_3
+    x32 = x16*two_2_2 - x2*two_2_1
+    x33 = x19*two_3_2 - x6*two_3_1
+    k0_3 = one_1_1*two_1_2 + x32 + x33 - one_1_2*two_1_1
     k1_1 = one_1_2*two_2_3 + one_2_2*two_1_3 - one_1_3*two_2_2 - one_2_3*two_1_2
     k1_2 = one_1_3*two_2_1 + one_2_3*two_1_1 - one_1_1*two_2_3 - one_2_1*two_1_3
     k1_3 = one_1_1*two_2_2 + one_2_1*two_1_2 - one_1_2*two_2_1 - one_2_2*two_1_1
     k2_1 = one_1_2*two_3_3 + one_3_2*two_1_3 - one_1_3*two_3_2 - one_3_3*two_1_2
     k2_2 = one_1_3*two_3_1 + one_3_3*two_1_1 - one_1_1*two_3_3 - one_3_1*two_1_3
     k2_3 = one_1_1*two_3_2 + one_3_1*two_1_2 - one_1_2*two_3_1 - one_3_2*two_1_1
-    k3_1 = x3 + x6 - x1
-    k3_2 = x7 - x8 - x9
-    k3_3 = x13 + x16 - x11
-    k4_1 = one_2_2*x0 + one_3_2*x4 - two_2_2*x2 - two_3_2*x5
-    k4_2 = 0.5*one_2_3*two_3_1 + 0.5*one_3_3*two_2_1 - one_2_1*x0 - one_3_1*x4
-    k4_3 = two_2_2*x10 + two_3_2*x14 - two_2_1*x12 - two_3_1*x15
-    del x1, x3, x6, x7, x8, x9, x11, x13, x16, x2, x5, x0, x4, x10, x12, x14, x15
-    x17 = k0_3 + k3_3
-    x20 = k3_1 + k3_2
-    x21 = k0_1 + k0_2
-    x22 = x20 + x21
-    x25 = k0_1 - k0_2
-    x26 = k3_1 + x25 - k3_2
-    value0 = xp.abs(((x17 - k1_3)*(x17 - k1_3)) + (x22 - k1_1 - k1_2)*(k1_1 - k1_2 - x26))
-    x27 = 0.5*1.4142135623730951
-    x28 = k1_3*x27
-    x30 = k2_3*x27
-    x31 = k0_3 - x30
-    x32 = k1_1*x27
-    x34 = k2_1*x27
-    x36 = k4_1 - x32 - x34
-    x37 = k2_2*x27
-    x39 = x21 - x37
-    x40 = k1_2*x27
-    x42 = k4_2 - x40
-    x44 = x40 - k4_2
-    x45 = x25 + x37
-    value1 = xp.abs(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42))
-    better1 = value1 > value0
+    k3_1 = x10 - x11
+    k3_2 = x22 - x23
+    k3_3 = x32 - x33
+    x72 = 0.5*two_3_3
+    x74 = 0.5*two_3_2
+    k4_1 = x72*one_2_2 + x6*two_2_3 - x74*one_2_3 - x8*two_2_2
+    x81 = 0.5*two_3_1
+    k4_2 = x81*one_2_3 + x8*two_2_1 - x72*one_2_1 - x19*two_2_3
+    k4_3 = x74*one_2_1 + x19*two_2_2 - x81*one_2_2 - x6*two_2_1
+    x93 = k0_3 + k3_3
+    x94 = x93 - k1_3
+    x96 = k0_2 - k0_1
+    x97 = k3_2 - k3_1
+    x98 = k1_1 - k1_2
+    x101 = k0_1 + k0_2
+    x102 = k3_1 + k3_2
+    x103 = k1_1 + k1_2
+    x104 = x101 + x102
+    value0 = xp.abs(x94*x94 + (x96 + x98 + x97)*(x104 - x103))
+    del x4, x16, x2, x10, x11, x22, x23, x32, x33, x72, x8, x19, x6, x74, x81, x94
+    x109 = 0.5*2.0**0.5
+    x110 = x109*k1_3
+    x111 = x109*k2_3
+    x114 = k0_3 + k4_3 - (x110 + x111)
+    x116 = x109*k1_1
+    x117 = x109*k1_2
+    x118 = x109*k2_1
+    x119 = x109*k2_2
+    x120 = x116 + x118
+    x121 = k4_2 - x117
+    x122 = x119 + k4_1
+    x126 = k4_1 - x119
+    value1 = xp.abs(x114*x114 + (x96 + x120 + x121 - x122)*(x101 + x126 + x121 - x120))
+    better1 = value0 < value1
     best1 = xp.where(better1, value1, value0)
-    cosine1 = xp.where(better1, x27, 1.0)
-    sine1 = xp.where(better1, x27, 0.0)
-    x47 = k3_2 + x25 - k3_1
-    x48 = k2_1 + k2_2
-    value2 = xp.abs(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48))
-    better2 = value2 > best1
+    cosine1 = xp.where(better1, x109, 1.0)
+    sine1 = xp.where(better1, x109, 0.0)
+    x132 = k0_3 - k3_3
+    x133 = x132 - k2_3
+    x135 = k2_1 - k2_2
+    x138 = k2_1 + k2_2
+    value2 = xp.abs(x133*x133 + (x96 + x135 - x97)*(x101 - x138 - x102))
+    better2 = best1 < value2
     best2 = xp.where(better2, value2, best1)
     cosine2 = xp.where(better2, 0.0, cosine1)
     sine2 = xp.where(better2, 1.0, sine1)
-    x51 = x32 - k4_1 - x34
-    value3 = xp.abs(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51))
-    del x36, value0, value1, better1, x20, best1, value2, cosine1, better2, sine1, x31, x39, x42, x44, x45, x51
-    better3 = value3 > best2
+    x143 = k0_3 + x110
+    x144 = x111 + k4_3
+    x145 = x143 - x144
+    x147 = x118 - x116
+    value3 = xp.abs(x145*x145 + (x96 - x121 + x147 + x126)*(x101 - x147 - x121 - x122))
+    better3 = best2 < value3
     best3 = xp.where(better3, value3, best2)
-    cosine3 = xp.where(better3, -x27, cosine2)
-    sine3 = xp.where(better3, x27, sine2)
-    value4 = xp.abs(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22))
-    better4 = value4 > best3
+    del x119, x114, value0, value1, better1, x133, best1, value2, cosine1, better2, sine1, x116, x118, x121, x145, best2, value3
+    x156 = -x109
+    cosine3 = xp.where(better3, x156, cosine2)
+    sine3 = xp.where(better3, x109, sine2)
+    x157 = x93 + k1_3
+    value4 = xp.abs(x157*x157 + (x96 - x98 + x97)*(x104 + x103))
+    better4 = best3 < value4
     best4 = xp.where(better4, value4, best3)
     cosine4 = xp.where(better4, -1.0, cosine3)
     sine4 = xp.where(better4, 0.0, sine3)
-    x53 = k0_3 + x30
-    x54 = k4_1 + x32 + x34
-    x55 = x21 + x37
-    x56 = k4_2 + x40
-    x57 = -k4_2 - x40
-    x58 = x25 - x37
-    del best2, value3, cosine2, better3, sine2, x17, x22, x26, best3, value4, cosine3, better4, sine3, x30, x40, x25, x37
-    value5 = xp.abs(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56))
-    better5 = value5 > best4
+    x164 = x143 + x144
+    x166 = x117 + k4_2
+    del cosine2, better3, sine2, x93, x103, x104, x157, x98, best3, value4, cosine3, better4, sine3, x143, x144, x117
+    value5 = xp.abs(x164*x164 + (x96 + x166 - x126 - x120)*(x101 + x120 + x166 + x122))
+    better5 = best4 < value5
     best5 = xp.where(better5, value5, best4)
-    cosine5 = xp.where(better5, -x27, cosine4)
-    sine5 = xp.where(better5, -x27, sine4)
-    value6 = xp.abs(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2))
-    better6 = value6 > best5
+    cosine5 = xp.where(better5, x156, cosine4)
+    sine5 = xp.where(better5, x156, sine4)
+    x175 = x132 + k2_3
+    value6 = xp.abs(x175*x175 + (x96 - x135 - x97)*(x101 + x138 - x102))
+    better6 = best5 < value6
     best6 = xp.where(better6, value6, best5)
     cosine6 = xp.where(better6, 0.0, cosine5)
+    del x120, x164, best4, value5, cosine4, better5, sine4, x132, x102, x135, x138, x175, x97, best5, value6, cosine5
     sine6 = xp.where(better6, -1.0, sine5)
-    x59 = x34 - k4_1 - x32
-    del x54, best4, value5, cosine4, better5, sine4, x21, x47, x48, best5, value6, cosine5, better6, sine5, x32, x34
-    value7 = xp.abs(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59))
-    better7 = value7 > best6
-    cosine7 = xp.where(better7, x27, cosine6)
-    sine7 = xp.where(better7, -x27, sine6)
-    t0_1 = k0_1
-    t0_2 = k0_2
-    t0_3 = k0_3
-    del x28, x53, x55, x56, x57, x58, x59, best6, value7, cosine6, better7, sine6, x27, k0_1, k0_2, k0_3
-    t1_1 = cosine7*k1_1 + k2_1*sine7
-    t1_2 = cosine7*k1_2 + k2_2*sine7
-    t1_3 = cosine7*k1_3 + k2_3*sine7
-    t2_1 = cosine7*k2_1 - k1_1*sine7
-    t2_2 = cosine7*k2_2 - k1_2*sine7
-    t2_3 = cosine7*k2_3 - k1_3*sine7
-    x60 = 2.0*cosine7*sine7
-    x61 = (cosine7*cosine7) - (sine7*sine7)
-    t3_1 = k3_1*x61 + k4_1*x60
-    t3_2 = k3_2*x61 + k4_2*x60
-    t3_3 = k3_3*x61 + k4_3*x60
-    t4_1 = k4_1*x61 - k3_1*x60
-    t4_2 = k4_2*x61 - k3_2*x60
-    t4_3 = k4_3*x61 - k3_3*x60
-    x62 = t0_1 + t3_1
-    q0_1 = t1_1 + x62
-    x63 = 2.0*t2_1
-    x64 = 4.0*t4_1
-    del k1_1, k2_1, k1_2, k2_2, k1_3, k2_3, k3_1, k4_1, k3_2, k4_2, k3_3, k4_3, x60, x61, t2_1, t4_1
-    q0_2 = x63 + x64
-    q0_3 = 2.0*t0_1 - 6.0*t3_1
-    q0_4 = x63 - x64
-    q0_5 = x62 - t1_1
-    x65 = t0_2 + t3_2
-    q1_1 = t1_2 + x65
-    x66 = 2.0*t2_2
-    x67 = 4.0*t4_2
-    q1_2 = x66 + x67
-    q1_3 = 2.0*t0_2 - 6.0*t3_2
-    q1_4 = x66 - x67
-    q1_5 = x65 - t1_2
-    x68 = t0_3 + t3_3
-    q2_1 = t1_3 + x68
-    x69 = 2.0*t2_3
-    x70 = 4.0*t4_3
-    del t0_1, t3_1, x63, x64, t1_1, x62, t2_2, t4_2, t0_2, t3_2, x66, x67, t1_2, x65, t2_3, t4_3
-    q2_2 = x69 + x70
-    q2_3 = 2.0*t0_3 - 6.0*t3_3
-    q2_4 = x69 - x70
-    q2_5 = x68 - t1_3
+    x185 = k0_3 + x111 - (x110 + k4_3)
+    value7 = xp.abs(x185*x185 + (x96 - x147 + x122 - x166)*(x101 + x147 - x126 - x166))
+    better7 = best6 < value7
+    turn_1 = xp.where(better7, x109, cosine6)
+    turn_2 = xp.where(better7, x156, sine6)
+    del better6, sine5, x110, x111, x101, x122, x126, x147, x166, x185, x96, best6, value7, cosine6, x109, better7, sine6, x156
+    t1_1 = turn_1*k1_1 + k2_1*turn_2
+    t1_2 = turn_1*k1_2 + k2_2*turn_2
+    t1_3 = turn_1*k1_3 + k2_3*turn_2
+    t2_1 = turn_1*k2_1 - k1_1*turn_2
+    t2_2 = turn_1*k2_2 - k1_2*turn_2
+    t2_3 = turn_1*k2_3 - k1_3*turn_2
+    x207 = 2.0*turn_1
+    x212 = turn_1*turn_1 - turn_2*turn_2
+    t3_1 = x207*k4_1*turn_2 + k3_1*x212
+    t3_2 = x207*k4_2*turn_2 + k3_2*x212
+    t3_3 = x207*k4_3*turn_2 + k3_3*x212
+    t4_1 = k4_1*x212 - x207*k3_1*turn_2
+    t4_2 = k4_2*x212 - x207*k3_2*turn_2
+    t4_3 = k4_3*x212 - x207*k3_3*turn_2
+    x229 = k0_1 + t3_1
+    q0_1 = x229 + t1_1
+    x230 = 2.0*t2_1
+    x231 = 4.0*t4_1
+    del k1_1, k2_1, k1_2, k2_2, k1_3, k2_3, k3_1, k4_1, k3_2, k4_2, k3_3, k4_3, x207, x212, t2_1, t4_1
+    q0_2 = x230 + x231
+    q0_3 = 2.0*k0_1 - 6.0*t3_1
+    q0_4 = x230 - x231
+    q0_5 = x229 - t1_1
+    x234 = k0_2 + t3_2
+    q1_1 = x234 + t1_2
+    x235 = 2.0*t2_2
+    x236 = 4.0*t4_2
+    q1_2 = x235 + x236
+    q1_3 = 2.0*k0_2 - 6.0*t3_2
+    q1_4 = x235 - x236
+    q1_5 = x234 - t1_2
+    x239 = k0_3 + t3_3
+    q2_1 = x239 + t1_3
+    x240 = 2.0*t2_3
+    x241 = 4.0*t4_3
+    del k0_1, t3_1, x230, x231, t1_1, x229, t2_2, t4_2, k0_2, t3_2, x235, x236, t1_2, x234, t2_3, t4_3
+    q2_2 = x240 + x241
+    q2_3 = 2.0*k0_3 - 6.0*t3_3
+    q2_4 = x240 - x241
+    q2_5 = x239 - t1_3
     minus_1 = q1_1 - q0_1
     minus_2 = q1_2 - q0_2
     minus_3 = q1_3 - q0_3
@@ -317,24 +324,27 @@ def _pair_octic(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_
     plus_3 = q0_3 + q1_3
     plus_4 = q0_4 + q1_4
     plus_5 = q0_5 + q1_5
-    del t0_3, t3_3, x69, x70, t1_3, x68, q0_1, q1_1, q0_2, q1_2, q0_3, q1_3, q0_4, q1_4, q0_5, q1_5
-    octic_1 = minus_1*plus_1 + (q2_1*q2_1)
-    x71 = 2.0*q2_1
-    octic_2 = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71
-    octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71
-    x72 = 2.0*q2_2
-    octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71
-    octic_5 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71
-    x73 = 2.0*q2_3
-    octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72
-    octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73
+    del k0_3, t3_3, x240, x241, t1_3, x239, q0_1, q1_1, q0_2, q1_2, q0_3, q1_3, q0_4, q1_4, q0_5, q1_5
+    octic_1 = minus_1*plus_1 + q2_1*q2_1
+    x248 = 2.0*q2_1
+    octic_2 = minus_1*plus_2 + minus_2*plus_1 + x248*q2_2
+    octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + x248*q2_3 + q2_2*q2_2
+    x264 = 2.0*q2_2
+    octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + x248*q2_4 + x264*q2_3
+    x282 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + x248*q2_5
+    octic_5 = x282 + x264*q2_4 + q2_3*q2_3
+    x289 = 2.0*q2_3
+    octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + x264*q2_5 + x289*q2_4
+    octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + x289*q2_5 + q2_4*q2_4
     octic_8 = minus_4*plus_5 + minus_5*plus_4 + 2.0*q2_4*q2_5
-    octic_9 = minus_5*plus_5 + (q2_5*q2_5)
-    del q2_1, q2_2, minus_1, plus_1, x71, q2_3, minus_2, plus_2, x72, minus_3, plus_3, x73, minus_4, plus_4, q2_4, minus_5, plus_5, q2_5
-    turn_1 = cosine7
-    turn_2 = sine7
-    size = ((xp.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + xp.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + xp.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(xp.sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + xp.sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + xp.sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((xp.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + xp.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + xp.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(xp.sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + xp.sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + xp.sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))))
-    return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, turn_1, turn_2, size)
+    del q2_1, q2_2, minus_1, plus_1, x248, x282, q2_3, minus_2, plus_2, x264, minus_3, plus_3, x289, minus_4, plus_4, q2_4
+    octic_9 = minus_5*plus_5 + q2_5*q2_5
+    x328 = xp.sqrt(one_1_1*one_1_1 + one_1_2*one_1_2 + one_1_3*one_1_3) + xp.sqrt(one_2_1*one_2_1 + one_2_2*one_2_2 + one_2_3*one_2_3)
+    x329 = x328 + xp.sqrt(one_3_1*one_3_1 + one_3_2*one_3_2 + one_3_3*one_3_3)
+    x349 = xp.sqrt(two_1_1*two_1_1 + two_1_2*two_1_2 + two_1_3*two_1_3) + xp.sqrt(two_2_1*two_2_1 + two_2_2*two_2_2 + two_2_3*two_2_3)
+    x350 = x349 + xp.sqrt(two_3_1*two_3_1 + two_3_2*two_3_2 + two_3_3*two_3_3)
+    size_value = x329*x329*(x350*x350)
+    return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, turn_1, turn_2, size_value)
 
 
 pair_octic.signature = "(3,3),(3,3)->(9),(2),()"
@@ -376,455 +386,455 @@ def pair_aberth(octic, roots, *, out=None):
 def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
     # 492 add, 488 mul, 44 div, 43 select, 43 compare
     s0 = 2.0*roots_1_1
-    x0 = (roots_1_2*roots_1_2)
-    x1 = (roots_1_1*roots_1_1) + x0
-    t0 = x1
+    x1 = roots_1_2*roots_1_2
+    t0 = roots_1_1*roots_1_1 + x1
     x2 = octic_9*s0
     b0_7 = octic_8 + x2
-    x3 = -octic_9*t0
-    b0_6 = b0_7*s0 + octic_7 + x3
+    x4 = octic_9*t0
+    b0_6 = b0_7*s0 + octic_7 - x4
     b0_5 = b0_6*s0 + octic_6 - b0_7*t0
     b0_4 = b0_5*s0 + octic_5 - b0_6*t0
     b0_3 = b0_4*s0 + octic_4 - b0_5*t0
     b0_2 = b0_3*s0 + octic_3 - b0_4*t0
     b0_1 = b0_2*s0 + octic_2 - b0_3*t0
     c0_5 = b0_7 + x2
-    c0_4 = b0_6 + c0_5*s0 + x3
+    c0_4 = b0_6 + c0_5*s0 - x4
     c0_3 = b0_5 + c0_4*s0 - c0_5*t0
     c0_2 = b0_4 + c0_3*s0 - c0_4*t0
     c0_1 = b0_3 + c0_2*s0 - c0_3*t0
     re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0
     im0 = b0_1*roots_1_2
-    slope_re0 = b0_1 - 2.0*c0_1*x0
+    slope_re0 = b0_1 - 2.0*c0_1*x1
     slope_im0 = 2.0*roots_1_2*(b0_2 + c0_1*roots_1_1 - c0_2*t0)
-    del b0_7, x2, b0_6, x3, b0_5, c0_5, b0_4, c0_4, b0_3, c0_3, s0, b0_1, x0, b0_2, c0_1, c0_2, t0
+    del b0_7, x2, b0_6, x4, b0_5, c0_5, b0_4, c0_4, b0_3, c0_3, s0, b0_1, x1, b0_2, c0_1, c0_2
     s1 = 2.0*roots_2_1
-    x4 = (roots_2_2*roots_2_2)
-    x5 = (roots_2_1*roots_2_1) + x4
-    t1 = x5
-    x6 = octic_9*s1
-    b1_7 = octic_8 + x6
-    x7 = -octic_9*t1
-    b1_6 = b1_7*s1 + octic_7 + x7
+    x43 = roots_2_2*roots_2_2
+    t1 = roots_2_1*roots_2_1 + x43
+    x44 = octic_9*s1
+    b1_7 = octic_8 + x44
+    x46 = octic_9*t1
+    b1_6 = b1_7*s1 + octic_7 - x46
     b1_5 = b1_6*s1 + octic_6 - b1_7*t1
     b1_4 = b1_5*s1 + octic_5 - b1_6*t1
     b1_3 = b1_4*s1 + octic_4 - b1_5*t1
     b1_2 = b1_3*s1 + octic_3 - b1_4*t1
     b1_1 = b1_2*s1 + octic_2 - b1_3*t1
-    c1_5 = b1_7 + x6
-    c1_4 = b1_6 + c1_5*s1 + x7
+    c1_5 = b1_7 + x44
+    c1_4 = b1_6 + c1_5*s1 - x46
     c1_3 = b1_5 + c1_4*s1 - c1_5*t1
     c1_2 = b1_4 + c1_3*s1 - c1_4*t1
     c1_1 = b1_3 + c1_2*s1 - c1_3*t1
     re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1
     im1 = b1_1*roots_2_2
-    slope_re1 = b1_1 - 2.0*c1_1*x4
+    slope_re1 = b1_1 - 2.0*c1_1*x43
     slope_im1 = 2.0*roots_2_2*(b1_2 + c1_1*roots_2_1 - c1_2*t1)
-    del b1_7, x6, b1_6, x7, b1_5, c1_5, b1_4, c1_4, b1_3, c1_3, s1, b1_1, x4, b1_2, c1_1, c1_2, t1
+    del b1_7, x44, b1_6, x46, b1_5, c1_5, b1_4, c1_4, b1_3, c1_3, s1, b1_1, x43, b1_2, c1_1, c1_2
     s2 = 2.0*roots_3_1
-    x8 = (roots_3_2*roots_3_2)
-    x9 = (roots_3_1*roots_3_1) + x8
-    t2 = x9
-    x10 = octic_9*s2
-    b2_7 = octic_8 + x10
-    x11 = -octic_9*t2
-    b2_6 = b2_7*s2 + octic_7 + x11
+    x85 = roots_3_2*roots_3_2
+    t2 = roots_3_1*roots_3_1 + x85
+    x86 = octic_9*s2
+    b2_7 = octic_8 + x86
+    x88 = octic_9*t2
+    b2_6 = b2_7*s2 + octic_7 - x88
     b2_5 = b2_6*s2 + octic_6 - b2_7*t2
     b2_4 = b2_5*s2 + octic_5 - b2_6*t2
     b2_3 = b2_4*s2 + octic_4 - b2_5*t2
     b2_2 = b2_3*s2 + octic_3 - b2_4*t2
     b2_1 = b2_2*s2 + octic_2 - b2_3*t2
-    c2_5 = b2_7 + x10
-    c2_4 = b2_6 + c2_5*s2 + x11
+    c2_5 = b2_7 + x86
+    c2_4 = b2_6 + c2_5*s2 - x88
     c2_3 = b2_5 + c2_4*s2 - c2_5*t2
     c2_2 = b2_4 + c2_3*s2 - c2_4*t2
     c2_1 = b2_3 + c2_2*s2 - c2_3*t2
     re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2
     im2 = b2_1*roots_3_2
-    slope_re2 = b2_1 - 2.0*c2_1*x8
+    slope_re2 = b2_1 - 2.0*c2_1*x85
     slope_im2 = 2.0*roots_3_2*(b2_2 + c2_1*roots_3_1 - c2_2*t2)
-    del b2_7, x10, b2_6, x11, b2_5, c2_5, b2_4, c2_4, b2_3, c2_3, s2, b2_1, x8, b2_2, c2_1, c2_2, t2
+    del b2_7, x86, b2_6, x88, b2_5, c2_5, b2_4, c2_4, b2_3, c2_3, s2, b2_1, x85, b2_2, c2_1, c2_2
     s3 = 2.0*roots_4_1
-    x12 = (roots_4_2*roots_4_2)
-    x13 = (roots_4_1*roots_4_1) + x12
-    t3 = x13
-    x14 = octic_9*s3
-    b3_7 = octic_8 + x14
-    x15 = -octic_9*t3
-    b3_6 = b3_7*s3 + octic_7 + x15
+    x127 = roots_4_2*roots_4_2
+    t3 = roots_4_1*roots_4_1 + x127
+    x128 = octic_9*s3
+    b3_7 = octic_8 + x128
+    x130 = octic_9*t3
+    b3_6 = b3_7*s3 + octic_7 - x130
     b3_5 = b3_6*s3 + octic_6 - b3_7*t3
     b3_4 = b3_5*s3 + octic_5 - b3_6*t3
     b3_3 = b3_4*s3 + octic_4 - b3_5*t3
     b3_2 = b3_3*s3 + octic_3 - b3_4*t3
     b3_1 = b3_2*s3 + octic_2 - b3_3*t3
-    c3_5 = b3_7 + x14
-    c3_4 = b3_6 + c3_5*s3 + x15
+    c3_5 = b3_7 + x128
+    c3_4 = b3_6 + c3_5*s3 - x130
     c3_3 = b3_5 + c3_4*s3 - c3_5*t3
     c3_2 = b3_4 + c3_3*s3 - c3_4*t3
     c3_1 = b3_3 + c3_2*s3 - c3_3*t3
     re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3
     im3 = b3_1*roots_4_2
-    slope_re3 = b3_1 - 2.0*c3_1*x12
+    slope_re3 = b3_1 - 2.0*c3_1*x127
     slope_im3 = 2.0*roots_4_2*(b3_2 + c3_1*roots_4_1 - c3_2*t3)
-    del b3_7, x14, b3_6, x15, b3_5, c3_5, b3_4, c3_4, b3_3, c3_3, s3, b3_1, x12, b3_2, c3_1, c3_2, t3
+    del b3_7, x128, b3_6, x130, b3_5, c3_5, b3_4, c3_4, b3_3, c3_3, s3, b3_1, x127, b3_2, c3_1, c3_2
     s4 = 2.0*roots_5_1
-    x16 = (roots_5_2*roots_5_2)
-    x17 = (roots_5_1*roots_5_1) + x16
-    t4 = x17
-    x18 = octic_9*s4
-    b4_7 = octic_8 + x18
-    x19 = -octic_9*t4
-    b4_6 = b4_7*s4 + octic_7 + x19
+    x169 = roots_5_2*roots_5_2
+    t4 = roots_5_1*roots_5_1 + x169
+    x170 = octic_9*s4
+    b4_7 = octic_8 + x170
+    x172 = octic_9*t4
+    b4_6 = b4_7*s4 + octic_7 - x172
     b4_5 = b4_6*s4 + octic_6 - b4_7*t4
     b4_4 = b4_5*s4 + octic_5 - b4_6*t4
     b4_3 = b4_4*s4 + octic_4 - b4_5*t4
     b4_2 = b4_3*s4 + octic_3 - b4_4*t4
     b4_1 = b4_2*s4 + octic_2 - b4_3*t4
-    c4_5 = b4_7 + x18
-    c4_4 = b4_6 + c4_5*s4 + x19
+    c4_5 = b4_7 + x170
+    c4_4 = b4_6 + c4_5*s4 - x172
     c4_3 = b4_5 + c4_4*s4 - c4_5*t4
     c4_2 = b4_4 + c4_3*s4 - c4_4*t4
     c4_1 = b4_3 + c4_2*s4 - c4_3*t4
     re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4
     im4 = b4_1*roots_5_2
-    slope_re4 = b4_1 - 2.0*c4_1*x16
+    slope_re4 = b4_1 - 2.0*c4_1*x169
     slope_im4 = 2.0*roots_5_2*(b4_2 + c4_1*roots_5_1 - c4_2*t4)
-    del b4_7, x18, b4_6, x19, b4_5, c4_5, b4_4, c4_4, b4_3, c4_3, s4, b4_1, x16, b4_2, c4_1, c4_2, t4
+    del b4_7, x170, b4_6, x172, b4_5, c4_5, b4_4, c4_4, b4_3, c4_3, s4, b4_1, x169, b4_2, c4_1, c4_2
     s5 = 2.0*roots_6_1
-    x20 = (roots_6_2*roots_6_2)
-    x21 = (roots_6_1*roots_6_1) + x20
-    t5 = x21
-    x22 = octic_9*s5
-    b5_7 = octic_8 + x22
-    x23 = -octic_9*t5
-    b5_6 = b5_7*s5 + octic_7 + x23
+    x211 = roots_6_2*roots_6_2
+    t5 = roots_6_1*roots_6_1 + x211
+    x212 = octic_9*s5
+    b5_7 = octic_8 + x212
+    x214 = octic_9*t5
+    b5_6 = b5_7*s5 + octic_7 - x214
     b5_5 = b5_6*s5 + octic_6 - b5_7*t5
     b5_4 = b5_5*s5 + octic_5 - b5_6*t5
     b5_3 = b5_4*s5 + octic_4 - b5_5*t5
     b5_2 = b5_3*s5 + octic_3 - b5_4*t5
     b5_1 = b5_2*s5 + octic_2 - b5_3*t5
-    c5_5 = b5_7 + x22
-    c5_4 = b5_6 + c5_5*s5 + x23
+    c5_5 = b5_7 + x212
+    c5_4 = b5_6 + c5_5*s5 - x214
     c5_3 = b5_5 + c5_4*s5 - c5_5*t5
     c5_2 = b5_4 + c5_3*s5 - c5_4*t5
     c5_1 = b5_3 + c5_2*s5 - c5_3*t5
     re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5
     im5 = b5_1*roots_6_2
-    slope_re5 = b5_1 - 2.0*c5_1*x20
+    slope_re5 = b5_1 - 2.0*c5_1*x211
     slope_im5 = 2.0*roots_6_2*(b5_2 + c5_1*roots_6_1 - c5_2*t5)
-    del b5_7, x22, b5_6, x23, b5_5, c5_5, b5_4, c5_4, b5_3, c5_3, s5, b5_1, x20, b5_2, c5_1, c5_2, t5
+    del b5_7, x212, b5_6, x214, b5_5, c5_5, b5_4, c5_4, b5_3, c5_3, s5, b5_1, x211, b5_2, c5_1, c5_2
     s6 = 2.0*roots_7_1
-    x24 = (roots_7_2*roots_7_2)
-    x25 = (roots_7_1*roots_7_1) + x24
-    t6 = x25
-    x26 = octic_9*s6
-    b6_7 = octic_8 + x26
-    x27 = -octic_9*t6
-    b6_6 = b6_7*s6 + octic_7 + x27
+    x253 = roots_7_2*roots_7_2
+    t6 = roots_7_1*roots_7_1 + x253
+    x254 = octic_9*s6
+    b6_7 = octic_8 + x254
+    x256 = octic_9*t6
+    b6_6 = b6_7*s6 + octic_7 - x256
     b6_5 = b6_6*s6 + octic_6 - b6_7*t6
     b6_4 = b6_5*s6 + octic_5 - b6_6*t6
     b6_3 = b6_4*s6 + octic_4 - b6_5*t6
     b6_2 = b6_3*s6 + octic_3 - b6_4*t6
     b6_1 = b6_2*s6 + octic_2 - b6_3*t6
-    c6_5 = b6_7 + x26
-    c6_4 = b6_6 + c6_5*s6 + x27
+    c6_5 = b6_7 + x254
+    c6_4 = b6_6 + c6_5*s6 - x256
     c6_3 = b6_5 + c6_4*s6 - c6_5*t6
     c6_2 = b6_4 + c6_3*s6 - c6_4*t6
     c6_1 = b6_3 + c6_2*s6 - c6_3*t6
     re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6
     im6 = b6_1*roots_7_2
-    slope_re6 = b6_1 - 2.0*c6_1*x24
+    slope_re6 = b6_1 - 2.0*c6_1*x253
     slope_im6 = 2.0*roots_7_2*(b6_2 + c6_1*roots_7_1 - c6_2*t6)
-    del b6_7, x26, b6_6, x27, b6_5, c6_5, b6_4, c6_4, b6_3, c6_3, s6, b6_1, x24, b6_2, c6_1, c6_2, t6
+    del b6_7, x254, b6_6, x256, b6_5, c6_5, b6_4, c6_4, b6_3, c6_3, s6, b6_1, x253, b6_2, c6_1, c6_2
     s7 = 2.0*roots_8_1
-    x28 = (roots_8_2*roots_8_2)
-    x29 = (roots_8_1*roots_8_1) + x28
-    t7 = x29
-    x30 = octic_9*s7
-    b7_7 = octic_8 + x30
-    x31 = -octic_9*t7
-    b7_6 = b7_7*s7 + octic_7 + x31
+    x295 = roots_8_2*roots_8_2
+    t7 = roots_8_1*roots_8_1 + x295
+    x296 = octic_9*s7
+    b7_7 = octic_8 + x296
+    x298 = octic_9*t7
+    b7_6 = b7_7*s7 + octic_7 - x298
     b7_5 = b7_6*s7 + octic_6 - b7_7*t7
     b7_4 = b7_5*s7 + octic_5 - b7_6*t7
     b7_3 = b7_4*s7 + octic_4 - b7_5*t7
     b7_2 = b7_3*s7 + octic_3 - b7_4*t7
     b7_1 = b7_2*s7 + octic_2 - b7_3*t7
-    c7_5 = b7_7 + x30
-    c7_4 = b7_6 + c7_5*s7 + x31
+    c7_5 = b7_7 + x296
+    c7_4 = b7_6 + c7_5*s7 - x298
     c7_3 = b7_5 + c7_4*s7 - c7_5*t7
     c7_2 = b7_4 + c7_3*s7 - c7_4*t7
     c7_1 = b7_3 + c7_2*s7 - c7_3*t7
     re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7
     im7 = b7_1*roots_8_2
-    slope_re7 = b7_1 - 2.0*c7_1*x28
+    slope_re7 = b7_1 - 2.0*c7_1*x295
     slope_im7 = 2.0*roots_8_2*(b7_2 + c7_1*roots_8_1 - c7_2*t7)
-    del b7_7, x30, b7_6, x31, b7_5, c7_5, b7_4, c7_4, b7_3, c7_3, s7, b7_1, x28, b7_2, c7_1, c7_2, t7
+    del b7_7, x296, b7_6, x298, b7_5, c7_5, b7_4, c7_4, b7_3, c7_3, s7, b7_1, x295, b7_2, c7_1, c7_2
     dx10 = roots_2_1 - roots_1_1
     dy10 = roots_2_2 - roots_1_2
-    x32 = (dx10*dx10) + (dy10*dy10)
-    by10 = xp.where(x32 > 0.0, 1.0/x32, 0.0)
+    x338 = dx10*dx10 + dy10*dy10
+    by10 = xp.where(0.0 < x338, 1.0/x338, 0.0)
     dx20 = roots_3_1 - roots_1_1
     dy20 = roots_3_2 - roots_1_2
-    x35 = (dx20*dx20) + (dy20*dy20)
-    by20 = xp.where(x35 > 0.0, 1.0/x35, 0.0)
+    x343 = dx20*dx20 + dy20*dy20
+    by20 = xp.where(0.0 < x343, 1.0/x343, 0.0)
     dx21 = roots_3_1 - roots_2_1
     dy21 = roots_3_2 - roots_2_2
-    x36 = (dx21*dx21) + (dy21*dy21)
-    by21 = xp.where(x36 > 0.0, 1.0/x36, 0.0)
+    x348 = dx21*dx21 + dy21*dy21
+    by21 = xp.where(0.0 < x348, 1.0/x348, 0.0)
     dx30 = roots_4_1 - roots_1_1
     dy30 = roots_4_2 - roots_1_2
-    x39 = (dx30*dx30) + (dy30*dy30)
-    by30 = xp.where(x39 > 0.0, 1.0/x39, 0.0)
+    x353 = dx30*dx30 + dy30*dy30
+    by30 = xp.where(0.0 < x353, 1.0/x353, 0.0)
     dx31 = roots_4_1 - roots_2_1
     dy31 = roots_4_2 - roots_2_2
-    x40 = (dx31*dx31) + (dy31*dy31)
-    by31 = xp.where(x40 > 0.0, 1.0/x40, 0.0)
+    x358 = dx31*dx31 + dy31*dy31
+    by31 = xp.where(0.0 < x358, 1.0/x358, 0.0)
     dx32 = roots_4_1 - roots_3_1
     dy32 = roots_4_2 - roots_3_2
-    x41 = (dx32*dx32) + (dy32*dy32)
-    by32 = xp.where(x41 > 0.0, 1.0/x41, 0.0)
+    x363 = dx32*dx32 + dy32*dy32
+    by32 = xp.where(0.0 < x363, 1.0/x363, 0.0)
     dx40 = roots_5_1 - roots_1_1
     dy40 = roots_5_2 - roots_1_2
-    x44 = (dx40*dx40) + (dy40*dy40)
-    by40 = xp.where(x44 > 0.0, 1.0/x44, 0.0)
+    x368 = dx40*dx40 + dy40*dy40
+    by40 = xp.where(0.0 < x368, 1.0/x368, 0.0)
     dx41 = roots_5_1 - roots_2_1
     dy41 = roots_5_2 - roots_2_2
-    x45 = (dx41*dx41) + (dy41*dy41)
-    by41 = xp.where(x45 > 0.0, 1.0/x45, 0.0)
+    x373 = dx41*dx41 + dy41*dy41
+    by41 = xp.where(0.0 < x373, 1.0/x373, 0.0)
     dx42 = roots_5_1 - roots_3_1
     dy42 = roots_5_2 - roots_3_2
-    x46 = (dx42*dx42) + (dy42*dy42)
-    by42 = xp.where(x46 > 0.0, 1.0/x46, 0.0)
+    x378 = dx42*dx42 + dy42*dy42
+    by42 = xp.where(0.0 < x378, 1.0/x378, 0.0)
     dx43 = roots_5_1 - roots_4_1
     dy43 = roots_5_2 - roots_4_2
-    x47 = (dx43*dx43) + (dy43*dy43)
-    by43 = xp.where(x47 > 0.0, 1.0/x47, 0.0)
+    x383 = dx43*dx43 + dy43*dy43
+    by43 = xp.where(0.0 < x383, 1.0/x383, 0.0)
     dx50 = roots_6_1 - roots_1_1
     dy50 = roots_6_2 - roots_1_2
-    x50 = (dx50*dx50) + (dy50*dy50)
-    by50 = xp.where(x50 > 0.0, 1.0/x50, 0.0)
+    x388 = dx50*dx50 + dy50*dy50
+    by50 = xp.where(0.0 < x388, 1.0/x388, 0.0)
     dx51 = roots_6_1 - roots_2_1
     dy51 = roots_6_2 - roots_2_2
-    x51 = (dx51*dx51) + (dy51*dy51)
-    by51 = xp.where(x51 > 0.0, 1.0/x51, 0.0)
+    x393 = dx51*dx51 + dy51*dy51
+    by51 = xp.where(0.0 < x393, 1.0/x393, 0.0)
     dx52 = roots_6_1 - roots_3_1
     dy52 = roots_6_2 - roots_3_2
-    x52 = (dx52*dx52) + (dy52*dy52)
-    by52 = xp.where(x52 > 0.0, 1.0/x52, 0.0)
+    x398 = dx52*dx52 + dy52*dy52
+    by52 = xp.where(0.0 < x398, 1.0/x398, 0.0)
     dx53 = roots_6_1 - roots_4_1
     dy53 = roots_6_2 - roots_4_2
-    x53 = (dx53*dx53) + (dy53*dy53)
-    by53 = xp.where(x53 > 0.0, 1.0/x53, 0.0)
+    x403 = dx53*dx53 + dy53*dy53
+    by53 = xp.where(0.0 < x403, 1.0/x403, 0.0)
     dx54 = roots_6_1 - roots_5_1
     dy54 = roots_6_2 - roots_5_2
-    x54 = (dx54*dx54) + (dy54*dy54)
-    by54 = xp.where(x54 > 0.0, 1.0/x54, 0.0)
+    x408 = dx54*dx54 + dy54*dy54
+    by54 = xp.where(0.0 < x408, 1.0/x408, 0.0)
     dx60 = roots_7_1 - roots_1_1
     dy60 = roots_7_2 - roots_1_2
-    x57 = (dx60*dx60) + (dy60*dy60)
-    by60 = xp.where(x57 > 0.0, 1.0/x57, 0.0)
-    del x32, x35, x36, x39, x40, x41, x44, x45, x46, x47, x50, x51, x52, x53, x54, x57
+    x413 = dx60*dx60 + dy60*dy60
+    by60 = xp.where(0.0 < x413, 1.0/x413, 0.0)
+    del x338, x343, x348, x353, x358, x363, x368, x373, x378, x383, x388, x393, x398, x403, x408, x413
     dx61 = roots_7_1 - roots_2_1
     dy61 = roots_7_2 - roots_2_2
-    x58 = (dx61*dx61) + (dy61*dy61)
-    by61 = xp.where(x58 > 0.0, 1.0/x58, 0.0)
+    x418 = dx61*dx61 + dy61*dy61
+    by61 = xp.where(0.0 < x418, 1.0/x418, 0.0)
     dx62 = roots_7_1 - roots_3_1
     dy62 = roots_7_2 - roots_3_2
-    x59 = (dx62*dx62) + (dy62*dy62)
-    by62 = xp.where(x59 > 0.0, 1.0/x59, 0.0)
+    x423 = dx62*dx62 + dy62*dy62
+    by62 = xp.where(0.0 < x423, 1.0/x423, 0.0)
     dx63 = roots_7_1 - roots_4_1
     dy63 = roots_7_2 - roots_4_2
-    x60 = (dx63*dx63) + (dy63*dy63)
-    by63 = xp.where(x60 > 0.0, 1.0/x60, 0.0)
+    x428 = dx63*dx63 + dy63*dy63
+    by63 = xp.where(0.0 < x428, 1.0/x428, 0.0)
     dx64 = roots_7_1 - roots_5_1
     dy64 = roots_7_2 - roots_5_2
-    x61 = (dx64*dx64) + (dy64*dy64)
-    by64 = xp.where(x61 > 0.0, 1.0/x61, 0.0)
+    x433 = dx64*dx64 + dy64*dy64
+    by64 = xp.where(0.0 < x433, 1.0/x433, 0.0)
     dx65 = roots_7_1 - roots_6_1
     dy65 = roots_7_2 - roots_6_2
-    x62 = (dx65*dx65) + (dy65*dy65)
-    by65 = xp.where(x62 > 0.0, 1.0/x62, 0.0)
+    x438 = dx65*dx65 + dy65*dy65
+    by65 = xp.where(0.0 < x438, 1.0/x438, 0.0)
     dx70 = roots_8_1 - roots_1_1
     dy70 = roots_8_2 - roots_1_2
-    x65 = (dx70*dx70) + (dy70*dy70)
-    by70 = xp.where(x65 > 0.0, 1.0/x65, 0.0)
+    x443 = dx70*dx70 + dy70*dy70
+    by70 = xp.where(0.0 < x443, 1.0/x443, 0.0)
     dx71 = roots_8_1 - roots_2_1
     dy71 = roots_8_2 - roots_2_2
-    x66 = (dx71*dx71) + (dy71*dy71)
-    by71 = xp.where(x66 > 0.0, 1.0/x66, 0.0)
+    x448 = dx71*dx71 + dy71*dy71
+    by71 = xp.where(0.0 < x448, 1.0/x448, 0.0)
     dx72 = roots_8_1 - roots_3_1
     dy72 = roots_8_2 - roots_3_2
-    x67 = (dx72*dx72) + (dy72*dy72)
-    by72 = xp.where(x67 > 0.0, 1.0/x67, 0.0)
+    x453 = dx72*dx72 + dy72*dy72
+    by72 = xp.where(0.0 < x453, 1.0/x453, 0.0)
     dx73 = roots_8_1 - roots_4_1
     dy73 = roots_8_2 - roots_4_2
-    x68 = (dx73*dx73) + (dy73*dy73)
-    by73 = xp.where(x68 > 0.0, 1.0/x68, 0.0)
+    x458 = dx73*dx73 + dy73*dy73
+    by73 = xp.where(0.0 < x458, 1.0/x458, 0.0)
     dx74 = roots_8_1 - roots_5_1
     dy74 = roots_8_2 - roots_5_2
-    x69 = (dx74*dx74) + (dy74*dy74)
-    by74 = xp.where(x69 > 0.0, 1.0/x69, 0.0)
+    x463 = dx74*dx74 + dy74*dy74
+    by74 = xp.where(0.0 < x463, 1.0/x463, 0.0)
     dx75 = roots_8_1 - roots_6_1
     dy75 = roots_8_2 - roots_6_2
-    x70 = (dx75*dx75) + (dy75*dy75)
-    by75 = xp.where(x70 > 0.0, 1.0/x70, 0.0)
+    x468 = dx75*dx75 + dy75*dy75
+    by75 = xp.where(0.0 < x468, 1.0/x468, 0.0)
     dx76 = roots_8_1 - roots_7_1
     dy76 = roots_8_2 - roots_7_2
-    x71 = (dx76*dx76) + (dy76*dy76)
-    by76 = xp.where(x71 > 0.0, 1.0/x71, 0.0)
-    x72 = by10*dx10
-    x73 = by20*dx20
-    x74 = by30*dx30
-    x75 = by40*dx40
-    del x58, x59, x60, x61, x62, x65, x66, x67, x68, x69, x70, x71, dx10, dx20, dx30, dx40
-    x76 = by50*dx50
-    x77 = by60*dx60
-    x78 = by70*dx70
-    sum_re0 = -x72 - x73 - x74 - x75 - x76 - x77 - x78
-    x79 = by10*dy10
-    x80 = by20*dy20
-    x81 = by30*dy30
-    x82 = by40*dy40
-    x83 = by50*dy50
-    x84 = by60*dy60
-    x85 = by70*dy70
+    x473 = dx76*dx76 + dy76*dy76
+    by76 = xp.where(0.0 < x473, 1.0/x473, 0.0)
+    x476 = by10*dx10
+    x477 = by20*dx20
+    x478 = by30*dx30
+    x479 = by40*dx40
+    del x418, x423, x428, x433, x438, x443, x448, x453, x458, x463, x468, x473, dx10, dx20, dx30, dx40
+    x480 = by50*dx50
+    x481 = by60*dx60
+    x482 = by70*dx70
+    sum_re0 = -(x476 + x477 + x478 + x479 + x480 + x481 + x482)
+    x489 = by10*dy10
+    x490 = by20*dy20
+    x491 = by30*dy30
+    x492 = by40*dy40
+    x493 = by50*dy50
+    x494 = by60*dy60
+    x495 = by70*dy70
     del dx50, dx60, dx70, by10, dy10, by20, dy20, by30, dy30, by40, dy40, by50, dy50, by60, dy60, by70, dy70
-    sum_im0 = x79 + x80 + x81 + x82 + x83 + x84 + x85
+    sum_im0 = x489 + x490 + x491 + x492 + x493 + x494 + x495
     below_re0 = im0*sum_im0 + slope_re0 - re0*sum_re0
     below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0
-    x86 = (below_im0*below_im0) + (below_re0*below_re0)
-    inverse0 = xp.where(x86 > 0.0, 1.0/x86, 0.0)
+    x509 = below_im0*below_im0 + below_re0*below_re0
+    inverse0 = xp.where(0.0 < x509, 1.0/x509, 0.0)
     step_re0 = inverse0*(below_im0*im0 + below_re0*re0)
     step_im0 = inverse0*(below_re0*im0 - below_im0*re0)
-    share0 = ((step_im0*step_im0) + (step_re0*step_re0))/((x1 + 1.0)*(x1 + 1.0))
-    x87 = by21*dx21
-    x88 = by31*dx31
-    x89 = by41*dx41
-    x90 = by51*dx51
-    x91 = by61*dx61
-    del slope_re0, slope_im0, sum_im0, sum_re0, x86, below_im0, below_re0, im0, inverse0, re0, x1, dx21, dx31, dx41, dx51, dx61
-    x92 = by71*dx71
-    sum_re1 = x72 - x87 - x88 - x89 - x90 - x91 - x92
-    x93 = by21*dy21
-    x94 = by31*dy31
-    x95 = by41*dy41
-    x96 = by51*dy51
-    x97 = by61*dy61
-    x98 = by71*dy71
-    sum_im1 = x93 + x94 + x95 + x96 + x97 + x98 - x79
+    x521 = t0 + 1.0
+    share0 = (step_im0*step_im0 + step_re0*step_re0)/(x521*x521)
+    x523 = by21*dx21
+    x524 = by31*dx31
+    x525 = by41*dx41
+    x526 = by51*dx51
+    del slope_re0, slope_im0, sum_im0, sum_re0, x509, below_im0, below_re0, im0, inverse0, re0, t0, x521, dx21, dx31, dx41, dx51
+    x527 = by61*dx61
+    x528 = by71*dx71
+    sum_re1 = x476 - x523 - x524 - x525 - x526 - x527 - x528
+    x534 = by21*dy21
+    x535 = by31*dy31
+    x536 = by41*dy41
+    x537 = by51*dy51
+    x538 = by61*dy61
+    x539 = by71*dy71
+    sum_im1 = x534 + x535 + x536 + x537 + x538 + x539 - x489
+    del dx61, dx71, x476, by21, dy21, by31, dy31, by41, dy41, by51, dy51, by61, dy61, by71, dy71, x489
     below_re1 = im1*sum_im1 + slope_re1 - re1*sum_re1
-    del dx71, x72, by21, dy21, by31, dy31, by41, dy41, by51, dy51, by61, dy61, by71, dy71, x79, slope_re1
     below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1
-    x99 = (below_im1*below_im1) + (below_re1*below_re1)
-    inverse1 = xp.where(x99 > 0.0, 1.0/x99, 0.0)
+    x553 = below_im1*below_im1 + below_re1*below_re1
+    inverse1 = xp.where(0.0 < x553, 1.0/x553, 0.0)
     step_re1 = inverse1*(below_im1*im1 + below_re1*re1)
     step_im1 = inverse1*(below_re1*im1 - below_im1*re1)
-    share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + 1.0)*(x5 + 1.0))
+    x565 = t1 + 1.0
+    share1 = (step_im1*step_im1 + step_re1*step_re1)/(x565*x565)
     largest1 = xp.where(share0 < share1, share1, share0)
-    x100 = by32*dx32
-    x101 = by42*dx42
-    x102 = by52*dx52
-    x103 = by62*dx62
-    del slope_im1, sum_im1, sum_re1, x99, below_im1, below_re1, im1, inverse1, re1, x5, share0, share1, dx32, dx42, dx52, dx62
-    x104 = by72*dx72
-    sum_re2 = x73 + x87 - x100 - x101 - x102 - x103 - x104
-    x105 = by32*dy32
-    x106 = by42*dy42
-    x107 = by52*dy52
-    x108 = by62*dy62
-    x109 = by72*dy72
-    sum_im2 = x105 + x106 + x107 + x108 + x109 - x80 - x93
+    x568 = by32*dx32
+    x569 = by42*dx42
+    del slope_re1, slope_im1, sum_im1, sum_re1, x553, below_im1, below_re1, im1, inverse1, re1, t1, x565, share0, share1, dx32, dx42
+    x570 = by52*dx52
+    x571 = by62*dx62
+    x572 = by72*dx72
+    sum_re2 = x477 + x523 - x568 - x569 - x570 - x571 - x572
+    x578 = by32*dy32
+    x579 = by42*dy42
+    x580 = by52*dy52
+    x581 = by62*dy62
+    x582 = by72*dy72
+    sum_im2 = x578 + x579 + x580 + x581 + x582 - x490 - x534
+    del dx52, dx62, dx72, x477, x523, by32, dy32, by42, dy42, by52, dy52, by62, dy62, by72, dy72, x490, x534
     below_re2 = im2*sum_im2 + slope_re2 - re2*sum_re2
-    del dx72, x73, x87, by32, dy32, by42, dy42, by52, dy52, by62, dy62, by72, dy72, x80, x93, slope_re2
     below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2
-    x110 = (below_im2*below_im2) + (below_re2*below_re2)
-    inverse2 = xp.where(x110 > 0.0, 1.0/x110, 0.0)
+    x596 = below_im2*below_im2 + below_re2*below_re2
+    inverse2 = xp.where(0.0 < x596, 1.0/x596, 0.0)
     step_re2 = inverse2*(below_im2*im2 + below_re2*re2)
     step_im2 = inverse2*(below_re2*im2 - below_im2*re2)
-    share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + 1.0)*(x9 + 1.0))
+    x608 = t2 + 1.0
+    share2 = (step_im2*step_im2 + step_re2*step_re2)/(x608*x608)
     largest2 = xp.where(largest1 < share2, share2, largest1)
-    x111 = by43*dx43
-    x112 = by53*dx53
-    x113 = by63*dx63
-    x114 = by73*dx73
-    del slope_im2, sum_im2, sum_re2, x110, below_im2, below_re2, im2, inverse2, re2, x9, largest1, share2, dx43, dx53, dx63, dx73
-    sum_re3 = x100 + x74 + x88 - x111 - x112 - x113 - x114
-    x115 = by43*dy43
-    x116 = by53*dy53
-    x117 = by63*dy63
-    x118 = by73*dy73
-    sum_im3 = x115 + x116 + x117 + x118 - x105 - x81 - x94
+    x611 = by43*dx43
+    x612 = by53*dx53
+    del slope_re2, slope_im2, sum_im2, sum_re2, x596, below_im2, below_re2, im2, inverse2, re2, t2, x608, largest1, share2, dx43, dx53
+    x613 = by63*dx63
+    x614 = by73*dx73
+    sum_re3 = x478 + x524 + x568 - x611 - x612 - x613 - x614
+    x620 = by43*dy43
+    x621 = by53*dy53
+    x622 = by63*dy63
+    x623 = by73*dy73
+    sum_im3 = x620 + x621 + x622 + x623 - x491 - x535 - x578
+    del dx63, dx73, x478, x524, x568, by43, dy43, by53, dy53, by63, dy63, by73, dy73, x491, x535, x578
     below_re3 = im3*sum_im3 + slope_re3 - re3*sum_re3
     below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3
-    del x100, x74, x88, by43, dy43, by53, dy53, by63, dy63, by73, dy73, x105, x81, x94, slope_re3, slope_im3, sum_im3, sum_re3
-    x119 = (below_im3*below_im3) + (below_re3*below_re3)
-    inverse3 = xp.where(x119 > 0.0, 1.0/x119, 0.0)
+    x637 = below_im3*below_im3 + below_re3*below_re3
+    inverse3 = xp.where(0.0 < x637, 1.0/x637, 0.0)
     step_re3 = inverse3*(below_im3*im3 + below_re3*re3)
     step_im3 = inverse3*(below_re3*im3 - below_im3*re3)
-    share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + 1.0)*(x13 + 1.0))
+    x649 = t3 + 1.0
+    share3 = (step_im3*step_im3 + step_re3*step_re3)/(x649*x649)
     largest3 = xp.where(largest2 < share3, share3, largest2)
-    x120 = by54*dx54
-    x121 = by64*dx64
-    x122 = by74*dx74
-    sum_re4 = x101 + x111 + x75 + x89 - x120 - x121 - x122
-    del x119, below_im3, below_re3, im3, inverse3, re3, x13, largest2, share3, dx54, dx64, dx74, x101, x111, x75, x89
-    x123 = by54*dy54
-    x124 = by64*dy64
-    x125 = by74*dy74
-    sum_im4 = x123 + x124 + x125 - x106 - x115 - x82 - x95
+    x652 = by54*dx54
+    x653 = by64*dx64
+    del slope_re3, slope_im3, sum_im3, sum_re3, x637, below_im3, below_re3, im3, inverse3, re3, t3, x649, largest2, share3, dx54, dx64
+    x654 = by74*dx74
+    sum_re4 = x479 + x525 + x569 + x611 - x652 - x653 - x654
+    x660 = by54*dy54
+    x661 = by64*dy64
+    x662 = by74*dy74
+    sum_im4 = x660 + x661 + x662 - x492 - x536 - x579 - x620
     below_re4 = im4*sum_im4 + slope_re4 - re4*sum_re4
+    del dx74, x479, x525, x569, x611, by54, dy54, by64, dy64, by74, dy74, x492, x536, x579, x620, slope_re4
     below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4
-    x126 = (below_im4*below_im4) + (below_re4*below_re4)
-    inverse4 = xp.where(x126 > 0.0, 1.0/x126, 0.0)
+    x676 = below_im4*below_im4 + below_re4*below_re4
+    inverse4 = xp.where(0.0 < x676, 1.0/x676, 0.0)
     step_re4 = inverse4*(below_im4*im4 + below_re4*re4)
     step_im4 = inverse4*(below_re4*im4 - below_im4*re4)
-    del by54, dy54, by64, dy64, by74, dy74, x106, x115, x82, x95, slope_re4, slope_im4, sum_im4, sum_re4, x126, below_im4, below_re4, im4, inverse4, re4
-    share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + 1.0)*(x17 + 1.0))
+    x688 = t4 + 1.0
+    share4 = (step_im4*step_im4 + step_re4*step_re4)/(x688*x688)
     largest4 = xp.where(largest3 < share4, share4, largest3)
-    x127 = by65*dx65
-    x128 = by75*dx75
-    sum_re5 = x102 + x112 + x120 + x76 + x90 - x127 - x128
-    x129 = by65*dy65
-    x130 = by75*dy75
-    sum_im5 = x129 + x130 - x107 - x116 - x123 - x83 - x96
-    del x17, largest3, share4, dx65, dx75, x102, x112, x120, x76, x90, by65, dy65, by75, dy75, x107, x116, x123, x83, x96
+    x691 = by65*dx65
+    x692 = by75*dx75
+    sum_re5 = x480 + x526 + x570 + x612 + x652 - x691 - x692
+    del slope_im4, sum_im4, sum_re4, x676, below_im4, below_re4, im4, inverse4, re4, t4, x688, largest3, share4, dx65, dx75, x480, x526, x570, x612, x652
+    x698 = by65*dy65
+    x699 = by75*dy75
+    sum_im5 = x698 + x699 - x493 - x537 - x580 - x621 - x660
     below_re5 = im5*sum_im5 + slope_re5 - re5*sum_re5
     below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5
-    x131 = (below_im5*below_im5) + (below_re5*below_re5)
-    inverse5 = xp.where(x131 > 0.0, 1.0/x131, 0.0)
+    x713 = below_im5*below_im5 + below_re5*below_re5
+    inverse5 = xp.where(0.0 < x713, 1.0/x713, 0.0)
     step_re5 = inverse5*(below_im5*im5 + below_re5*re5)
     step_im5 = inverse5*(below_re5*im5 - below_im5*re5)
-    share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + 1.0)*(x21 + 1.0))
+    del by65, dy65, by75, dy75, x493, x537, x580, x621, x660, slope_re5, slope_im5, sum_im5, sum_re5, x713, below_im5, below_re5, im5, inverse5, re5
+    x725 = t5 + 1.0
+    share5 = (step_im5*step_im5 + step_re5*step_re5)/(x725*x725)
     largest5 = xp.where(largest4 < share5, share5, largest4)
-    x132 = by76*dx76
-    sum_re6 = x103 + x113 + x121 + x127 + x77 + x91 - x132
-    del slope_re5, slope_im5, sum_im5, sum_re5, x131, below_im5, below_re5, im5, inverse5, re5, x21, largest4, share5, dx76, x103, x113, x121, x127, x77, x91
-    x133 = by76*dy76
-    sum_im6 = x133 - x108 - x117 - x124 - x129 - x84 - x97
+    x728 = by76*dx76
+    sum_re6 = x481 + x527 + x571 + x613 + x653 + x691 - x728
+    x734 = by76*dy76
+    sum_im6 = x734 - x494 - x538 - x581 - x622 - x661 - x698
+    del t5, x725, largest4, share5, dx76, x481, x527, x571, x613, x653, x691, by76, dy76, x494, x538, x581, x622, x661, x698
     below_re6 = im6*sum_im6 + slope_re6 - re6*sum_re6
     below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6
-    x134 = (below_im6*below_im6) + (below_re6*below_re6)
-    inverse6 = xp.where(x134 > 0.0, 1.0/x134, 0.0)
+    x748 = below_im6*below_im6 + below_re6*below_re6
+    inverse6 = xp.where(0.0 < x748, 1.0/x748, 0.0)
     step_re6 = inverse6*(below_im6*im6 + below_re6*re6)
     step_im6 = inverse6*(below_re6*im6 - below_im6*re6)
-    del by76, dy76, x108, x117, x124, x129, x84, x97, slope_re6, slope_im6, sum_im6, sum_re6, x134, below_im6, below_re6, im6, inverse6, re6
-    share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + 1.0)*(x25 + 1.0))
+    x760 = t6 + 1.0
+    share6 = (step_im6*step_im6 + step_re6*step_re6)/(x760*x760)
     largest6 = xp.where(largest5 < share6, share6, largest5)
-    sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92
-    sum_im7 = -x109 - x118 - x125 - x130 - x133 - x85 - x98
-    del x25, largest5, share6, x104, x114, x122, x128, x132, x78, x92, x109, x118, x125, x130, x133, x85, x98
+    sum_re7 = x482 + x528 + x572 + x614 + x654 + x692 + x728
+    del slope_re6, slope_im6, sum_im6, sum_re6, x748, below_im6, below_re6, im6, inverse6, re6, t6, x760, largest5, share6, x482, x528, x572, x614, x654, x692, x728
+    sum_im7 = -(x495 + x539 + x582 + x623 + x662 + x699 + x734)
     below_re7 = im7*sum_im7 + slope_re7 - re7*sum_re7
     below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7
-    x135 = (below_im7*below_im7) + (below_re7*below_re7)
-    inverse7 = xp.where(x135 > 0.0, 1.0/x135, 0.0)
+    x782 = below_im7*below_im7 + below_re7*below_re7
+    inverse7 = xp.where(0.0 < x782, 1.0/x782, 0.0)
     step_re7 = inverse7*(below_im7*im7 + below_re7*re7)
     step_im7 = inverse7*(below_re7*im7 - below_im7*re7)
-    share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + 1.0)*(x29 + 1.0))
-    largest7 = xp.where(largest6 < share7, share7, largest6)
+    del x495, x539, x582, x623, x662, x699, x734, slope_re7, slope_im7, sum_im7, sum_re7, x782, below_im7, below_re7, im7, inverse7, re7
+    x794 = t7 + 1.0
+    share7 = (step_im7*step_im7 + step_re7*step_re7)/(x794*x794)
+    change_value = xp.where(largest6 < share7, share7, largest6)
     moved_1_1 = roots_1_1 - step_re0
     moved_1_2 = roots_1_2 - step_im0
     moved_2_1 = roots_2_1 - step_re1
-    del slope_re7, slope_im7, sum_im7, sum_re7, x135, below_im7, below_re7, im7, inverse7, re7, x29, largest6, share7, step_re0, step_im0, step_re1
     moved_2_2 = roots_2_2 - step_im1
     moved_3_1 = roots_3_1 - step_re2
     moved_3_2 = roots_3_2 - step_im2
@@ -834,12 +844,12 @@ def _pair_aberth(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic
     moved_5_2 = roots_5_2 - step_im4
     moved_6_1 = roots_6_1 - step_re5
     moved_6_2 = roots_6_2 - step_im5
+    del t7, x794, largest6, share7, step_re0, step_im0, step_re1, step_im1, step_re2, step_im2, step_re3, step_im3, step_re4, step_im4, step_re5, step_im5
     moved_7_1 = roots_7_1 - step_re6
     moved_7_2 = roots_7_2 - step_im6
     moved_8_1 = roots_8_1 - step_re7
     moved_8_2 = roots_8_2 - step_im7
-    change = largest7
-    return (moved_1_1, moved_1_2, moved_2_1, moved_2_2, moved_3_1, moved_3_2, moved_4_1, moved_4_2, moved_5_1, moved_5_2, moved_6_1, moved_6_2, moved_7_1, moved_7_2, moved_8_1, moved_8_2, change)
+    return (moved_1_1, moved_1_2, moved_2_1, moved_2_2, moved_3_1, moved_3_2, moved_4_1, moved_4_2, moved_5_1, moved_5_2, moved_6_1, moved_6_2, moved_7_1, moved_7_2, moved_8_1, moved_8_2, change_value)
 
 
 pair_aberth.signature = "(9),(8,2)->(8,2),()"
@@ -881,14 +891,14 @@ def pair_real_roots(octic, size, roots, *, out=None):
 
 
 def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, size, roots_1_1, roots_1_2, roots_2_1, roots_2_2, roots_3_1, roots_3_2, roots_4_1, roots_4_2, roots_5_1, roots_5_2, roots_6_1, roots_6_2, roots_7_1, roots_7_2, roots_8_1, roots_8_2, eps, largest):
-    # 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs
+    # 272 add, 342 mul, 8 div, 8 sqrt, 25 select, 44 compare, 33 abs
     noise = 256.0*eps*size
-    x0 = (roots_1_1*roots_1_1)
-    whole0 = (roots_1_2*roots_1_2) + x0 + 1.0
+    x1 = roots_1_1*roots_1_1
+    whole0 = x1 + roots_1_2*roots_1_2 + 1.0
     is_real0 = xp.abs(roots_1_2) <= 5.960464477539063e-08*whole0
     y0 = xp.where(is_real0, 0.0, roots_1_2)
     s0 = 2.0*roots_1_1
-    t0 = x0 + (y0*y0)
+    t0 = x1 + y0*y0
     b0_7 = octic_8 + octic_9*s0
     b0_6 = b0_7*s0 + octic_7 - octic_9*t0
     b0_5 = b0_6*s0 + octic_6 - b0_7*t0
@@ -898,47 +908,50 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     b0_1 = b0_2*s0 + octic_2 - b0_3*t0
     re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0
     im0 = b0_1*y0
-    above0 = noise*(whole0*whole0*whole0*whole0) + xp.abs(im0) + xp.abs(re0)
-    x1 = (roots_2_1*roots_2_1)
-    whole1 = (roots_2_2*roots_2_2) + x1 + 1.0
+    x29 = whole0*whole0
+    above0 = noise*(x29*x29) + xp.abs(im0) + xp.abs(re0)
+    x35 = roots_2_1*roots_2_1
+    whole1 = x35 + roots_2_2*roots_2_2 + 1.0
     is_real1 = xp.abs(roots_2_2) <= 5.960464477539063e-08*whole1
     y1 = xp.where(is_real1, 0.0, roots_2_2)
     s1 = 2.0*roots_2_1
-    t1 = x1 + (y1*y1)
+    t1 = x35 + y1*y1
     b1_7 = octic_8 + octic_9*s1
     b1_6 = b1_7*s1 + octic_7 - octic_9*t1
     b1_5 = b1_6*s1 + octic_6 - b1_7*t1
+    del x1, b0_7, b0_6, b0_5, b0_4, b0_3, s0, b0_2, t0, b0_1, whole0, im0, re0, x29, x35, b1_7
     b1_4 = b1_5*s1 + octic_5 - b1_6*t1
-    del x0, b0_7, b0_6, b0_5, b0_4, b0_3, s0, b0_2, t0, b0_1, im0, re0, whole0, x1, b1_7, b1_6
     b1_3 = b1_4*s1 + octic_4 - b1_5*t1
     b1_2 = b1_3*s1 + octic_3 - b1_4*t1
     b1_1 = b1_2*s1 + octic_2 - b1_3*t1
     re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1
     im1 = b1_1*y1
-    above1 = noise*(whole1*whole1*whole1*whole1) + xp.abs(im1) + xp.abs(re1)
-    x2 = (roots_3_1*roots_3_1)
-    whole2 = (roots_3_2*roots_3_2) + x2 + 1.0
+    x63 = whole1*whole1
+    above1 = noise*(x63*x63) + xp.abs(im1) + xp.abs(re1)
+    x69 = roots_3_1*roots_3_1
+    whole2 = x69 + roots_3_2*roots_3_2 + 1.0
     is_real2 = xp.abs(roots_3_2) <= 5.960464477539063e-08*whole2
     y2 = xp.where(is_real2, 0.0, roots_3_2)
     s2 = 2.0*roots_3_1
-    t2 = x2 + (y2*y2)
+    t2 = x69 + y2*y2
     b2_7 = octic_8 + octic_9*s2
     b2_6 = b2_7*s2 + octic_7 - octic_9*t2
     b2_5 = b2_6*s2 + octic_6 - b2_7*t2
     b2_4 = b2_5*s2 + octic_5 - b2_6*t2
     b2_3 = b2_4*s2 + octic_4 - b2_5*t2
+    del b1_6, b1_5, b1_4, b1_3, s1, b1_2, t1, b1_1, whole1, im1, re1, x63, x69, b2_7, b2_6, b2_5
     b2_2 = b2_3*s2 + octic_3 - b2_4*t2
     b2_1 = b2_2*s2 + octic_2 - b2_3*t2
-    del b1_5, b1_4, b1_3, s1, b1_2, t1, b1_1, im1, re1, whole1, x2, b2_7, b2_6, b2_5, b2_4, b2_3, s2
     re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2
     im2 = b2_1*y2
-    above2 = noise*(whole2*whole2*whole2*whole2) + xp.abs(im2) + xp.abs(re2)
-    x3 = (roots_4_1*roots_4_1)
-    whole3 = (roots_4_2*roots_4_2) + x3 + 1.0
+    x97 = whole2*whole2
+    above2 = noise*(x97*x97) + xp.abs(im2) + xp.abs(re2)
+    x103 = roots_4_1*roots_4_1
+    whole3 = x103 + roots_4_2*roots_4_2 + 1.0
     is_real3 = xp.abs(roots_4_2) <= 5.960464477539063e-08*whole3
     y3 = xp.where(is_real3, 0.0, roots_4_2)
     s3 = 2.0*roots_4_1
-    t3 = x3 + (y3*y3)
+    t3 = x103 + y3*y3
     b3_7 = octic_8 + octic_9*s3
     b3_6 = b3_7*s3 + octic_7 - octic_9*t3
     b3_5 = b3_6*s3 + octic_6 - b3_7*t3
@@ -946,16 +959,17 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     b3_3 = b3_4*s3 + octic_4 - b3_5*t3
     b3_2 = b3_3*s3 + octic_3 - b3_4*t3
     b3_1 = b3_2*s3 + octic_2 - b3_3*t3
+    del b2_4, b2_3, s2, b2_2, t2, b2_1, whole2, im2, re2, x97, x103, b3_7, b3_6, b3_5, b3_4, b3_3, s3
     re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3
     im3 = b3_1*y3
-    del b2_2, t2, b2_1, im2, re2, whole2, x3, b3_7, b3_6, b3_5, b3_4, b3_3, s3, b3_2, t3, b3_1
-    above3 = noise*(whole3*whole3*whole3*whole3) + xp.abs(im3) + xp.abs(re3)
-    x4 = (roots_5_1*roots_5_1)
-    whole4 = (roots_5_2*roots_5_2) + x4 + 1.0
+    x131 = whole3*whole3
+    above3 = noise*(x131*x131) + xp.abs(im3) + xp.abs(re3)
+    x137 = roots_5_1*roots_5_1
+    whole4 = x137 + roots_5_2*roots_5_2 + 1.0
     is_real4 = xp.abs(roots_5_2) <= 5.960464477539063e-08*whole4
     y4 = xp.where(is_real4, 0.0, roots_5_2)
     s4 = 2.0*roots_5_1
-    t4 = x4 + (y4*y4)
+    t4 = x137 + y4*y4
     b4_7 = octic_8 + octic_9*s4
     b4_6 = b4_7*s4 + octic_7 - octic_9*t4
     b4_5 = b4_6*s4 + octic_6 - b4_7*t4
@@ -964,15 +978,16 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     b4_2 = b4_3*s4 + octic_3 - b4_4*t4
     b4_1 = b4_2*s4 + octic_2 - b4_3*t4
     re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4
+    del b3_2, t3, b3_1, whole3, im3, re3, x131, x137, b4_7, b4_6, b4_5, b4_4, b4_3, s4, b4_2, t4
     im4 = b4_1*y4
-    above4 = noise*(whole4*whole4*whole4*whole4) + xp.abs(im4) + xp.abs(re4)
-    del im3, re3, whole3, x4, b4_7, b4_6, b4_5, b4_4, b4_3, s4, b4_2, t4, b4_1, im4, re4, whole4
-    x5 = (roots_6_1*roots_6_1)
-    whole5 = (roots_6_2*roots_6_2) + x5 + 1.0
+    x165 = whole4*whole4
+    above4 = noise*(x165*x165) + xp.abs(im4) + xp.abs(re4)
+    x171 = roots_6_1*roots_6_1
+    whole5 = x171 + roots_6_2*roots_6_2 + 1.0
     is_real5 = xp.abs(roots_6_2) <= 5.960464477539063e-08*whole5
     y5 = xp.where(is_real5, 0.0, roots_6_2)
     s5 = 2.0*roots_6_1
-    t5 = x5 + (y5*y5)
+    t5 = x171 + y5*y5
     b5_7 = octic_8 + octic_9*s5
     b5_6 = b5_7*s5 + octic_7 - octic_9*t5
     b5_5 = b5_6*s5 + octic_6 - b5_7*t5
@@ -982,30 +997,33 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     b5_1 = b5_2*s5 + octic_2 - b5_3*t5
     re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5
     im5 = b5_1*y5
-    above5 = noise*(whole5*whole5*whole5*whole5) + xp.abs(im5) + xp.abs(re5)
-    x6 = (roots_7_1*roots_7_1)
-    whole6 = (roots_7_2*roots_7_2) + x6 + 1.0
+    x199 = whole5*whole5
+    del b4_1, whole4, im4, re4, x165, x171, b5_7, b5_6, b5_5, b5_4, b5_3, s5, b5_2, t5, b5_1, whole5
+    above5 = noise*(x199*x199) + xp.abs(im5) + xp.abs(re5)
+    x205 = roots_7_1*roots_7_1
+    whole6 = x205 + roots_7_2*roots_7_2 + 1.0
     is_real6 = xp.abs(roots_7_2) <= 5.960464477539063e-08*whole6
     y6 = xp.where(is_real6, 0.0, roots_7_2)
     s6 = 2.0*roots_7_1
-    t6 = x6 + (y6*y6)
+    t6 = x205 + y6*y6
     b6_7 = octic_8 + octic_9*s6
     b6_6 = b6_7*s6 + octic_7 - octic_9*t6
     b6_5 = b6_6*s6 + octic_6 - b6_7*t6
     b6_4 = b6_5*s6 + octic_5 - b6_6*t6
-    del x5, b5_7, b5_6, b5_5, b5_4, b5_3, s5, b5_2, t5, b5_1, im5, re5, whole5, x6, b6_7, b6_6
     b6_3 = b6_4*s6 + octic_4 - b6_5*t6
     b6_2 = b6_3*s6 + octic_3 - b6_4*t6
     b6_1 = b6_2*s6 + octic_2 - b6_3*t6
     re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6
     im6 = b6_1*y6
-    above6 = noise*(whole6*whole6*whole6*whole6) + xp.abs(im6) + xp.abs(re6)
-    x7 = (roots_8_1*roots_8_1)
-    whole7 = (roots_8_2*roots_8_2) + x7 + 1.0
+    x233 = whole6*whole6
+    above6 = noise*(x233*x233) + xp.abs(im6) + xp.abs(re6)
+    del im5, re5, x199, x205, b6_7, b6_6, b6_5, b6_4, b6_3, s6, b6_2, t6, b6_1, whole6, im6, re6, x233
+    x239 = roots_8_1*roots_8_1
+    whole7 = x239 + roots_8_2*roots_8_2 + 1.0
     is_real7 = xp.abs(roots_8_2) <= 5.960464477539063e-08*whole7
     y7 = xp.where(is_real7, 0.0, roots_8_2)
     s7 = 2.0*roots_8_1
-    t7 = x7 + (y7*y7)
+    t7 = x239 + y7*y7
     b7_7 = octic_8 + octic_9*s7
     b7_6 = b7_7*s7 + octic_7 - octic_9*t7
     b7_5 = b7_6*s7 + octic_6 - b7_7*t7
@@ -1013,38 +1031,98 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     b7_3 = b7_4*s7 + octic_4 - b7_5*t7
     b7_2 = b7_3*s7 + octic_3 - b7_4*t7
     b7_1 = b7_2*s7 + octic_2 - b7_3*t7
-    del b6_5, b6_4, b6_3, s6, b6_2, t6, b6_1, im6, re6, whole6, x7, b7_7, b7_6, b7_5, b7_4, b7_3, s7
     re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7
     im7 = b7_1*y7
-    above7 = noise*(whole7*whole7*whole7*whole7) + xp.abs(im7) + xp.abs(re7)
-    square10 = ((roots_2_1 - roots_1_1)*(roots_2_1 - roots_1_1)) + ((y1 - y0)*(y1 - y0))
-    square20 = ((roots_3_1 - roots_1_1)*(roots_3_1 - roots_1_1)) + ((y2 - y0)*(y2 - y0))
-    square21 = ((roots_3_1 - roots_2_1)*(roots_3_1 - roots_2_1)) + ((y2 - y1)*(y2 - y1))
-    square30 = ((roots_4_1 - roots_1_1)*(roots_4_1 - roots_1_1)) + ((y3 - y0)*(y3 - y0))
-    square31 = ((roots_4_1 - roots_2_1)*(roots_4_1 - roots_2_1)) + ((y3 - y1)*(y3 - y1))
-    square32 = ((roots_4_1 - roots_3_1)*(roots_4_1 - roots_3_1)) + ((y3 - y2)*(y3 - y2))
-    square40 = ((roots_5_1 - roots_1_1)*(roots_5_1 - roots_1_1)) + ((y4 - y0)*(y4 - y0))
-    square41 = ((roots_5_1 - roots_2_1)*(roots_5_1 - roots_2_1)) + ((y4 - y1)*(y4 - y1))
-    square42 = ((roots_5_1 - roots_3_1)*(roots_5_1 - roots_3_1)) + ((y4 - y2)*(y4 - y2))
-    square43 = ((roots_5_1 - roots_4_1)*(roots_5_1 - roots_4_1)) + ((y4 - y3)*(y4 - y3))
-    square50 = ((roots_6_1 - roots_1_1)*(roots_6_1 - roots_1_1)) + ((y5 - y0)*(y5 - y0))
-    square51 = ((roots_6_1 - roots_2_1)*(roots_6_1 - roots_2_1)) + ((y5 - y1)*(y5 - y1))
-    square52 = ((roots_6_1 - roots_3_1)*(roots_6_1 - roots_3_1)) + ((y5 - y2)*(y5 - y2))
-    square53 = ((roots_6_1 - roots_4_1)*(roots_6_1 - roots_4_1)) + ((y5 - y3)*(y5 - y3))
-    square54 = ((roots_6_1 - roots_5_1)*(roots_6_1 - roots_5_1)) + ((y5 - y4)*(y5 - y4))
-    square60 = ((roots_7_1 - roots_1_1)*(roots_7_1 - roots_1_1)) + ((y6 - y0)*(y6 - y0))
-    square61 = ((roots_7_1 - roots_2_1)*(roots_7_1 - roots_2_1)) + ((y6 - y1)*(y6 - y1))
-    square62 = ((roots_7_1 - roots_3_1)*(roots_7_1 - roots_3_1)) + ((y6 - y2)*(y6 - y2))
-    square63 = ((roots_7_1 - roots_4_1)*(roots_7_1 - roots_4_1)) + ((y6 - y3)*(y6 - y3))
-    square64 = ((roots_7_1 - roots_5_1)*(roots_7_1 - roots_5_1)) + ((y6 - y4)*(y6 - y4))
-    square65 = ((roots_7_1 - roots_6_1)*(roots_7_1 - roots_6_1)) + ((y6 - y5)*(y6 - y5))
-    square70 = ((roots_8_1 - roots_1_1)*(roots_8_1 - roots_1_1)) + ((y7 - y0)*(y7 - y0))
-    square71 = ((roots_8_1 - roots_2_1)*(roots_8_1 - roots_2_1)) + ((y7 - y1)*(y7 - y1))
-    square72 = ((roots_8_1 - roots_3_1)*(roots_8_1 - roots_3_1)) + ((y7 - y2)*(y7 - y2))
-    square73 = ((roots_8_1 - roots_4_1)*(roots_8_1 - roots_4_1)) + ((y7 - y3)*(y7 - y3))
-    square74 = ((roots_8_1 - roots_5_1)*(roots_8_1 - roots_5_1)) + ((y7 - y4)*(y7 - y4))
-    square75 = ((roots_8_1 - roots_6_1)*(roots_8_1 - roots_6_1)) + ((y7 - y5)*(y7 - y5))
-    square76 = ((roots_8_1 - roots_7_1)*(roots_8_1 - roots_7_1)) + ((y7 - y6)*(y7 - y6))
+    x267 = whole7*whole7
+    above7 = noise*(x267*x267) + xp.abs(im7) + xp.abs(re7)
+    x273 = roots_2_1 - roots_1_1
+    x275 = y1 - y0
+    square10 = x273*x273 + x275*x275
+    del x239, b7_7, b7_6, b7_5, b7_4, b7_3, s7, b7_2, t7, b7_1, whole7, im7, noise, re7, x267, x273, x275
+    x277 = roots_3_1 - roots_1_1
+    x279 = y2 - y0
+    square20 = x277*x277 + x279*x279
+    x281 = roots_3_1 - roots_2_1
+    x283 = y2 - y1
+    square21 = x281*x281 + x283*x283
+    x285 = roots_4_1 - roots_1_1
+    x287 = y3 - y0
+    square30 = x285*x285 + x287*x287
+    x289 = roots_4_1 - roots_2_1
+    x291 = y3 - y1
+    square31 = x289*x289 + x291*x291
+    x293 = roots_4_1 - roots_3_1
+    x295 = y3 - y2
+    square32 = x293*x293 + x295*x295
+    x297 = roots_5_1 - roots_1_1
+    x299 = y4 - y0
+    square40 = x297*x297 + x299*x299
+    x301 = roots_5_1 - roots_2_1
+    x303 = y4 - y1
+    square41 = x301*x301 + x303*x303
+    x305 = roots_5_1 - roots_3_1
+    x307 = y4 - y2
+    square42 = x305*x305 + x307*x307
+    del x277, x279, x281, x283, x285, x287, x289, x291, x293, x295, x297, x299, x301, x303, x305, x307
+    x309 = roots_5_1 - roots_4_1
+    x311 = y4 - y3
+    square43 = x309*x309 + x311*x311
+    x313 = roots_6_1 - roots_1_1
+    x315 = y5 - y0
+    square50 = x313*x313 + x315*x315
+    x317 = roots_6_1 - roots_2_1
+    x319 = y5 - y1
+    square51 = x317*x317 + x319*x319
+    x321 = roots_6_1 - roots_3_1
+    x323 = y5 - y2
+    square52 = x321*x321 + x323*x323
+    x325 = roots_6_1 - roots_4_1
+    x327 = y5 - y3
+    square53 = x325*x325 + x327*x327
+    x329 = roots_6_1 - roots_5_1
+    x331 = y5 - y4
+    square54 = x329*x329 + x331*x331
+    x333 = roots_7_1 - roots_1_1
+    x335 = y6 - y0
+    square60 = x333*x333 + x335*x335
+    x337 = roots_7_1 - roots_2_1
+    x339 = y6 - y1
+    square61 = x337*x337 + x339*x339
+    del x309, x311, x313, x315, x317, x319, x321, x323, x325, x327, x329, x331, x333, x335, x337, x339
+    x341 = roots_7_1 - roots_3_1
+    x343 = y6 - y2
+    square62 = x341*x341 + x343*x343
+    x345 = roots_7_1 - roots_4_1
+    x347 = y6 - y3
+    square63 = x345*x345 + x347*x347
+    x349 = roots_7_1 - roots_5_1
+    x351 = y6 - y4
+    square64 = x349*x349 + x351*x351
+    x353 = roots_7_1 - roots_6_1
+    x355 = y6 - y5
+    square65 = x353*x353 + x355*x355
+    x357 = roots_8_1 - roots_1_1
+    x359 = y7 - y0
+    square70 = x357*x357 + x359*x359
+    x361 = roots_8_1 - roots_2_1
+    x363 = y7 - y1
+    square71 = x361*x361 + x363*x363
+    x365 = roots_8_1 - roots_3_1
+    x367 = y7 - y2
+    square72 = x365*x365 + x367*x367
+    x369 = roots_8_1 - roots_4_1
+    x371 = y7 - y3
+    square73 = x369*x369 + x371*x371
+    del x341, x343, x345, x347, x349, x351, x353, x355, x357, x359, x361, x363, x365, x367, x369, x371
+    x373 = roots_8_1 - roots_5_1
+    x375 = y7 - y4
+    square74 = x373*x373 + x375*x375
+    x377 = roots_8_1 - roots_6_1
+    x379 = y7 - y5
+    square75 = x377*x377 + x379*x379
+    x381 = roots_8_1 - roots_7_1
+    x383 = y7 - y6
+    square76 = x381*x381 + x383*x383
     leading = xp.abs(octic_9)
     around0 = leading*xp.sqrt(square10*square20*square30*square40*square50*square60*square70)
     radius0 = 8.0*above0/around0
@@ -1056,50 +1134,109 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     radius3 = 8.0*above3/around3
     around4 = leading*xp.sqrt(square40*square41*square42*square43*square54*square64*square74)
     radius4 = 8.0*above4/around4
-    del b7_2, t7, b7_1, im7, noise, re7, whole7, above0, around0, above1, around1, above2, around2, above3, around3, above4, around4
+    del x373, x375, x377, x379, x381, x383, above0, around0, above1, around1, above2, around2, above3, around3, above4, around4
     around5 = leading*xp.sqrt(square50*square51*square52*square53*square54*square65*square75)
     radius5 = 8.0*above5/around5
     around6 = leading*xp.sqrt(square60*square61*square62*square63*square64*square65*square76)
     radius6 = 8.0*above6/around6
     around7 = leading*xp.sqrt(square70*square71*square72*square73*square74*square75*square76)
     radius7 = 8.0*above7/around7
-    alone0 = (is_real0) & (((radius0 + radius1)*(radius0 + radius1)) < square10) & (((radius0 + radius2)*(radius0 + radius2)) < square20) & (((radius0 + radius3)*(radius0 + radius3)) < square30) & (((radius0 + radius4)*(radius0 + radius4)) < square40) & (((radius0 + radius5)*(radius0 + radius5)) < square50) & (((radius0 + radius6)*(radius0 + radius6)) < square60) & (((radius0 + radius7)*(radius0 + radius7)) < square70)
-    off0 = xp.abs(y0) > radius0
-    certain0 = (alone0) | (off0)
-    alone1 = (is_real1) & (((radius0 + radius1)*(radius0 + radius1)) < square10) & (((radius1 + radius2)*(radius1 + radius2)) < square21) & (((radius1 + radius3)*(radius1 + radius3)) < square31) & (((radius1 + radius4)*(radius1 + radius4)) < square41) & (((radius1 + radius5)*(radius1 + radius5)) < square51) & (((radius1 + radius6)*(radius1 + radius6)) < square61) & (((radius1 + radius7)*(radius1 + radius7)) < square71)
-    off1 = xp.abs(y1) > radius1
-    certain1 = (certain0) & ((alone1) | (off1))
-    alone2 = (is_real2) & (((radius0 + radius2)*(radius0 + radius2)) < square20) & (((radius1 + radius2)*(radius1 + radius2)) < square21) & (((radius2 + radius3)*(radius2 + radius3)) < square32) & (((radius2 + radius4)*(radius2 + radius4)) < square42) & (((radius2 + radius5)*(radius2 + radius5)) < square52) & (((radius2 + radius6)*(radius2 + radius6)) < square62) & (((radius2 + radius7)*(radius2 + radius7)) < square72)
-    del above5, around5, above6, around6, leading, above7, around7, y0, alone0, off0, square10, y1, alone1, certain0, off1, square20, square21
-    off2 = xp.abs(y2) > radius2
-    certain2 = (certain1) & ((alone2) | (off2))
-    alone3 = (is_real3) & (((radius0 + radius3)*(radius0 + radius3)) < square30) & (((radius1 + radius3)*(radius1 + radius3)) < square31) & (((radius2 + radius3)*(radius2 + radius3)) < square32) & (((radius3 + radius4)*(radius3 + radius4)) < square43) & (((radius3 + radius5)*(radius3 + radius5)) < square53) & (((radius3 + radius6)*(radius3 + radius6)) < square63) & (((radius3 + radius7)*(radius3 + radius7)) < square73)
-    off3 = xp.abs(y3) > radius3
-    certain3 = (certain2) & ((alone3) | (off3))
-    alone4 = (is_real4) & (((radius0 + radius4)*(radius0 + radius4)) < square40) & (((radius1 + radius4)*(radius1 + radius4)) < square41) & (((radius2 + radius4)*(radius2 + radius4)) < square42) & (((radius3 + radius4)*(radius3 + radius4)) < square43) & (((radius4 + radius5)*(radius4 + radius5)) < square54) & (((radius4 + radius6)*(radius4 + radius6)) < square64) & (((radius4 + radius7)*(radius4 + radius7)) < square74)
-    off4 = xp.abs(y4) > radius4
-    del y2, alone2, certain1, off2, square30, square31, square32, y3, alone3, certain2, off3, square40, square41, square42, square43, y4
-    certain4 = (certain3) & ((alone4) | (off4))
-    alone5 = (is_real5) & (((radius0 + radius5)*(radius0 + radius5)) < square50) & (((radius1 + radius5)*(radius1 + radius5)) < square51) & (((radius2 + radius5)*(radius2 + radius5)) < square52) & (((radius3 + radius5)*(radius3 + radius5)) < square53) & (((radius4 + radius5)*(radius4 + radius5)) < square54) & (((radius5 + radius6)*(radius5 + radius6)) < square65) & (((radius5 + radius7)*(radius5 + radius7)) < square75)
-    off5 = xp.abs(y5) > radius5
-    certain5 = (certain4) & ((alone5) | (off5))
-    alone6 = (is_real6) & (((radius0 + radius6)*(radius0 + radius6)) < square60) & (((radius1 + radius6)*(radius1 + radius6)) < square61) & (((radius2 + radius6)*(radius2 + radius6)) < square62) & (((radius3 + radius6)*(radius3 + radius6)) < square63) & (((radius4 + radius6)*(radius4 + radius6)) < square64) & (((radius5 + radius6)*(radius5 + radius6)) < square65) & (((radius6 + radius7)*(radius6 + radius7)) < square76)
-    del alone4, certain3, off4, square50, square51, square52, square53, square54, y5, alone5, certain4, off5, square60, square61, square62, square63, square64, square65
-    off6 = xp.abs(y6) > radius6
-    certain6 = (certain5) & ((alone6) | (off6))
-    alone7 = (is_real7) & (((radius0 + radius7)*(radius0 + radius7)) < square70) & (((radius1 + radius7)*(radius1 + radius7)) < square71) & (((radius2 + radius7)*(radius2 + radius7)) < square72) & (((radius3 + radius7)*(radius3 + radius7)) < square73) & (((radius4 + radius7)*(radius4 + radius7)) < square74) & (((radius5 + radius7)*(radius5 + radius7)) < square75) & (((radius6 + radius7)*(radius6 + radius7)) < square76)
-    off7 = xp.abs(y7) > radius7
-    certain7 = (certain6) & ((alone7) | (off7))
-    tangents_1 = xp.where((certain7) & (is_real0), roots_1_1, xp.nan)
-    tangents_2 = xp.where((certain7) & (is_real1), roots_2_1, xp.nan)
-    tangents_3 = xp.where((certain7) & (is_real2), roots_3_1, xp.nan)
-    tangents_4 = xp.where((certain7) & (is_real3), roots_4_1, xp.nan)
-    tangents_5 = xp.where((certain7) & (is_real4), roots_5_1, xp.nan)
-    tangents_6 = xp.where((certain7) & (is_real5), roots_6_1, xp.nan)
-    tangents_7 = xp.where((certain7) & (is_real6), roots_7_1, xp.nan)
-    tangents_8 = xp.where((certain7) & (is_real7), roots_8_1, xp.nan)
+    x449 = radius0 + radius1
+    x451 = x449*x449 < square10
+    x452 = radius0 + radius2
+    x454 = x452*x452 < square20
+    x455 = radius0 + radius3
+    x457 = x455*x455 < square30
+    x458 = radius0 + radius4
+    x460 = x458*x458 < square40
+    x461 = radius0 + radius5
+    x463 = x461*x461 < square50
+    del above5, around5, above6, around6, leading, above7, around7, square10, x449, square20, x452, square30, x455, square40, x458, square50, x461
+    x464 = radius0 + radius6
+    x466 = x464*x464 < square60
+    x467 = radius0 + radius7
+    x469 = x467*x467 < square70
+    alone0 = is_real0 & x451 & x454 & x457 & x460 & x463 & x466 & x469
+    off0 = radius0 < xp.abs(y0)
+    certain0 = alone0 | off0
+    x477 = radius1 + radius2
+    x479 = x477*x477 < square21
+    x480 = radius1 + radius3
+    x482 = x480*x480 < square31
+    x483 = radius1 + radius4
+    x485 = x483*x483 < square41
+    x486 = radius1 + radius5
+    x488 = x486*x486 < square51
+    x489 = radius1 + radius6
+    x491 = x489*x489 < square61
+    del square60, x464, square70, x467, y0, alone0, off0, square21, x477, square31, x480, square41, x483, square51, x486, square61, x489
+    x492 = radius1 + radius7
+    x494 = x492*x492 < square71
+    alone1 = is_real1 & x451 & x479 & x482 & x485 & x488 & x491 & x494
+    off1 = radius1 < xp.abs(y1)
+    certain1 = certain0 & (alone1 | off1)
+    x503 = radius2 + radius3
+    x505 = x503*x503 < square32
+    x506 = radius2 + radius4
+    x508 = x506*x506 < square42
+    x509 = radius2 + radius5
+    x511 = x509*x509 < square52
+    x512 = radius2 + radius6
+    x514 = x512*x512 < square62
+    x515 = radius2 + radius7
+    x517 = x515*x515 < square72
+    del square71, x492, x451, y1, alone1, certain0, off1, square32, x503, square42, x506, square52, x509, square62, x512, square72, x515
+    alone2 = is_real2 & x454 & x479 & x505 & x508 & x511 & x514 & x517
+    off2 = radius2 < xp.abs(y2)
+    certain2 = certain1 & (alone2 | off2)
+    x526 = radius3 + radius4
+    x528 = x526*x526 < square43
+    x529 = radius3 + radius5
+    x531 = x529*x529 < square53
+    x532 = radius3 + radius6
+    x534 = x532*x532 < square63
+    x535 = radius3 + radius7
+    x537 = x535*x535 < square73
+    alone3 = is_real3 & x457 & x482 & x505 & x528 & x531 & x534 & x537
+    del x454, x479, y2, alone2, certain1, off2, square43, x526, square53, x529, square63, x532, square73, x535, x457, x482, x505
+    off3 = radius3 < xp.abs(y3)
+    certain3 = certain2 & (alone3 | off3)
+    x546 = radius4 + radius5
+    x548 = x546*x546 < square54
+    x549 = radius4 + radius6
+    x551 = x549*x549 < square64
+    x552 = radius4 + radius7
+    x554 = x552*x552 < square74
+    alone4 = is_real4 & x460 & x485 & x508 & x528 & x548 & x551 & x554
+    off4 = radius4 < xp.abs(y4)
+    certain4 = certain3 & (alone4 | off4)
+    del y3, alone3, certain2, off3, square54, x546, square64, x549, square74, x552, x460, x485, x508, x528, y4, alone4, certain3, off4
+    x563 = radius5 + radius6
+    x565 = x563*x563 < square65
+    x566 = radius5 + radius7
+    x568 = x566*x566 < square75
+    alone5 = is_real5 & x463 & x488 & x511 & x531 & x548 & x565 & x568
+    off5 = radius5 < xp.abs(y5)
+    certain5 = certain4 & (alone5 | off5)
+    x577 = radius6 + radius7
+    x579 = x577*x577 < square76
+    alone6 = is_real6 & x466 & x491 & x514 & x534 & x551 & x565 & x579
+    del square65, x563, square75, x566, x463, x488, x511, x531, x548, y5, alone5, certain4, off5, square76, x577, x466, x491, x514, x534, x551, x565
+    off6 = radius6 < xp.abs(y6)
+    certain6 = certain5 & (alone6 | off6)
+    alone7 = is_real7 & x469 & x494 & x517 & x537 & x554 & x568 & x579
+    off7 = radius7 < xp.abs(y7)
+    certain7 = certain6 & (alone7 | off7)
+    tangents_1 = xp.where(certain7 & is_real0, roots_1_1, xp.nan)
+    tangents_2 = xp.where(certain7 & is_real1, roots_2_1, xp.nan)
+    tangents_3 = xp.where(certain7 & is_real2, roots_3_1, xp.nan)
+    tangents_4 = xp.where(certain7 & is_real3, roots_4_1, xp.nan)
+    tangents_5 = xp.where(certain7 & is_real4, roots_5_1, xp.nan)
+    tangents_6 = xp.where(certain7 & is_real5, roots_6_1, xp.nan)
+    tangents_7 = xp.where(certain7 & is_real6, roots_7_1, xp.nan)
+    tangents_8 = xp.where(certain7 & is_real7, roots_8_1, xp.nan)
     radii_1 = xp.where(is_real0, radius0, 0.0)
-    del y6, alone6, certain5, off6, square70, square71, square72, square73, square74, square75, square76, y7, alone7, certain6, off7, is_real0, radius0
+    del y6, alone6, certain5, off6, x469, x494, x517, x537, x554, x568, x579, y7, alone7, certain6, off7, is_real0, radius0
     radii_2 = xp.where(is_real1, radius1, 0.0)
     radii_3 = xp.where(is_real2, radius2, 0.0)
     radii_4 = xp.where(is_real3, radius3, 0.0)
@@ -1107,8 +1244,8 @@ def _pair_real_roots(xp, octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, o
     radii_6 = xp.where(is_real5, radius5, 0.0)
     radii_7 = xp.where(is_real6, radius6, 0.0)
     radii_8 = xp.where(is_real7, radius7, 0.0)
-    status = xp.where(certain7, 0.0, 1.0)
-    return (tangents_1, tangents_2, tangents_3, tangents_4, tangents_5, tangents_6, tangents_7, tangents_8, radii_1, radii_2, radii_3, radii_4, radii_5, radii_6, radii_7, radii_8, status)
+    status_value = xp.where(certain7, 0.0, 1.0)
+    return (tangents_1, tangents_2, tangents_3, tangents_4, tangents_5, tangents_6, tangents_7, tangents_8, radii_1, radii_2, radii_3, radii_4, radii_5, radii_6, radii_7, radii_8, status_value)
 
 
 pair_real_roots.signature = "(9),(),(8,2)->(8),(8),()"
@@ -1149,7 +1286,7 @@ def pair_angles(one, two, turn, tangent, *, out=None):
 
 def _pair_angles(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, turn_1, turn_2, tangent, eps, largest):
     # 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2
-    by = 1.0/((tangent*tangent) + 1.0)
+    by = 1.0/(tangent*tangent + 1.0)
     c = by*(1.0 - tangent)*(tangent + 1.0)
     s = 2.0*by*tangent
     cosine = c*turn_1 - s*turn_2
@@ -1212,7 +1349,7 @@ def pair_polish(one, two, angles, *, out=None):
 
 
 def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, angles_1, angles_2, eps, largest):
-    # 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
+    # 135 add, 162 mul, 7 div, 18 select, 13 compare, 31 abs, 6 cos, 6 sin
     size0 = xp.abs(one_1_1) + xp.abs(one_1_2) + xp.abs(one_1_3) + xp.abs(one_2_1) + xp.abs(one_2_2) + xp.abs(one_2_3) + xp.abs(one_3_1) + xp.abs(one_3_2) + xp.abs(one_3_3)
     size1 = xp.abs(two_1_1) + xp.abs(two_1_2) + xp.abs(two_1_3) + xp.abs(two_2_1) + xp.abs(two_2_2) + xp.abs(two_2_3) + xp.abs(two_3_1) + xp.abs(two_3_2) + xp.abs(two_3_3)
     cu0 = xp.cos(angles_1)
@@ -1236,27 +1373,27 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     j1_0 = column1_0_3*cu0 - column1_0_2*su0
     i1_0 = cv0*row1_0_3 - row1_0_2*sv0
     det0 = i1_0*j0_0 - i0_0*j1_0
-    x0 = (j0_0*j0_0) + (j1_0*j1_0)
-    x1 = (i0_0*i0_0) + (i1_0*i1_0)
-    trace0 = x0 + x1
-    x2 = eps*trace0
-    regular0 = xp.abs(det0) > 64.0*x2
-    damping0 = x2
-    del row0_0_1, column0_0_2, column0_0_3, row0_0_2, row0_0_3, row1_0_1, column1_0_2, column1_0_3, cu0, su0, cv0, row1_0_2, row1_0_3, sv0, trace0, x2
+    x82 = i0_0*i0_0 + i1_0*i1_0
+    x83 = j0_0*j0_0 + j1_0*j1_0
+    trace0 = x82 + x83
+    x85 = 64.0*eps
+    regular0 = x85*trace0 < xp.abs(det0)
+    damping0 = eps*trace0
     ab0 = i0_0*j0_0 + i1_0*j1_0
-    aa0 = damping0 + x0
-    bb0 = damping0 + x1
+    aa0 = damping0 + x83
+    del row0_0_1, column0_0_2, column0_0_3, row0_0_2, row0_0_3, row1_0_1, column1_0_2, column1_0_3, cu0, su0, cv0, row1_0_2, row1_0_3, sv0, trace0, x83
+    bb0 = damping0 + x82
     ra0 = f0_0*j0_0 + f1_0*j1_0
     rb0 = f0_0*i0_0 + f1_0*i1_0
-    below0 = xp.where(regular0, det0, aa0*bb0 - (ab0*ab0))
+    below0 = xp.where(regular0, det0, aa0*bb0 - ab0*ab0)
     by0 = xp.where(below0 != 0.0, 1.0/below0, 0.0)
     step_a0 = by0*xp.where(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0)
     step_b0 = by0*xp.where(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0)
-    del x0, damping0, x1, det0, below0, bb0, i0_0, i1_0, aa0, ab0, by0, f0_0, f1_0, j0_0, j1_0, ra0, rb0, regular0
-    x3 = xp.abs(step_a0)
-    x4 = xp.abs(step_b0)
-    longest0 = xp.where(x3 > x4, x3, x4)
-    short0 = xp.where(longest0 > 0.5, 0.5*xp.where(longest0 > 0.0, 1.0/longest0, 1.0), 1.0)
+    del damping0, x82, det0, below0, bb0, i0_0, i1_0, aa0, ab0, by0, f0_0, f1_0, j0_0, j1_0, ra0, rb0, regular0
+    x112 = xp.abs(step_b0)
+    x113 = xp.abs(step_a0)
+    longest0 = xp.where(x112 < x113, x113, x112)
+    short0 = xp.where(0.5 < longest0, 0.5*xp.where(0.0 < longest0, 1.0/longest0, 1.0), 1.0)
     first0 = angles_1 - short0*step_a0
     second0 = angles_2 - short0*step_b0
     cu1 = xp.cos(first0)
@@ -1278,35 +1415,34 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     column1_1_3 = cv1*two_3_2 + sv1*two_3_3 + two_3_1
     f1_1 = cv1*row1_1_2 + row1_1_1 + row1_1_3*sv1
     j1_1 = column1_1_3*cu1 - column1_1_2*su1
-    del x3, x4, longest0, step_a0, short0, step_b0, row0_1_1, column0_1_2, column0_1_3, row0_1_2, row0_1_3, row1_1_1, column1_1_2, column1_1_3, cu1, su1
+    del x112, x113, longest0, step_a0, short0, step_b0, row0_1_1, column0_1_2, column0_1_3, row0_1_2, row0_1_3, row1_1_1, column1_1_2, column1_1_3, cu1, su1
     i1_1 = cv1*row1_1_3 - row1_1_2*sv1
     det1 = i1_1*j0_1 - i0_1*j1_1
-    x5 = (j0_1*j0_1) + (j1_1*j1_1)
-    x6 = (i0_1*i0_1) + (i1_1*i1_1)
-    trace1 = x5 + x6
-    x7 = eps*trace1
-    regular1 = xp.abs(det1) > 64.0*x7
-    damping1 = x7
+    x172 = i0_1*i0_1 + i1_1*i1_1
+    x173 = j0_1*j0_1 + j1_1*j1_1
+    trace1 = x172 + x173
+    regular1 = x85*trace1 < xp.abs(det1)
+    damping1 = eps*trace1
     ab1 = i0_1*j0_1 + i1_1*j1_1
-    aa1 = damping1 + x5
-    bb1 = damping1 + x6
+    aa1 = damping1 + x173
+    bb1 = damping1 + x172
     ra1 = f0_1*j0_1 + f1_1*j1_1
     rb1 = f0_1*i0_1 + f1_1*i1_1
-    below1 = xp.where(regular1, det1, aa1*bb1 - (ab1*ab1))
+    below1 = xp.where(regular1, det1, aa1*bb1 - ab1*ab1)
     by1 = xp.where(below1 != 0.0, 1.0/below1, 0.0)
     step_a1 = by1*xp.where(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1)
     step_b1 = by1*xp.where(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1)
-    del cv1, row1_1_2, row1_1_3, sv1, trace1, x7, x5, damping1, x6, det1, below1, bb1, i0_1, i1_1, aa1, ab1, by1, f0_1, f1_1, j0_1, j1_1, ra1, rb1, regular1
-    x8 = xp.abs(step_a1)
-    x9 = xp.abs(step_b1)
-    longest1 = xp.where(x8 > x9, x8, x9)
-    short1 = xp.where(longest1 > 0.5, 0.5*xp.where(longest1 > 0.0, 1.0/longest1, 1.0), 1.0)
-    first1 = first0 - short1*step_a1
-    second1 = second0 - short1*step_b1
-    cuend = xp.cos(first1)
-    suend = xp.sin(first1)
-    cvend = xp.cos(second1)
-    svend = xp.sin(second1)
+    del cv1, row1_1_2, row1_1_3, sv1, x85, trace1, x173, damping1, x172, det1, below1, bb1, i0_1, i1_1, aa1, ab1, by1, f0_1, f1_1, j0_1, j1_1, ra1, rb1, regular1
+    x201 = xp.abs(step_b1)
+    x202 = xp.abs(step_a1)
+    longest1 = xp.where(x201 < x202, x202, x201)
+    short1 = xp.where(0.5 < longest1, 0.5*xp.where(0.0 < longest1, 1.0/longest1, 1.0), 1.0)
+    polished_1 = first0 - short1*step_a1
+    polished_2 = second0 - short1*step_b1
+    cuend = xp.cos(polished_1)
+    suend = xp.sin(polished_1)
+    cvend = xp.cos(polished_2)
+    svend = xp.sin(polished_2)
     row0_end_1 = cuend*one_2_1 + one_1_1 + one_3_1*suend
     row0_end_2 = cuend*one_2_2 + one_1_2 + one_3_2*suend
     row0_end_3 = cuend*one_2_3 + one_1_3 + one_3_3*suend
@@ -1322,21 +1458,19 @@ def _pair_polish(xp, one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3
     column1_end_3 = cvend*two_3_2 + svend*two_3_3 + two_3_1
     f1_end = cvend*row1_end_2 + row1_end_1 + row1_end_3*svend
     j1_end = column1_end_3*cuend - column1_end_2*suend
-    del x8, x9, longest1, first0, step_a1, second0, short1, step_b1, row0_end_1, column0_end_2, column0_end_3, row0_end_2, row0_end_3, row1_end_1, column1_end_2, column1_end_3, cuend, suend
+    del x201, x202, longest1, first0, step_a1, second0, short1, step_b1, row0_end_1, column0_end_2, column0_end_3, row0_end_2, row0_end_3, row1_end_1, column1_end_2, column1_end_3, cuend, suend
     i1_end = cvend*row1_end_3 - row1_end_2*svend
-    determinant_end = i1_end*j0_end - i0_end*j1_end
+    determinant_value = i1_end*j0_end - i0_end*j1_end
     miss0 = xp.abs(f0_end)/size0
     miss1 = xp.abs(f1_end)/size1
     condition0 = size0*xp.abs(i1_end) + size1*xp.abs(i0_end)
     condition1 = size0*xp.abs(j1_end) + size1*xp.abs(j0_end)
-    worst = xp.where(condition0 > condition1, condition0, condition1)
-    polished_1 = first1
-    polished_2 = second1
-    del cvend, row1_end_2, row1_end_3, svend, f0_end, f1_end, i0_end, i1_end, j0_end, j1_end, size0, size1, condition0, condition1, first1, second1
-    residual = xp.where(miss0 > miss1, miss0, miss1)
-    condition = xp.where(determinant_end != 0.0, worst*xp.where(determinant_end != 0.0, 1.0/xp.abs(determinant_end), 1.0), largest)
-    determinant = determinant_end
-    return (polished_1, polished_2, residual, condition, determinant)
+    worst = xp.where(condition1 < condition0, condition0, condition1)
+    residual_value = xp.where(miss1 < miss0, miss0, miss1)
+    del cvend, row1_end_2, row1_end_3, svend, f0_end, f1_end, i0_end, i1_end, j0_end, j1_end, size0, size1, condition0, condition1, miss0, miss1
+    x269 = determinant_value != 0.0
+    condition_value = xp.where(x269, worst*xp.where(x269, 1.0/xp.abs(determinant_value), 1.0), largest)
+    return (polished_1, polished_2, residual_value, condition_value, determinant_value)
 
 
 pair_polish.signature = "(3,3),(3,3),(2)->(2),(),(),()"

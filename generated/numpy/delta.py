@@ -65,68 +65,65 @@ def linear_delta_direct(carriage, radius, rod, heading, *, out=None):
 
 
 def _linear_delta_direct(xp, carriage_1, carriage_2, carriage_3, radius_1, radius_2, radius_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
-    # 53 add, 74 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin
+    # 53 add, 68 mul, 1 div, 1 sqrt, 9 select, 8 compare, 13 abs, 3 cos, 3 sin
     joint_1_1 = radius_1*xp.cos(heading_1)
     joint_1_2 = radius_1*xp.sin(heading_1)
-    joint_1_3 = carriage_1
     joint_2_1 = radius_2*xp.cos(heading_2)
     joint_2_2 = radius_2*xp.sin(heading_2)
-    joint_2_3 = carriage_2
     joint_3_1 = radius_3*xp.cos(heading_3)
     joint_3_2 = radius_3*xp.sin(heading_3)
-    joint_3_3 = carriage_3
     total = xp.abs(carriage_1) + xp.abs(carriage_2) + xp.abs(carriage_3) + xp.abs(heading_1) + xp.abs(heading_2) + xp.abs(heading_3) + xp.abs(radius_1) + xp.abs(radius_2) + xp.abs(radius_3) + xp.abs(rod_1) + xp.abs(rod_2) + xp.abs(rod_3)
-    valid = (total <= largest) & (rod_1 > 0.0) & (rod_2 > 0.0) & (rod_3 > 0.0)
-    square_1 = (rod_1*rod_1)
-    square_2 = (rod_2*rod_2)
-    square_3 = (rod_3*rod_3)
-    x0 = joint_2_1 - joint_1_1
-    to_second_0_1 = x0
-    x1 = joint_2_2 - joint_1_2
-    to_second_0_2 = x1
-    x2 = joint_2_3 - joint_1_3
-    to_second_0_3 = x2
-    x3 = joint_3_1 - joint_1_1
-    to_third_1_1 = x3
-    x4 = joint_3_2 - joint_1_2
-    to_third_1_2 = x4
-    x5 = joint_3_3 - joint_1_3
-    to_third_1_3 = x5
+    valid = (total <= largest) & (0.0 < rod_1) & (0.0 < rod_2) & (0.0 < rod_3)
+    square_1 = rod_1*rod_1
+    square_2 = rod_2*rod_2
+    square_3 = rod_3*rod_3
+    to_second_0_1 = joint_2_1 - joint_1_1
+    to_second_0_2 = joint_2_2 - joint_1_2
+    to_second_0_3 = carriage_2 - carriage_1
+    to_third_1_1 = joint_3_1 - joint_1_1
+    to_third_1_2 = joint_3_2 - joint_1_2
+    to_third_1_3 = carriage_3 - carriage_1
     normal_2_1 = to_second_0_2*to_third_1_3 - to_second_0_3*to_third_1_2
     normal_2_2 = to_second_0_3*to_third_1_1 - to_second_0_1*to_third_1_3
     normal_2_3 = to_second_0_1*to_third_1_2 - to_second_0_2*to_third_1_1
-    area_3 = (normal_2_1*normal_2_1) + (normal_2_2*normal_2_2) + (normal_2_3*normal_2_3)
-    x6 = 0.5*square_1
-    along_second_4 = 0.5*(to_second_0_1*to_second_0_1) + 0.5*(to_second_0_2*to_second_0_2) + 0.5*(to_second_0_3*to_second_0_3) + x6 - 0.5*square_2
-    along_third_5 = 0.5*(to_third_1_1*to_third_1_1) + 0.5*(to_third_1_2*to_third_1_2) + 0.5*(to_third_1_3*to_third_1_3) + x6 - 0.5*square_3
-    x7 = 1.0/area_3
-    way_6_1 = x7*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2))
-    way_6_2 = x7*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3))
-    way_6_3 = x7*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1))
-    del total, joint_2_1, joint_2_2, joint_2_3, joint_3_1, joint_3_2, joint_3_3, square_2, square_3, x6, to_second_0_3, to_third_1_3, along_second_4, along_third_5, to_second_0_1, to_second_0_2, to_third_1_1, to_third_1_2
-    height_7 = square_1 - (way_6_1*way_6_1) - (way_6_2*way_6_2) - (way_6_3*way_6_3)
+    area_3 = normal_2_1*normal_2_1 + normal_2_2*normal_2_2 + normal_2_3*normal_2_3
+    x44 = 0.5*square_1
+    x46 = to_second_0_1*to_second_0_1
+    x48 = to_second_0_2*to_second_0_2
+    x50 = to_second_0_3*to_second_0_3
+    along_second_4 = x44 + 0.5*x46 + 0.5*x48 + 0.5*x50 - 0.5*square_2
+    x56 = to_third_1_1*to_third_1_1
+    x58 = to_third_1_2*to_third_1_2
+    x60 = to_third_1_3*to_third_1_3
+    along_third_5 = x44 + 0.5*x56 + 0.5*x58 + 0.5*x60 - 0.5*square_3
+    x65 = 1.0/area_3
+    way_6_1 = x65*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2))
+    way_6_2 = x65*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3))
+    way_6_3 = x65*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1))
+    del total, joint_2_1, joint_2_2, joint_3_1, joint_3_2, square_2, square_3, x44, to_second_0_3, to_third_1_3, along_second_4, along_third_5, to_second_0_1, to_second_0_2, to_third_1_1, to_third_1_2
+    height_7 = square_1 - way_6_1*way_6_1 - way_6_2*way_6_2 - way_6_3*way_6_3
     foot_8_1 = joint_1_1 + way_6_1
     foot_8_2 = joint_1_2 + way_6_2
-    foot_8_3 = joint_1_3 + way_6_3
-    ratio_9 = height_7*x7
+    foot_8_3 = carriage_1 + way_6_3
+    ratio_9 = x65*height_7
     bound = 16.0*eps*(2.0*square_1 - height_7)
-    area_bound = 256.0*(eps*eps)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5))
+    area_bound = 256.0*(eps*eps)*(x46 + x48 + x50)*(x56 + x58 + x60)
     collinear = area_3 <= area_bound
-    del joint_1_1, way_6_1, joint_1_2, way_6_2, joint_1_3, way_6_3, x7, square_1, x0, x1, x2, x3, x4, x5, area_3, area_bound
     flat = xp.abs(height_7) <= bound
-    above = height_7 > bound
+    above = bound < height_7
+    del joint_1_1, way_6_1, joint_1_2, way_6_2, way_6_3, x65, square_1, x46, x48, x50, x56, x58, x60, area_3, area_bound, bound, height_7
     below = xp.where(above, xp.sqrt(ratio_9), 0.0)
     down = xp.where(normal_2_3 < 0.0, below, -below)
     position_found_1 = down*normal_2_1 + foot_8_1
     position_found_2 = down*normal_2_2 + foot_8_2
     position_found_3 = down*normal_2_3 + foot_8_3
-    there = (valid) & (~(collinear)) & ((above) | (flat))
+    there = valid & (~collinear) & (above | flat)
     position_1 = xp.where(there, position_found_1, xp.nan)
     position_2 = xp.where(there, position_found_2, xp.nan)
     position_3 = xp.where(there, position_found_3, xp.nan)
-    status = xp.where(~(valid), 4.0, xp.where(collinear, 2.0, xp.where(flat, 1.0, xp.where(above, 0.0, 3.0))))
-    del bound, height_7, ratio_9, below, foot_8_1, normal_2_1, foot_8_2, normal_2_2, down, foot_8_3, normal_2_3, position_found_1, position_found_2, position_found_3, there, above, collinear, flat, valid
-    return (position_1, position_2, position_3, status)
+    status_value = xp.where(~valid, 4.0, xp.where(collinear, 2.0, xp.where(flat, 1.0, xp.where(above, 0.0, 3.0))))
+    del ratio_9, below, foot_8_1, normal_2_1, foot_8_2, normal_2_2, down, foot_8_3, normal_2_3, position_found_1, position_found_2, position_found_3, there, above, collinear, flat, valid
+    return (position_1, position_2, position_3, status_value)
 
 
 linear_delta_direct.signature = "(3),(3),(3),(3)->(3),()"
@@ -170,7 +167,7 @@ def rotary_delta_direct(angle, radius, arm, rod, heading, *, out=None):
 
 
 def _rotary_delta_direct(xp, angle_1, angle_2, angle_3, radius_1, radius_2, radius_3, arm_1, arm_2, arm_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
-    # 59 add, 80 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin
+    # 59 add, 74 mul, 1 div, 1 sqrt, 9 select, 11 compare, 16 abs, 6 cos, 6 sin
     reach_1 = arm_1*xp.cos(angle_1) + radius_1
     elbow_1_1 = reach_1*xp.cos(heading_1)
     elbow_1_2 = reach_1*xp.sin(heading_1)
@@ -183,58 +180,60 @@ def _rotary_delta_direct(xp, angle_1, angle_2, angle_3, radius_1, radius_2, radi
     elbow_3_1 = reach_3*xp.cos(heading_3)
     elbow_3_2 = reach_3*xp.sin(heading_3)
     elbow_3_3 = -arm_3*xp.sin(angle_3)
-    total = xp.abs(angle_1) + xp.abs(angle_2) + xp.abs(angle_3) + xp.abs(arm_1) + xp.abs(arm_2) + xp.abs(arm_3) + xp.abs(heading_1) + xp.abs(heading_2) + xp.abs(heading_3) + xp.abs(radius_1) + xp.abs(radius_2) + xp.abs(radius_3) + xp.abs(rod_1) + xp.abs(rod_2) + xp.abs(rod_3)
-    valid = (total <= largest) & (arm_1 > 0.0) & (arm_2 > 0.0) & (arm_3 > 0.0) & (rod_1 > 0.0) & (rod_2 > 0.0) & (rod_3 > 0.0)
-    square_1 = (rod_1*rod_1)
-    square_2 = (rod_2*rod_2)
-    square_3 = (rod_3*rod_3)
-    x0 = elbow_2_1 - elbow_1_1
-    to_second_0_1 = x0
-    x1 = elbow_2_2 - elbow_1_2
-    to_second_0_2 = x1
-    x2 = elbow_2_3 - elbow_1_3
-    to_second_0_3 = x2
-    x3 = elbow_3_1 - elbow_1_1
-    to_third_1_1 = x3
-    x4 = elbow_3_2 - elbow_1_2
-    to_third_1_2 = x4
-    x5 = elbow_3_3 - elbow_1_3
-    to_third_1_3 = x5
+    x43 = xp.abs(angle_1) + xp.abs(angle_2) + xp.abs(angle_3) + xp.abs(arm_1) + xp.abs(arm_2) + xp.abs(arm_3) + xp.abs(heading_1) + xp.abs(heading_2) + xp.abs(heading_3) + xp.abs(radius_1) + xp.abs(radius_2) + xp.abs(radius_3)
+    total = x43 + xp.abs(rod_1) + xp.abs(rod_2) + xp.abs(rod_3)
+    x57 = (total <= largest) & (0.0 < arm_1) & (0.0 < arm_2) & (0.0 < arm_3) & (0.0 < rod_1) & (0.0 < rod_2)
+    valid = x57 & (0.0 < rod_3)
+    square_1 = rod_1*rod_1
+    square_2 = rod_2*rod_2
+    square_3 = rod_3*rod_3
+    to_second_0_1 = elbow_2_1 - elbow_1_1
+    to_second_0_2 = elbow_2_2 - elbow_1_2
+    to_second_0_3 = elbow_2_3 - elbow_1_3
+    to_third_1_1 = elbow_3_1 - elbow_1_1
+    to_third_1_2 = elbow_3_2 - elbow_1_2
+    to_third_1_3 = elbow_3_3 - elbow_1_3
     normal_2_1 = to_second_0_2*to_third_1_3 - to_second_0_3*to_third_1_2
     normal_2_2 = to_second_0_3*to_third_1_1 - to_second_0_1*to_third_1_3
     normal_2_3 = to_second_0_1*to_third_1_2 - to_second_0_2*to_third_1_1
-    area_3 = (normal_2_1*normal_2_1) + (normal_2_2*normal_2_2) + (normal_2_3*normal_2_3)
-    x6 = 0.5*square_1
-    along_second_4 = 0.5*(to_second_0_1*to_second_0_1) + 0.5*(to_second_0_2*to_second_0_2) + 0.5*(to_second_0_3*to_second_0_3) + x6 - 0.5*square_2
-    along_third_5 = 0.5*(to_third_1_1*to_third_1_1) + 0.5*(to_third_1_2*to_third_1_2) + 0.5*(to_third_1_3*to_third_1_3) + x6 - 0.5*square_3
-    x7 = 1.0/area_3
-    way_6_1 = x7*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2))
-    way_6_2 = x7*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3))
-    way_6_3 = x7*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1))
-    del reach_1, reach_2, reach_3, total, elbow_2_1, elbow_2_2, elbow_2_3, elbow_3_1, elbow_3_2, elbow_3_3, square_2, square_3, x6, to_second_0_3, to_third_1_3, along_second_4, along_third_5, to_second_0_1, to_second_0_2, to_third_1_1, to_third_1_2
-    height_7 = square_1 - (way_6_1*way_6_1) - (way_6_2*way_6_2) - (way_6_3*way_6_3)
+    area_3 = normal_2_1*normal_2_1 + normal_2_2*normal_2_2 + normal_2_3*normal_2_3
+    x68 = 0.5*square_1
+    x70 = to_second_0_1*to_second_0_1
+    x72 = to_second_0_2*to_second_0_2
+    x74 = to_second_0_3*to_second_0_3
+    along_second_4 = x68 + 0.5*x70 + 0.5*x72 + 0.5*x74 - 0.5*square_2
+    x80 = to_third_1_1*to_third_1_1
+    x82 = to_third_1_2*to_third_1_2
+    x84 = to_third_1_3*to_third_1_3
+    along_third_5 = x68 + 0.5*x80 + 0.5*x82 + 0.5*x84 - 0.5*square_3
+    x89 = 1.0/area_3
+    way_6_1 = x89*(along_second_4*(normal_2_3*to_third_1_2 - normal_2_2*to_third_1_3) + along_third_5*(normal_2_2*to_second_0_3 - normal_2_3*to_second_0_2))
+    way_6_2 = x89*(along_second_4*(normal_2_1*to_third_1_3 - normal_2_3*to_third_1_1) + along_third_5*(normal_2_3*to_second_0_1 - normal_2_1*to_second_0_3))
+    del reach_1, reach_2, reach_3, x43, total, x57, elbow_2_1, elbow_2_2, elbow_2_3, elbow_3_1, elbow_3_2, elbow_3_3, square_2, square_3, x68, to_second_0_3, to_third_1_3
+    way_6_3 = x89*(along_second_4*(normal_2_2*to_third_1_1 - normal_2_1*to_third_1_2) + along_third_5*(normal_2_1*to_second_0_2 - normal_2_2*to_second_0_1))
+    height_7 = square_1 - way_6_1*way_6_1 - way_6_2*way_6_2 - way_6_3*way_6_3
     foot_8_1 = elbow_1_1 + way_6_1
     foot_8_2 = elbow_1_2 + way_6_2
     foot_8_3 = elbow_1_3 + way_6_3
-    ratio_9 = height_7*x7
+    ratio_9 = x89*height_7
     bound = 16.0*eps*(2.0*square_1 - height_7)
-    area_bound = 256.0*(eps*eps)*((x0*x0) + (x1*x1) + (x2*x2))*((x3*x3) + (x4*x4) + (x5*x5))
+    area_bound = 256.0*(eps*eps)*(x70 + x72 + x74)*(x80 + x82 + x84)
+    del along_second_4, along_third_5, to_second_0_1, to_second_0_2, to_third_1_1, to_third_1_2, elbow_1_1, way_6_1, elbow_1_2, way_6_2, elbow_1_3, way_6_3, x89, square_1, x70, x72, x74, x80, x82, x84
     collinear = area_3 <= area_bound
-    del elbow_1_1, way_6_1, elbow_1_2, way_6_2, elbow_1_3, way_6_3, x7, square_1, x0, x1, x2, x3, x4, x5, area_3, area_bound
     flat = xp.abs(height_7) <= bound
-    above = height_7 > bound
+    above = bound < height_7
     below = xp.where(above, xp.sqrt(ratio_9), 0.0)
     down = xp.where(normal_2_3 < 0.0, below, -below)
     position_found_1 = down*normal_2_1 + foot_8_1
     position_found_2 = down*normal_2_2 + foot_8_2
     position_found_3 = down*normal_2_3 + foot_8_3
-    there = (valid) & (~(collinear)) & ((above) | (flat))
+    there = valid & (~collinear) & (above | flat)
     position_1 = xp.where(there, position_found_1, xp.nan)
     position_2 = xp.where(there, position_found_2, xp.nan)
     position_3 = xp.where(there, position_found_3, xp.nan)
-    status = xp.where(~(valid), 4.0, xp.where(collinear, 2.0, xp.where(flat, 1.0, xp.where(above, 0.0, 3.0))))
-    del bound, height_7, ratio_9, below, foot_8_1, normal_2_1, foot_8_2, normal_2_2, down, foot_8_3, normal_2_3, position_found_1, position_found_2, position_found_3, there, above, collinear, flat, valid
-    return (position_1, position_2, position_3, status)
+    del area_3, area_bound, bound, height_7, ratio_9, below, foot_8_1, normal_2_1, foot_8_2, normal_2_2, down, foot_8_3, normal_2_3, position_found_1, position_found_2, position_found_3, there
+    status_value = xp.where(~valid, 4.0, xp.where(collinear, 2.0, xp.where(flat, 1.0, xp.where(above, 0.0, 3.0))))
+    return (position_1, position_2, position_3, status_value)
 
 
 rotary_delta_direct.signature = "(3),(3),(3),(3),(3)->(3),()"
@@ -278,36 +277,36 @@ def linear_delta_inverse(position, radius, rod, heading, *, out=None):
 def _linear_delta_inverse(xp, position_1, position_2, position_3, radius_1, radius_2, radius_3, rod_1, rod_2, rod_3, heading_1, heading_2, heading_3, eps, largest):
     # 29 add, 22 mul, 6 sqrt, 9 select, 10 compare, 15 abs, 3 cos, 3 sin
     total = xp.abs(heading_1) + xp.abs(heading_2) + xp.abs(heading_3) + xp.abs(position_1) + xp.abs(position_2) + xp.abs(position_3) + xp.abs(radius_1) + xp.abs(radius_2) + xp.abs(radius_3) + xp.abs(rod_1) + xp.abs(rod_2) + xp.abs(rod_3)
-    valid = (total <= largest) & (rod_1 > 0.0) & (rod_2 > 0.0) & (rod_3 > 0.0)
+    valid = (total <= largest) & (0.0 < rod_1) & (0.0 < rod_2) & (0.0 < rod_3)
     dx_1 = position_1 - radius_1*xp.cos(heading_1)
     dy_1 = position_2 - radius_1*xp.sin(heading_1)
-    away_1 = xp.sqrt((dx_1*dx_1) + (dy_1*dy_1))
+    away_1 = xp.sqrt(dx_1*dx_1 + dy_1*dy_1)
     height_1 = (rod_1 - away_1)*(away_1 + rod_1)
-    x0 = 16.0*eps
-    bound_1 = (rod_1*rod_1)*x0
-    above_1 = height_1 > bound_1
+    x38 = 16.0*eps
+    bound_1 = x38*(rod_1*rod_1)
+    above_1 = bound_1 < height_1
     level_1 = xp.abs(height_1) <= bound_1
     dx_2 = position_1 - radius_2*xp.cos(heading_2)
     dy_2 = position_2 - radius_2*xp.sin(heading_2)
-    away_2 = xp.sqrt((dx_2*dx_2) + (dy_2*dy_2))
+    away_2 = xp.sqrt(dx_2*dx_2 + dy_2*dy_2)
     height_2 = (rod_2 - away_2)*(away_2 + rod_2)
-    bound_2 = (rod_2*rod_2)*x0
-    above_2 = height_2 > bound_2
+    bound_2 = x38*(rod_2*rod_2)
+    above_2 = bound_2 < height_2
     level_2 = xp.abs(height_2) <= bound_2
     dx_3 = position_1 - radius_3*xp.cos(heading_3)
     dy_3 = position_2 - radius_3*xp.sin(heading_3)
-    away_3 = xp.sqrt((dx_3*dx_3) + (dy_3*dy_3))
+    away_3 = xp.sqrt(dx_3*dx_3 + dy_3*dy_3)
     height_3 = (rod_3 - away_3)*(away_3 + rod_3)
-    bound_3 = (rod_3*rod_3)*x0
-    above_3 = height_3 > bound_3
+    bound_3 = x38*(rod_3*rod_3)
+    above_3 = bound_3 < height_3
     level_3 = xp.abs(height_3) <= bound_3
-    there = (valid) & ((above_1) | (level_1)) & ((above_2) | (level_2)) & ((above_3) | (level_3))
+    there = valid & (above_1 | level_1) & (above_2 | level_2) & (above_3 | level_3)
     carriage_1 = xp.where(there, position_3 + xp.where(above_1, xp.sqrt(height_1), 0.0), xp.nan)
-    del total, dx_1, dy_1, away_1, bound_1, dx_2, dy_2, away_2, bound_2, dx_3, dy_3, away_3, x0, bound_3, above_1, height_1
+    del total, dx_1, dy_1, away_1, bound_1, dx_2, dy_2, away_2, bound_2, dx_3, dy_3, away_3, x38, bound_3, above_1, height_1
     carriage_2 = xp.where(there, position_3 + xp.where(above_2, xp.sqrt(height_2), 0.0), xp.nan)
     carriage_3 = xp.where(there, position_3 + xp.where(above_3, xp.sqrt(height_3), 0.0), xp.nan)
-    status = xp.where(~(valid), 4.0, xp.where(~(there), 3.0, xp.where((level_1) | (level_2) | (level_3), 1.0, 0.0)))
-    return (carriage_1, carriage_2, carriage_3, status)
+    status_value = xp.where(~valid, 4.0, xp.where(~there, 3.0, xp.where(level_1 | level_2 | level_3, 1.0, 0.0)))
+    return (carriage_1, carriage_2, carriage_3, status_value)
 
 
 linear_delta_inverse.signature = "(3),(3),(3),(3)->(3),()"
@@ -371,15 +370,12 @@ def _rotary_delta_equations(xp, position_1, position_2, position_3, radius_1, ra
     a_1 = -2.0*along_1
     a_2 = -2.0*along_2
     a_3 = -2.0*along_3
-    x0 = 2.0*position_3
-    b_1 = x0
-    b_2 = x0
-    b_3 = x0
-    x1 = (position_3*position_3)
-    c_1 = ((across_1*across_1) + (along_1*along_1) + x1 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1
-    c_2 = ((across_2*across_2) + (along_2*along_2) + x1 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2
-    c_3 = ((across_3*across_3) + (along_3*along_3) + x1 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3
-    return (a_1, a_2, a_3, b_1, b_2, b_3, c_1, c_2, c_3)
+    b_1 = 2.0*position_3
+    x20 = position_3*position_3
+    c_1 = (across_1*across_1 + along_1*along_1 + x20 + (arm_1 - rod_1)*(arm_1 + rod_1))/arm_1
+    c_2 = (across_2*across_2 + along_2*along_2 + x20 + (arm_2 - rod_2)*(arm_2 + rod_2))/arm_2
+    c_3 = (across_3*across_3 + along_3*along_3 + x20 + (arm_3 - rod_3)*(arm_3 + rod_3))/arm_3
+    return (a_1, a_2, a_3, b_1, b_1, b_1, c_1, c_2, c_3)
 
 
 rotary_delta_equations.signature = "(3),(3),(3),(3),(3)->(3),(3),(3)"

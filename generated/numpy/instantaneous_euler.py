@@ -60,54 +60,56 @@ def chi_from_quaternion(quaternion, *, out=None):
 def _chi_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
-    x0 = _power_of_two_scale(quaternion_size)
-    quaternion_scaled_1 = quaternion_1*x0
-    quaternion_scaled_2 = quaternion_2*x0
-    quaternion_scaled_3 = quaternion_3*x0
-    quaternion_scaled_4 = quaternion_4*x0
-    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    quaternion_unit_1 = quaternion_scaled_1*x1
-    quaternion_unit_2 = quaternion_scaled_2*x1
-    quaternion_unit_3 = quaternion_scaled_3*x1
-    quaternion_unit_4 = quaternion_scaled_4*x1
-    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
-    good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    x2 = xp.abs(quaternion_unit_3)
-    x3 = xp.abs(quaternion_unit_4)
-    sine_x_scale = _power_of_two_scale(x2 + x3)
+    x10 = _power_of_two_scale(quaternion_size)
+    quaternion_scaled_1 = quaternion_1*x10
+    quaternion_scaled_2 = quaternion_2*x10
+    quaternion_scaled_3 = quaternion_3*x10
+    quaternion_scaled_4 = quaternion_4*x10
+    quaternion_length = xp.sqrt(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4)
+    x20 = xp.where(0.0 < quaternion_length, 1.0/quaternion_length, 1.0)
+    quaternion_unit_1 = quaternion_scaled_1*x20
+    quaternion_unit_2 = quaternion_scaled_2*x20
+    quaternion_unit_3 = quaternion_scaled_3*x20
+    quaternion_unit_4 = quaternion_scaled_4*x20
+    quaternion_deviation = xp.abs(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - 1.0)
+    good = (quaternion_size <= largest) & (0.0 < quaternion_size)
+    x31 = xp.abs(quaternion_unit_3)
+    x32 = xp.abs(quaternion_unit_4)
+    sine_x_scale = _power_of_two_scale(x31 + x32)
     sine_x_scaled_1 = quaternion_unit_3*sine_x_scale
     sine_x_scaled_2 = quaternion_unit_4*sine_x_scale
-    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    x4 = xp.abs(quaternion_unit_1)
-    x5 = xp.abs(quaternion_unit_2)
-    cosine_x_scale = _power_of_two_scale(x4 + x5)
+    sine_x = xp.sqrt(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale
+    x38 = xp.abs(quaternion_unit_1)
+    x39 = xp.abs(quaternion_unit_2)
+    cosine_x_scale = _power_of_two_scale(x38 + x39)
     cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1
     cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2
-    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    sine_y_scale = _power_of_two_scale(x3 + x5)
+    cosine_x = xp.sqrt(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale
+    sine_y_scale = _power_of_two_scale(x39 + x32)
     sine_y_scaled_1 = quaternion_unit_4*sine_y_scale
     sine_y_scaled_2 = quaternion_unit_2*sine_y_scale
-    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_size, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
-    cosine_y_scale = _power_of_two_scale(x2 + x4)
+    sine_y = xp.sqrt(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale
+    del x10, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x20, quaternion_size, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
+    cosine_y_scale = _power_of_two_scale(x38 + x31)
     cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1
     cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3
-    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    sine_z_scale = _power_of_two_scale(x2 + x5)
+    cosine_y = xp.sqrt(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale
+    sine_z_scale = _power_of_two_scale(x39 + x31)
     sine_z_scaled_1 = quaternion_unit_2*sine_z_scale
     sine_z_scaled_2 = quaternion_unit_3*sine_z_scale
-    sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
-    cosine_z_scale = _power_of_two_scale(x3 + x4)
+    sine_z = xp.sqrt(sine_z_scaled_1*sine_z_scaled_1 + sine_z_scaled_2*sine_z_scaled_2)/sine_z_scale
+    cosine_z_scale = _power_of_two_scale(x38 + x32)
     cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1
     cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4
-    cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
-    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, x2, x5, quaternion_unit_2, quaternion_unit_3, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x3, x4, quaternion_unit_1, quaternion_unit_4, cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
+    cosine_z = xp.sqrt(cosine_z_scaled_1*cosine_z_scaled_1 + cosine_z_scaled_2*cosine_z_scaled_2)/cosine_z_scale
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, x31, x39, quaternion_unit_2, quaternion_unit_3, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x32, x38, quaternion_unit_1, quaternion_unit_4, cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
-    return (chi_1, chi_2, chi_3, status)
+    x81 = (cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps)
+    x88 = xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where(x81, 1.0, 0.0))
+    status_value = xp.where(~good, 4.0, xp.where(16.0*eps < quaternion_deviation, 3.0, x88))
+    return (chi_1, chi_2, chi_3, status_value)
 
 
 chi_from_quaternion.signature = "(4)->(3),()"
@@ -143,91 +145,90 @@ def chi_from_matrix(matrix, *, out=None):
 
 
 def _chi_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale
-    x0 = matrix_1_1 + 1.0
-    products_1_1 = matrix_2_2 + matrix_3_3 + x0
-    x1 = matrix_3_2 - matrix_2_3
-    products_1_2 = x1
-    x2 = matrix_1_3 - matrix_3_1
-    products_1_3 = x2
-    x3 = matrix_2_1 - matrix_1_2
-    products_1_4 = x3
-    products_2_1 = x1
-    products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    x6 = matrix_1_2 + matrix_2_1
-    products_2_3 = x6
-    x7 = matrix_1_3 + matrix_3_1
-    products_2_4 = x7
-    products_3_1 = x2
-    products_3_2 = x6
-    x8 = matrix_1_1 - 1.0
-    products_3_3 = matrix_2_2 - matrix_3_3 - x8
-    x9 = matrix_2_3 + matrix_3_2
-    products_3_4 = x9
-    products_4_1 = x3
-    products_4_2 = x7
-    products_4_3 = x9
-    products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
-    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
-    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
-    x10 = 1.0/length
-    unit_1 = column_c_1*x10
-    unit_2 = column_c_2*x10
-    unit_3 = column_c_3*x10
-    unit_4 = column_c_4*x10
-    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
-    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
-    good = (deviation <= largest) & (determinant > 0.0)
-    x11 = xp.abs(unit_3)
-    x12 = xp.abs(unit_4)
-    sine_x_scale = _power_of_two_scale(x11 + x12)
+    # 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 15 compare, 10 abs, 3 atan2, 6 power_of_two_scale
+    x0 = matrix_1_1 + matrix_2_2
+    x1 = matrix_3_3 + 1.0
+    products_1_1 = x0 + x1
+    products_1_2 = matrix_3_2 - matrix_2_3
+    products_1_3 = matrix_1_3 - matrix_3_1
+    products_1_4 = matrix_2_1 - matrix_1_2
+    products_2_2 = matrix_1_1 + 1.0 - (matrix_2_2 + matrix_3_3)
+    products_2_3 = matrix_1_2 + matrix_2_1
+    products_2_4 = matrix_1_3 + matrix_3_1
+    products_3_3 = matrix_2_2 + 1.0 - (matrix_1_1 + matrix_3_3)
+    products_3_4 = matrix_2_3 + matrix_3_2
+    products_4_4 = x1 - x0
+    x6 = products_1_1 < products_2_2
+    column_a_1 = xp.where(x6, products_1_2, products_1_1)
+    column_a_2 = xp.where(x6, products_2_2, products_1_2)
+    column_a_3 = xp.where(x6, products_2_3, products_1_3)
+    column_a_4 = xp.where(x6, products_2_4, products_1_4)
+    largest_a = xp.where(x6, products_2_2, products_1_1)
+    x7 = largest_a < products_3_3
+    column_b_1 = xp.where(x7, products_1_3, column_a_1)
+    column_b_2 = xp.where(x7, products_2_3, column_a_2)
+    column_b_3 = xp.where(x7, products_3_3, column_a_3)
+    column_b_4 = xp.where(x7, products_3_4, column_a_4)
+    largest_b = xp.where(x7, products_3_3, largest_a)
+    x8 = largest_b < products_4_4
+    del x0, x1, products_1_2, products_1_1, products_2_2, x6, column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, largest_a, products_3_3, x7, largest_b
+    column_c_1 = xp.where(x8, products_1_4, column_b_1)
+    column_c_2 = xp.where(x8, products_2_4, column_b_2)
+    column_c_3 = xp.where(x8, products_3_4, column_b_3)
+    column_c_4 = xp.where(x8, products_4_4, column_b_4)
+    length = xp.sqrt(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4)
+    x16 = 1.0/length
+    unit_1 = column_c_1*x16
+    unit_2 = column_c_2*x16
+    unit_3 = column_c_3*x16
+    unit_4 = column_c_4*x16
+    x30 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x37 = 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x44 = xp.abs(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - 1.0)
+    x51 = xp.abs(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - 1.0)
+    x58 = xp.abs(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x30 + x37 + x44 + x51 + x58
+    del column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, products_4_4, x8, length, column_c_1, column_c_2, column_c_3, column_c_4, x16, x30, x37, x44, x51, x58
+    x74 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x74
+    good = (deviation <= largest) & (0.0 < determinant)
+    x78 = xp.abs(unit_3)
+    x79 = xp.abs(unit_4)
+    sine_x_scale = _power_of_two_scale(x78 + x79)
     sine_x_scaled_1 = sine_x_scale*unit_3
     sine_x_scaled_2 = sine_x_scale*unit_4
-    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    x13 = xp.abs(unit_1)
-    x14 = xp.abs(unit_2)
-    cosine_x_scale = _power_of_two_scale(x13 + x14)
+    sine_x = xp.sqrt(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale
+    x85 = xp.abs(unit_1)
+    x86 = xp.abs(unit_2)
+    cosine_x_scale = _power_of_two_scale(x85 + x86)
     cosine_x_scaled_1 = cosine_x_scale*unit_1
     cosine_x_scaled_2 = cosine_x_scale*unit_2
-    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    sine_y_scale = _power_of_two_scale(x12 + x14)
+    cosine_x = xp.sqrt(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale
+    sine_y_scale = _power_of_two_scale(x86 + x79)
     sine_y_scaled_1 = sine_y_scale*unit_4
     sine_y_scaled_2 = sine_y_scale*unit_2
-    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    del length, column_c_1, column_c_2, column_c_3, column_c_4, x10, determinant, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
-    cosine_y_scale = _power_of_two_scale(x11 + x13)
+    sine_y = xp.sqrt(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale
+    cosine_y_scale = _power_of_two_scale(x85 + x78)
     cosine_y_scaled_1 = cosine_y_scale*unit_1
     cosine_y_scaled_2 = cosine_y_scale*unit_3
-    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    sine_z_scale = _power_of_two_scale(x11 + x14)
+    cosine_y = xp.sqrt(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale
+    sine_z_scale = _power_of_two_scale(x86 + x78)
+    del x74, determinant, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, x78, x86
     sine_z_scaled_1 = sine_z_scale*unit_2
     sine_z_scaled_2 = sine_z_scale*unit_3
-    sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
-    cosine_z_scale = _power_of_two_scale(x12 + x13)
+    sine_z = xp.sqrt(sine_z_scaled_1*sine_z_scaled_1 + sine_z_scaled_2*sine_z_scaled_2)/sine_z_scale
+    cosine_z_scale = _power_of_two_scale(x85 + x79)
     cosine_z_scaled_1 = cosine_z_scale*unit_1
     cosine_z_scaled_2 = cosine_z_scale*unit_4
-    cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
-    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, x11, x14, unit_2, unit_3, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x12, x13, unit_1, unit_4, cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
+    cosine_z = xp.sqrt(cosine_z_scaled_1*cosine_z_scaled_1 + cosine_z_scaled_2*cosine_z_scaled_2)/cosine_z_scale
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0))))
-    return (chi_1, chi_2, chi_3, status)
+    x128 = (cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps)
+    x135 = xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where(x128, 1.0, 0.0))
+    del unit_2, unit_3, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x79, x85, unit_1, unit_4, cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2, cosine_x, cosine_y, cosine_z, sine_x, sine_y, sine_z, x128
+    status_value = xp.where(~good, 4.0, xp.where(64.0*eps < deviation, 3.0, x135))
+    return (chi_1, chi_2, chi_3, status_value)
 
 
 chi_from_matrix.signature = "(3,3)->(3),()"
@@ -263,7 +264,7 @@ def chi_from_zyx(angles, *, out=None):
 
 
 def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
-    # 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
+    # 18 add, 49 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
     half_1 = 0.5*angles_1
     half_2 = 0.5*angles_2
     half_3 = 0.5*angles_3
@@ -274,49 +275,50 @@ def _chi_from_zyx(xp, angles_1, angles_2, angles_3, eps, largest):
     cos_2 = xp.cos(half_2)
     cos_3 = xp.cos(half_3)
     good = 0.25*xp.abs(angles_1) + 0.25*xp.abs(angles_2) + 0.25*xp.abs(angles_3) <= largest
-    x0 = cos_1*cos_2
-    x1 = sin_1*sin_2
-    w = cos_3*x0 + sin_3*x1
-    x2 = cos_2*sin_3
-    x3 = cos_3*sin_2
-    x = cos_1*x2 - sin_1*x3
-    x4 = cos_1*sin_2
-    x5 = cos_2*sin_1
-    y = cos_3*x4 + sin_3*x5
-    z = cos_2*cos_3*sin_1 - sin_3*x4
-    sine_x_scale = _power_of_two_scale(xp.abs(x4) + xp.abs(x5))
-    sine_x_scaled_1 = sine_x_scale*x5
-    sine_x_scaled_2 = sine_x_scale*x4
-    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    x8 = cos_1*cos_2
+    x10 = sin_1*sin_2
+    w = x8*cos_3 + x10*sin_3
+    x = x8*sin_3 - cos_3*x10
+    x14 = cos_1*sin_2
+    x16 = cos_2*sin_1
+    y = x14*cos_3 + x16*sin_3
+    z = x16*cos_3 - x14*sin_3
+    sine_x_scale = _power_of_two_scale(xp.abs(x14) + xp.abs(x16))
+    sine_x_scaled_1 = x16*sine_x_scale
+    sine_x_scaled_2 = x14*sine_x_scale
+    sine_x = xp.sqrt(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale
     sine_y_scale = _power_of_two_scale(xp.abs(x) + xp.abs(z))
     sine_y_scaled_1 = sine_y_scale*x
     sine_y_scaled_2 = sine_y_scale*z
-    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
-    sine_z_scale = _power_of_two_scale(xp.abs(x2) + xp.abs(x3))
-    sine_z_scaled_1 = sine_z_scale*x3
-    del half_1, half_2, half_3, cos_1, sin_1, x5, x4, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, x, z, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, x3
-    sine_z_scaled_2 = sine_z_scale*x2
-    sine_z = xp.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
-    cosine_x_scale = _power_of_two_scale(xp.abs(x0) + xp.abs(x1))
-    cosine_x_scaled_1 = cosine_x_scale*x0
-    cosine_x_scaled_2 = cosine_x_scale*x1
-    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    sine_y = xp.sqrt(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale
+    x34 = cos_2*sin_3
+    x36 = cos_3*sin_2
+    sine_z_scale = _power_of_two_scale(xp.abs(x34) + xp.abs(x36))
+    sine_z_scaled_1 = x36*sine_z_scale
+    del half_1, half_2, half_3, cos_1, sin_1, x16, x14, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, x, z, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, x36
+    sine_z_scaled_2 = x34*sine_z_scale
+    sine_z = xp.sqrt(sine_z_scaled_1*sine_z_scaled_1 + sine_z_scaled_2*sine_z_scaled_2)/sine_z_scale
+    cosine_x_scale = _power_of_two_scale(xp.abs(x8) + xp.abs(x10))
+    cosine_x_scaled_1 = x8*cosine_x_scale
+    cosine_x_scaled_2 = cosine_x_scale*x10
+    cosine_x = xp.sqrt(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale
     cosine_y_scale = _power_of_two_scale(xp.abs(w) + xp.abs(y))
     cosine_y_scaled_1 = cosine_y_scale*w
     cosine_y_scaled_2 = cosine_y_scale*y
-    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
-    x6 = cos_2*cos_3
-    del x2, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x0, x1, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, w, y, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, cos_2, cos_3
-    x7 = sin_2*sin_3
-    cosine_z_scale = _power_of_two_scale(xp.abs(x6) + xp.abs(x7))
-    cosine_z_scaled_1 = cosine_z_scale*x6
-    cosine_z_scaled_2 = cosine_z_scale*x7
-    cosine_z = xp.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    cosine_y = xp.sqrt(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale
+    x57 = cos_2*cos_3
+    del x34, sine_z_scale, sine_z_scaled_1, sine_z_scaled_2, x8, x10, cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, w, y, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, cos_2, cos_3
+    x59 = sin_2*sin_3
+    cosine_z_scale = _power_of_two_scale(xp.abs(x57) + xp.abs(x59))
+    cosine_z_scaled_1 = x57*cosine_z_scale
+    cosine_z_scaled_2 = cosine_z_scale*x59
+    cosine_z = xp.sqrt(cosine_z_scaled_1*cosine_z_scaled_1 + cosine_z_scaled_2*cosine_z_scaled_2)/cosine_z_scale
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
-    return (chi_1, chi_2, chi_3, status)
+    x82 = (cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps)
+    status_value = xp.where(~good, 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where(x82, 1.0, 0.0)))
+    return (chi_1, chi_2, chi_3, status_value)
 
 
 chi_from_zyx.signature = "(3)->(3),()"
@@ -365,35 +367,36 @@ def _chi_from_zyz(xp, angles_1, angles_2, angles_3, eps, largest):
     z = cos_2*xp.sin(half_sum)
     x = -sin_2*xp.sin(half_difference)
     y = sin_2*xp.cos(half_difference)
-    x0 = xp.abs(y)
-    x1 = xp.abs(z)
-    sine_x_scale = _power_of_two_scale(x0 + x1)
+    x13 = xp.abs(y)
+    x14 = xp.abs(z)
+    sine_x_scale = _power_of_two_scale(x13 + x14)
     sine_x_scaled_1 = sine_x_scale*y
     sine_x_scaled_2 = sine_x_scale*z
-    sine_x = xp.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
-    x2 = xp.abs(x)
-    sine_y_scale = _power_of_two_scale(x1 + x2)
+    sine_x = xp.sqrt(sine_x_scaled_1*sine_x_scaled_1 + sine_x_scaled_2*sine_x_scaled_2)/sine_x_scale
+    x20 = xp.abs(x)
+    sine_y_scale = _power_of_two_scale(x20 + x14)
     sine_y_scaled_1 = sine_y_scale*x
     sine_y_scaled_2 = sine_y_scale*z
-    sine_y = xp.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    sine_y = xp.sqrt(sine_y_scaled_1*sine_y_scaled_1 + sine_y_scaled_2*sine_y_scaled_2)/sine_y_scale
     sine_z = xp.abs(sin_2)
-    x3 = xp.abs(w)
-    cosine_x_scale = _power_of_two_scale(x2 + x3)
+    x26 = xp.abs(w)
+    cosine_x_scale = _power_of_two_scale(x26 + x20)
     cosine_x_scaled_1 = cosine_x_scale*w
     cosine_x_scaled_2 = cosine_x_scale*x
-    del half_2, half_1, half_3, half_sum, half_difference, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, x1, z, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, sin_2, x2, x
-    cosine_x = xp.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
-    cosine_y_scale = _power_of_two_scale(x0 + x3)
+    del half_2, half_1, half_3, half_sum, half_difference, sine_x_scale, sine_x_scaled_1, sine_x_scaled_2, x14, z, sine_y_scale, sine_y_scaled_1, sine_y_scaled_2, sin_2, x20, x
+    cosine_x = xp.sqrt(cosine_x_scaled_1*cosine_x_scaled_1 + cosine_x_scaled_2*cosine_x_scaled_2)/cosine_x_scale
+    cosine_y_scale = _power_of_two_scale(x26 + x13)
     cosine_y_scaled_1 = cosine_y_scale*w
     cosine_y_scaled_2 = cosine_y_scale*y
-    cosine_y = xp.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    cosine_y = xp.sqrt(cosine_y_scaled_1*cosine_y_scaled_1 + cosine_y_scaled_2*cosine_y_scaled_2)/cosine_y_scale
     cosine_z = xp.abs(cos_2)
     chi_1 = xp.where(good, 2.0*xp.atan2(sine_x, cosine_x), xp.nan)
     chi_2 = xp.where(good, 2.0*xp.atan2(sine_y, cosine_y), xp.nan)
     chi_3 = xp.where(good, 2.0*xp.atan2(sine_z, cosine_z), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where((cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps), 1.0, 0.0)))
-    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, x0, x3, w, y, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, cos_2, cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z
-    return (chi_1, chi_2, chi_3, status)
+    x53 = (cosine_x <= eps) | (cosine_y <= eps) | (cosine_z <= eps) | (sine_x <= eps) | (sine_y <= eps) | (sine_z <= eps)
+    status_value = xp.where(~good, 4.0, xp.where((sine_x == 0.0) & (sine_y == 0.0) & (sine_z == 0.0), 2.0, xp.where(x53, 1.0, 0.0)))
+    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2, x13, x26, w, y, cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2, cos_2, cosine_x, cosine_y, cosine_z, good, sine_x, sine_y, sine_z, x53
+    return (chi_1, chi_2, chi_3, status_value)
 
 
 chi_from_zyz.signature = "(3)->(3),()"

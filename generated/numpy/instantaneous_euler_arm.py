@@ -43,64 +43,60 @@ def chi_arm_pose(joints, lengths, *, out=None):
 
 
 def _chi_arm_pose(xp, joints_1, joints_2, joints_3, joints_4, joints_5, joints_6, lengths_1, lengths_2, lengths_3, lengths_4, eps, largest):
-    # 32 add, 65 mul, 6 cos, 6 sin
-    x0 = xp.sin(joints_1)
-    x2 = xp.cos(joints_5)
-    x1 = xp.sin(joints_4)
-    x3 = x1*x2
-    x4 = xp.sin(joints_5)
-    x5 = xp.cos(joints_1)
-    x6 = xp.sin(joints_2)
-    x7 = xp.cos(joints_3)
-    x8 = x6*x7
-    x9 = xp.sin(joints_3)
-    x10 = xp.cos(joints_2)
-    x11 = x10*x9
-    x12 = x11*x5 + x5*x8
-    x13 = xp.cos(joints_4)
-    x14 = x6*x9
-    x15 = x10*x5*x7 - x14*x5
-    x16 = x13*x15*x2 - x0*x3 - x12*x4
-    matrix_1_1 = x16
-    x19 = xp.sin(joints_6)
-    x17 = xp.cos(joints_6)
-    x18 = x13*x17
-    x20 = x1*x19
-    x21 = x18 + x20*x4
-    x22 = x12*x2
-    x23 = x1*x17
-    x24 = x13*x19*x4 - x23
-    matrix_1_2 = x15*x24 + x19*x22 - x0*x21
-    x25 = x23*x4 - x13*x19
-    x26 = x18*x4 + x20
-    matrix_1_3 = x15*x26 + x17*x22 - x0*x25
-    x27 = x0*x11 + x0*x8
-    x28 = x0*x10*x7 - x0*x14
-    x29 = x13*x2*x28 + x3*x5 - x27*x4
-    matrix_2_1 = x29
-    x30 = x2*x27
-    matrix_2_2 = x19*x30 + x21*x5 + x24*x28
-    matrix_2_3 = x17*x30 + x25*x5 + x26*x28
-    x31 = x10*x7 - x14
-    x32 = -x11 - x8
-    x33 = x13*x2*x32 - x31*x4
-    del x12, x1, x23, x18, x20, x15, x22, x3, x27, x21, x25, x28, x30, x14, x11, x13, x4
-    matrix_3_1 = x33
-    x34 = x2*x31
-    matrix_3_2 = x19*x34 + x24*x32
-    matrix_3_3 = x17*x34 + x26*x32
-    x35 = lengths_2 - lengths_3*x9
-    x36 = lengths_3*x10*x7 + x35*x6
-    x37 = x36*x5
-    point_1 = lengths_4*x16 + x37
-    x38 = x0*x36
-    point_2 = lengths_4*x29 + x38
-    del x2, x31, x19, x24, x17, x26, x32, x34, x9, x6, x7, x5, x16, x0, x36, x29
-    x39 = lengths_1 + x10*x35 - lengths_3*x8
-    point_3 = lengths_4*x33 + x39
-    wrist_1 = x37
-    wrist_2 = x38
-    wrist_3 = x39
+    # 32 add, 59 mul, 6 cos, 6 sin
+    x0 = xp.sin(joints_2)
+    x1 = xp.sin(joints_3)
+    x2 = xp.cos(joints_1)
+    x3 = x0*x1
+    x5 = xp.cos(joints_2)
+    x6 = xp.cos(joints_3)
+    x7 = x5*x6
+    x9 = x2*x7 - x3*x2
+    x10 = xp.cos(joints_4)
+    x11 = xp.cos(joints_5)
+    x12 = x10*x11
+    x14 = x0*x6
+    x16 = x1*x5
+    x18 = x14*x2 + x16*x2
+    x19 = xp.sin(joints_5)
+    x21 = xp.sin(joints_1)
+    x22 = xp.sin(joints_4)
+    x23 = x22*x11
+    matrix_1_1 = x9*x12 - x18*x19 - x21*x23
+    x26 = xp.cos(joints_6)
+    x27 = x22*x26
+    x28 = xp.sin(joints_6)
+    x29 = x19*x28
+    x31 = x29*x10 - x27
+    x33 = x28*x11
+    x36 = x10*x26
+    x37 = x22*x29 + x36
+    matrix_1_2 = x31*x9 + x18*x33 - x37*x21
+    x42 = x22*x28 + x19*x36
+    x44 = x11*x26
+    x48 = x27*x19 - x28*x10
+    matrix_1_3 = x42*x9 + x18*x44 - x48*x21
+    x53 = x21*x7 - x21*x3
+    x57 = x21*x14 + x21*x16
+    matrix_2_1 = x53*x12 + x23*x2 - x57*x19
+    matrix_2_2 = x31*x53 + x57*x33 + x37*x2
+    matrix_2_3 = x42*x53 + x57*x44 + x48*x2
+    del x6, x29, x22, x36, x11, x26, x10, x27, x28, x18, x9, x23, x37, x48, x53, x57
+    x69 = x7 - x3
+    x71 = x14 + x16
+    x73 = x69*x19 + x71*x12
+    matrix_3_1 = -x73
+    matrix_3_2 = x69*x33 - x71*x31
+    matrix_3_3 = x69*x44 - x71*x42
+    x81 = lengths_2 - lengths_3*x1
+    x83 = lengths_3*x7 + x81*x0
+    wrist_1 = x83*x2
+    point_1 = lengths_4*matrix_1_1 + wrist_1
+    wrist_2 = x83*x21
+    del x3, x16, x12, x19, x31, x33, x42, x44, x69, x71, x1, x0, x7, x2, x21, x83
+    point_2 = lengths_4*matrix_2_1 + wrist_2
+    wrist_3 = lengths_1 + x81*x5 - lengths_3*x14
+    point_3 = wrist_3 - lengths_4*x73
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, wrist_1, wrist_2, wrist_3)
 
 

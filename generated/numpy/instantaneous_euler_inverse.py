@@ -68,145 +68,164 @@ def chi_rotations(chi, tolerance, *, out=None):
 
 
 def _chi_rotations(xp, chi_1, chi_2, chi_3, tolerance, eps, largest):
-    # 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
-    x22 = 3.141592653589793*(4.0*eps + 1.0)
-    good = (chi_1 >= 0.0) & (chi_2 >= 0.0) & (chi_3 >= 0.0) & (tolerance >= 0.0) & (chi_1 <= x22) & (chi_2 <= x22) & (chi_3 <= x22)
-    x0 = 16.0*eps
-    slack = xp.where(tolerance < x0, x0, tolerance)
-    x1 = 0.5*chi_1
-    s_1 = (xp.sin(x1)*xp.sin(x1))
-    x2 = 0.5*chi_2
-    s_2 = (xp.sin(x2)*xp.sin(x2))
-    x3 = 0.5*chi_3
-    s_3 = (xp.sin(x3)*xp.sin(x3))
-    c_1 = (xp.cos(x1)*xp.cos(x1))
-    c_2 = (xp.cos(x2)*xp.cos(x2))
-    c_3 = (xp.cos(x3)*xp.cos(x3))
+    # 43 add, 40 mul, 1 div, 12 sqrt, 111 select, 40 compare, 3 atan2, 3 cos, 3 sin
+    x6 = 3.141592653589793*(4.0*eps + 1.0)
+    x14 = (0.0 <= chi_1) & (0.0 <= chi_2) & (0.0 <= chi_3) & (0.0 <= tolerance) & (chi_1 <= x6) & (chi_2 <= x6)
+    good = x14 & (chi_3 <= x6)
+    x15 = 16.0*eps
+    slack = xp.where(tolerance < x15, x15, tolerance)
+    x17 = 0.5*chi_1
+    x18 = xp.sin(x17)
+    s_1 = x18*x18
+    x19 = 0.5*chi_2
+    x20 = xp.sin(x19)
+    s_2 = x20*x20
+    x21 = 0.5*chi_3
+    x22 = xp.sin(x21)
+    s_3 = x22*x22
+    x23 = xp.cos(x17)
+    c_1 = x23*x23
+    x24 = xp.cos(x19)
+    c_2 = x24*x24
+    x25 = xp.cos(x21)
+    c_3 = x25*x25
     whole = 0.5*s_1 + 0.5*s_2 + 0.5*s_3
     share_0 = 1.0 - whole
     share_1 = whole - s_1
     share_2 = whole - s_2
     share_3 = whole - s_3
-    above_1 = share_1 > share_0
+    above_1 = share_0 < share_1
     largest_1 = xp.where(above_1, share_1, share_0)
-    above_2 = share_2 > largest_1
+    above_2 = largest_1 < share_2
     largest_2 = xp.where(above_2, share_2, largest_1)
-    above_3 = share_3 > largest_2
-    at_2 = (above_2) & (~(above_3))
-    at_1 = (above_1) & (~(above_2)) & (~(above_3))
-    part_1 = xp.where((above_3) | (at_2), c_1, s_1)
-    part_2 = xp.where((above_3) | (at_1), c_2, s_2)
-    part_3 = xp.where((at_1) | (at_2), c_3, s_3)
+    above_3 = largest_2 < share_3
+    x30 = ~above_3
+    at_2 = above_2 & x30
+    at_1 = above_1 & (~above_2) & x30
+    part_1 = xp.where(above_3 | at_2, c_1, s_1)
+    del x14, x6, x18, x20, x22, x17, x23, x19, x24, x21, x25, whole, largest_2, above_2, x30, c_1, s_1
+    x34 = above_3 | at_1
+    part_2 = xp.where(x34, c_2, s_2)
+    part_3 = xp.where(at_1 | at_2, c_3, s_3)
     size = part_1 + part_2 + part_3
-    x5 = -0.5*size
-    raw_1 = -part_1 - x5
-    del x22, x1, x2, x3, whole, largest_1, largest_2, above_1, above_2, c_1, s_1, c_2, s_2, c_3, s_3, part_1
-    raw_2 = -part_2 - x5
-    raw_3 = -part_3 - x5
-    coarse = xp.where((above_3) | (at_1) | (at_2), x0*(eps + xp.sqrt(size)), 0.0)
+    x37 = 0.5*size
+    raw_1 = x37 - part_1
+    raw_2 = x37 - part_2
+    raw_3 = x37 - part_3
+    coarse = xp.where(x34 | at_2, x15*(eps + xp.sqrt(size)), 0.0)
     floor = coarse + size*slack
-    outside = (raw_1 < -floor) | (raw_2 < -floor) | (raw_3 < -floor)
-    rest_1 = xp.where(floor >= raw_1, 0.0, raw_1)
-    rest_2 = xp.where(floor >= raw_2, 0.0, raw_2)
-    rest_3 = xp.where(floor >= raw_3, 0.0, raw_3)
+    x43 = -floor
+    outside = (raw_1 < x43) | (raw_2 < x43) | (raw_3 < x43)
+    rest_1 = xp.where(raw_1 <= floor, 0.0, raw_1)
+    rest_2 = xp.where(raw_2 <= floor, 0.0, raw_2)
+    del c_2, s_2, c_3, s_3, part_1, part_2, part_3, x37, x15, x34, coarse, size, slack, x43, raw_1, raw_2
+    rest_3 = xp.where(raw_3 <= floor, 0.0, raw_3)
     rest_0 = 1.0 - rest_1 - rest_2 - rest_3
-    x6 = xp.sqrt(rest_3)
-    x7 = xp.sqrt(rest_2)
-    x8 = xp.sqrt(rest_1)
-    x9 = xp.sqrt(rest_0)
-    component_0 = xp.where(above_3, x6, xp.where(at_2, x7, xp.where(at_1, x8, x9)))
-    component_1 = xp.where(above_3, x7, xp.where(at_2, x6, xp.where(at_1, x9, x8)))
-    component_2 = xp.where(above_3, x8, xp.where(at_2, x9, xp.where(at_1, x6, x7)))
-    component_3 = xp.where(above_3, x9, xp.where(at_2, x8, xp.where(at_1, x7, x6)))
-    del part_2, part_3, x5, x0, coarse, size, slack, raw_1, raw_2, floor, raw_3, rest_3, rest_2, rest_1, rest_0, above_3, at_1, at_2, x6, x7, x8, x9
-    present_0 = component_0 > 0.0
-    present_1 = component_1 > 0.0
-    present_2 = component_2 > 0.0
-    present_3 = component_3 > 0.0
-    free_1 = (present_0) & (present_1)
-    free_2 = (present_2) & ((present_0) | (present_1))
-    free_3 = (present_3) & ((present_0) | (present_1) | (present_2))
-    x10 = xp.where(free_1, 1.0, 0.0)
-    x11 = xp.where(free_2, 1.0, 0.0)
-    freedom = x10 + x11 + xp.where(free_3, 1.0, 0.0)
-    before_2 = x10
-    before_3 = before_2 + x11
-    known = (good) & (~(outside))
-    quaternions_1_1 = xp.where((known) & (freedom > -0.5), component_0, xp.nan)
-    quaternions_1_2 = xp.where((known) & (freedom > -0.5), component_1, xp.nan)
-    quaternions_1_3 = xp.where((known) & (freedom > -0.5), component_2, xp.nan)
-    quaternions_1_4 = xp.where((known) & (freedom > -0.5), component_3, xp.nan)
-    quaternions_2_1 = xp.where((known) & (freedom > 0.5), component_0, xp.nan)
-    x12 = xp.where(free_1, -component_1, component_1)
-    quaternions_2_2 = xp.where((known) & (freedom > 0.5), x12, xp.nan)
-    quaternions_2_3 = xp.where((known) & (freedom > 0.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, 1.0), component_2), xp.nan)
-    quaternions_2_4 = xp.where((known) & (freedom > 0.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, 1.0), component_3), xp.nan)
-    x13 = xp.where((known) & (freedom > 1.5), component_0, xp.nan)
-    quaternions_3_1 = x13
-    quaternions_3_2 = xp.where((known) & (freedom > 1.5), component_1, xp.nan)
-    x14 = xp.where(before_2 < 1.5, -1.0, 1.0)
-    quaternions_3_3 = xp.where((known) & (freedom > 1.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, x14), component_2), xp.nan)
-    x15 = xp.where(before_3 < 1.5, -1.0, 1.0)
-    quaternions_3_4 = xp.where((known) & (freedom > 1.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, x15), component_3), xp.nan)
-    quaternions_4_1 = x13
-    quaternions_4_2 = xp.where((known) & (freedom > 1.5), x12, xp.nan)
-    quaternions_4_3 = xp.where((known) & (freedom > 1.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, x14), component_2), xp.nan)
-    quaternions_4_4 = xp.where((known) & (freedom > 1.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, x15), component_3), xp.nan)
-    x16 = xp.where((known) & (freedom > 2.5), component_0, xp.nan)
-    quaternions_5_1 = x16
-    x17 = xp.where((known) & (freedom > 2.5), component_1, xp.nan)
-    quaternions_5_2 = x17
-    x18 = xp.where(before_2 < 1.5, 1.0, -1.0)
-    quaternions_5_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, x18), component_2), xp.nan)
-    x19 = xp.where(before_3 < 1.5, 1.0, -1.0)
-    quaternions_5_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, x19), component_3), xp.nan)
-    quaternions_6_1 = x16
-    x20 = xp.where((known) & (freedom > 2.5), x12, xp.nan)
-    quaternions_6_2 = x20
-    quaternions_6_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, -1.0, x18), component_2), xp.nan)
-    quaternions_6_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, -1.0, x19), component_3), xp.nan)
-    quaternions_7_1 = x16
-    quaternions_7_2 = x17
-    del present_0, present_1, present_2, present_3, x10, x11, free_1, x13, x14, x15, component_0, component_1, x12, x18, x19, x17
-    quaternions_7_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, component_2*xp.where(before_2 < 0.5, 1.0, -1.0), component_2), xp.nan)
-    quaternions_7_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, component_3*xp.where(before_3 < 0.5, 1.0, -1.0), component_3), xp.nan)
-    quaternions_8_1 = x16
-    quaternions_8_2 = x20
-    quaternions_8_3 = xp.where((known) & (freedom > 2.5), xp.where(free_2, -component_2, component_2), xp.nan)
-    quaternions_8_4 = xp.where((known) & (freedom > 2.5), xp.where(free_3, -component_3, component_3), xp.nan)
-    upper_0 = xp.where(share_0 < share_1, share_1, share_0)
-    lower_0 = xp.where(share_0 < share_1, share_0, share_1)
-    upper_1 = xp.where(share_2 < share_3, share_3, share_2)
-    lower_1 = xp.where(share_2 < share_3, share_2, share_3)
-    upper_2 = xp.where(upper_0 < upper_1, upper_1, upper_0)
-    lower_2 = xp.where(upper_0 < upper_1, upper_0, upper_1)
-    upper_3 = xp.where(lower_0 < lower_1, lower_1, lower_0)
-    lower_3 = xp.where(lower_0 < lower_1, lower_0, lower_1)
-    upper_4 = xp.where(lower_2 > upper_3, lower_2, upper_3)
-    lower_4 = xp.where(lower_2 > upper_3, upper_3, lower_2)
-    total_1 = upper_2
-    del before_2, before_3, x16, x20, component_2, free_2, component_3, free_3, known, upper_0, upper_1, lower_0, lower_1, lower_2, upper_3, upper_2
-    mean_1 = total_1 - 1.0
-    total_2 = total_1 + upper_4
+    x53 = xp.sqrt(rest_0)
+    x54 = xp.sqrt(rest_1)
+    x56 = xp.sqrt(rest_2)
+    x58 = xp.sqrt(rest_3)
+    component_0 = xp.where(above_3, x58, xp.where(at_2, x56, xp.where(at_1, x54, x53)))
+    component_1 = xp.where(above_3, x56, xp.where(at_2, x58, xp.where(at_1, x53, x54)))
+    component_2 = xp.where(above_3, x54, xp.where(at_2, x53, xp.where(at_1, x58, x56)))
+    component_3 = xp.where(above_3, x53, xp.where(at_2, x54, xp.where(at_1, x56, x58)))
+    present_0 = 0.0 < component_0
+    present_1 = 0.0 < component_1
+    present_2 = 0.0 < component_2
+    present_3 = 0.0 < component_3
+    free_1 = present_0 & present_1
+    x65 = present_0 | present_1
+    free_2 = present_2 & x65
+    free_3 = present_3 & (x65 | present_2)
+    del floor, raw_3, rest_0, rest_1, rest_2, rest_3, above_3, at_1, at_2, x53, x54, x56, x58, present_0, present_1, present_2, present_3, x65
+    before_2 = xp.where(free_1, 1.0, 0.0)
+    before_3 = before_2 + xp.where(free_2, 1.0, 0.0)
+    freedom = before_3 + xp.where(free_3, 1.0, 0.0)
+    known = good & (~outside)
+    x71 = known & (-0.5 < freedom)
+    quaternions_1_1 = xp.where(x71, component_0, xp.nan)
+    quaternions_1_2 = xp.where(x71, component_1, xp.nan)
+    quaternions_1_3 = xp.where(x71, component_2, xp.nan)
+    quaternions_1_4 = xp.where(x71, component_3, xp.nan)
+    x72 = 0.5 < freedom
+    x73 = known & x72
+    quaternions_2_1 = xp.where(x73, component_0, xp.nan)
+    x75 = xp.where(free_1, -component_1, component_1)
+    quaternions_2_2 = xp.where(x73, x75, xp.nan)
+    x76 = before_2 < 0.5
+    quaternions_2_3 = xp.where(x73, xp.where(free_2, component_2*xp.where(x76, -1.0, 1.0), component_2), xp.nan)
+    x80 = before_3 < 0.5
+    quaternions_2_4 = xp.where(x73, xp.where(free_3, component_3*xp.where(x80, -1.0, 1.0), component_3), xp.nan)
+    x84 = 1.5 < freedom
+    x85 = known & x84
+    quaternions_3_1 = xp.where(x85, component_0, xp.nan)
+    quaternions_3_2 = xp.where(x85, component_1, xp.nan)
+    x86 = before_2 < 1.5
+    x87 = xp.where(x86, -1.0, 1.0)
+    quaternions_3_3 = xp.where(x85, xp.where(free_2, component_2*xp.where(x76, 1.0, x87), component_2), xp.nan)
+    x91 = before_3 < 1.5
+    x92 = xp.where(x91, -1.0, 1.0)
+    quaternions_3_4 = xp.where(x85, xp.where(free_3, component_3*xp.where(x80, 1.0, x92), component_3), xp.nan)
+    quaternions_4_2 = xp.where(x85, x75, xp.nan)
+    quaternions_4_3 = xp.where(x85, xp.where(free_2, component_2*xp.where(x76, -1.0, x87), component_2), xp.nan)
+    quaternions_4_4 = xp.where(x85, xp.where(free_3, component_3*xp.where(x80, -1.0, x92), component_3), xp.nan)
+    x102 = 2.5 < freedom
+    x103 = known & x102
+    quaternions_5_1 = xp.where(x103, component_0, xp.nan)
+    quaternions_5_2 = xp.where(x103, component_1, xp.nan)
+    x104 = xp.where(x86, 1.0, -1.0)
+    quaternions_5_3 = xp.where(x103, xp.where(free_2, component_2*xp.where(x76, 1.0, x104), component_2), xp.nan)
+    x108 = xp.where(x91, 1.0, -1.0)
+    quaternions_5_4 = xp.where(x103, xp.where(free_3, component_3*xp.where(x80, 1.0, x108), component_3), xp.nan)
+    quaternions_6_2 = xp.where(x103, x75, xp.nan)
+    quaternions_6_3 = xp.where(x103, xp.where(free_2, component_2*xp.where(x76, -1.0, x104), component_2), xp.nan)
+    del x71, free_1, x73, before_2, before_3, x87, x85, x92, freedom, known, component_0, component_1, x86, x91, x75, x104
+    quaternions_6_4 = xp.where(x103, xp.where(free_3, component_3*xp.where(x80, -1.0, x108), component_3), xp.nan)
+    quaternions_7_3 = xp.where(x103, xp.where(free_2, component_2*xp.where(x76, 1.0, -1.0), component_2), xp.nan)
+    quaternions_7_4 = xp.where(x103, xp.where(free_3, component_3*xp.where(x80, 1.0, -1.0), component_3), xp.nan)
+    quaternions_8_3 = xp.where(x103, xp.where(free_2, -component_2, component_2), xp.nan)
+    quaternions_8_4 = xp.where(x103, xp.where(free_3, -component_3, component_3), xp.nan)
+    lower_0 = xp.where(above_1, share_0, share_1)
+    x128 = share_2 < share_3
+    upper_1 = xp.where(x128, share_3, share_2)
+    lower_1 = xp.where(x128, share_2, share_3)
+    x129 = largest_1 < upper_1
+    upper_2 = xp.where(x129, upper_1, largest_1)
+    lower_2 = xp.where(x129, largest_1, upper_1)
+    x130 = lower_0 < lower_1
+    upper_3 = xp.where(x130, lower_1, lower_0)
+    lower_3 = xp.where(x130, lower_0, lower_1)
+    del x108, x76, x80, component_2, free_2, component_3, free_3, x103, above_1, x128, largest_1, upper_1, x129, lower_0, lower_1, x130
+    x131 = upper_3 < lower_2
+    upper_4 = xp.where(x131, lower_2, upper_3)
+    lower_4 = xp.where(x131, upper_3, lower_2)
+    mean_1 = upper_2 - 1.0
+    total_2 = upper_2 + upper_4
     mean_2 = 0.5*total_2 - 0.5
     shift_2 = xp.where(mean_1 < mean_2, mean_2, mean_1)
     total_3 = lower_4 + total_2
     mean_3 = total_3/3.0 - 1.0/3.0
-    shift_3 = xp.where(mean_3 > shift_2, mean_3, shift_2)
+    shift_3 = xp.where(shift_2 < mean_3, mean_3, shift_2)
     total_4 = lower_3 + total_3
     mean_4 = 0.25*total_4 - 0.25
-    shift_4 = xp.where(mean_4 > shift_3, mean_4, shift_3)
-    kept_0 = xp.where(share_0 > shift_4, share_0 - shift_4, 0.0)
-    kept_1 = xp.where(share_1 > shift_4, share_1 - shift_4, 0.0)
-    kept_2 = xp.where(share_2 > shift_4, share_2 - shift_4, 0.0)
-    kept_3 = xp.where(share_3 > shift_4, share_3 - shift_4, 0.0)
-    distance = xp.where(good, xp.where(outside, 2.0*xp.sqrt(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), 0.0), xp.nan)
-    del total_1, upper_4, mean_1, mean_2, lower_4, total_2, mean_3, shift_2, lower_3, total_3, total_4, mean_4, shift_3, shift_4, share_0, share_1, share_2, share_3
+    shift_4 = xp.where(shift_3 < mean_4, mean_4, shift_3)
+    del lower_2, upper_3, x131, upper_2, upper_4, mean_1, mean_2, lower_4, total_2, mean_3, shift_2, lower_3, total_3, total_4, mean_4, shift_3
+    kept_0 = xp.where(shift_4 < share_0, share_0 - shift_4, 0.0)
+    kept_1 = xp.where(shift_4 < share_1, share_1 - shift_4, 0.0)
+    kept_2 = xp.where(shift_4 < share_2, share_2 - shift_4, 0.0)
+    kept_3 = xp.where(shift_4 < share_3, share_3 - shift_4, 0.0)
+    x147 = share_0 - kept_0
+    x149 = share_1 - kept_1
+    x151 = share_2 - kept_2
+    x153 = share_3 - kept_3
+    x160 = xp.where(outside, 2.0*xp.sqrt(x147*x147 + x149*x149 + x151*x151 + x153*x153), 0.0)
+    distance_value = xp.where(good, x160, xp.nan)
     nearest_1 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_2 + kept_3), xp.sqrt(kept_0 + kept_1)), chi_1), xp.nan)
     nearest_2 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_1 + kept_3), xp.sqrt(kept_0 + kept_2)), chi_2), xp.nan)
     nearest_3 = xp.where(good, xp.where(outside, 2.0*xp.atan2(xp.sqrt(kept_1 + kept_2), xp.sqrt(kept_0 + kept_3)), chi_3), xp.nan)
-    status = xp.where(~(good), 5.0, xp.where(outside, 4.0, xp.where(freedom > 2.5, 0.0, xp.where(freedom > 1.5, 1.0, xp.where(freedom > 0.5, 2.0, 3.0)))))
-    return (quaternions_1_1, quaternions_1_2, quaternions_1_3, quaternions_1_4, quaternions_2_1, quaternions_2_2, quaternions_2_3, quaternions_2_4, quaternions_3_1, quaternions_3_2, quaternions_3_3, quaternions_3_4, quaternions_4_1, quaternions_4_2, quaternions_4_3, quaternions_4_4, quaternions_5_1, quaternions_5_2, quaternions_5_3, quaternions_5_4, quaternions_6_1, quaternions_6_2, quaternions_6_3, quaternions_6_4, quaternions_7_1, quaternions_7_2, quaternions_7_3, quaternions_7_4, quaternions_8_1, quaternions_8_2, quaternions_8_3, quaternions_8_4, distance, nearest_1, nearest_2, nearest_3, status)
+    status_value = xp.where(~good, 5.0, xp.where(outside, 4.0, xp.where(x102, 0.0, xp.where(x84, 1.0, xp.where(x72, 2.0, 3.0)))))
+    del shift_4, share_0, share_1, share_2, share_3, x147, x149, x151, x153, x160, kept_0, kept_1, kept_2, kept_3, good, outside, x102, x72, x84
+    return (quaternions_1_1, quaternions_1_2, quaternions_1_3, quaternions_1_4, quaternions_2_1, quaternions_2_2, quaternions_2_3, quaternions_2_4, quaternions_3_1, quaternions_3_2, quaternions_3_3, quaternions_3_4, quaternions_3_1, quaternions_4_2, quaternions_4_3, quaternions_4_4, quaternions_5_1, quaternions_5_2, quaternions_5_3, quaternions_5_4, quaternions_5_1, quaternions_6_2, quaternions_6_3, quaternions_6_4, quaternions_5_1, quaternions_5_2, quaternions_7_3, quaternions_7_4, quaternions_5_1, quaternions_6_2, quaternions_8_3, quaternions_8_4, distance_value, nearest_1, nearest_2, nearest_3, status_value)
 
 
 chi_rotations.signature = "(3),()->(8,4),(),(3),()"

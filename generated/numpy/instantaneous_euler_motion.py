@@ -68,39 +68,50 @@ def chi_rates(matrix, omega, *, out=None):
 
 def _chi_rates(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3, eps, largest):
     # 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs
-    x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
-    x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
-    x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
-    deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
-    handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
-    good = (deviation <= largest) & (handed > 0.0)
-    abnormal = deviation > 64.0*eps
-    sine_x = xp.sqrt(x0)
-    sine_y = xp.sqrt(x1)
-    sine_z = xp.sqrt(x2)
-    x6 = 4.0*eps
-    kink_x = sine_x <= x6
-    kink_y = sine_y <= x6
-    kink_z = sine_z <= x6
+    x24 = matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1
+    x31 = matrix_1_2*matrix_1_2 + matrix_3_2*matrix_3_2
+    x38 = matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3
+    x13 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x20 = 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x27 = xp.abs(matrix_1_1*matrix_1_1 + x24 - 1.0)
+    x34 = xp.abs(x31 + matrix_2_2*matrix_2_2 - 1.0)
+    x41 = xp.abs(x38 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x13 + x20 + x27 + x34 + x41
+    x57 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x57
+    good = (deviation <= largest) & (0.0 < handed)
+    abnormal = 64.0*eps < deviation
+    sine_x = xp.sqrt(x24)
+    sine_y = xp.sqrt(x31)
+    sine_z = xp.sqrt(x38)
+    x62 = 4.0*eps
+    kink_x = sine_x <= x62
+    kink_y = sine_y <= x62
+    kink_z = sine_z <= x62
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
     most = sine_x*sine_y*sine_z
-    x7 = xp.abs(volume)
-    flat = x7 <= 16.0*eps*most
-    near = x7 <= eps**0.5*most
-    known = (good) & (0.25*xp.abs(omega_1) + 0.25*xp.abs(omega_2) + 0.25*xp.abs(omega_3) <= largest)
-    x3 = (omega_2*omega_2)
-    x4 = (omega_3*omega_3)
-    speed_x = xp.sqrt(x3 + x4)
-    x5 = (omega_1*omega_1)
-    speed_y = xp.sqrt(x4 + x5)
-    speed_z = xp.sqrt(x3 + x5)
-    rate_1 = xp.where(known, xp.where(kink_x, xp.where(matrix_1_1 > 0.0, speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*xp.where(kink_x, 1.0, 1.0/sine_x)), xp.nan)
-    rate_2 = xp.where(known, xp.where(kink_y, xp.where(matrix_2_2 > 0.0, speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*xp.where(kink_y, 1.0, 1.0/sine_y)), xp.nan)
-    rate_3 = xp.where(known, xp.where(kink_z, xp.where(matrix_3_3 > 0.0, speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*xp.where(kink_z, 1.0, 1.0/sine_z)), xp.nan)
-    del handed, deviation, x0, x1, x2, x6, most, x7, x4, x3, x5, sine_x, speed_x, sine_y, speed_y, sine_z, speed_z
-    determinant = xp.where(good, volume, xp.nan)
-    status = xp.where(~(known), 5.0, xp.where((kink_x) | (kink_y) | (kink_z), 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
-    return (rate_1, rate_2, rate_3, determinant, status)
+    x66 = xp.abs(volume)
+    flat = x66 <= 16.0*eps*most
+    near = x66 <= eps**0.5*most
+    known = good & (0.25*xp.abs(omega_1) + 0.25*xp.abs(omega_2) + 0.25*xp.abs(omega_3) <= largest)
+    x80 = omega_2*omega_2
+    x81 = omega_3*omega_3
+    speed_x = xp.sqrt(x80 + x81)
+    x83 = omega_1*omega_1
+    speed_y = xp.sqrt(x83 + x81)
+    speed_z = xp.sqrt(x83 + x80)
+    del x13, x20, x27, x34, x41, x57, handed, deviation, x24, x31, x38, x62, most, x66, x81, x80, x83
+    x91 = (matrix_2_1*omega_3 - matrix_3_1*omega_2)*xp.where(kink_x, 1.0, 1.0/sine_x)
+    rate_1 = xp.where(known, xp.where(kink_x, xp.where(0.0 < matrix_1_1, speed_x, -speed_x), x91), xp.nan)
+    x101 = (matrix_3_2*omega_1 - matrix_1_2*omega_3)*xp.where(kink_y, 1.0, 1.0/sine_y)
+    rate_2 = xp.where(known, xp.where(kink_y, xp.where(0.0 < matrix_2_2, speed_y, -speed_y), x101), xp.nan)
+    x111 = (matrix_1_3*omega_2 - matrix_2_3*omega_1)*xp.where(kink_z, 1.0, 1.0/sine_z)
+    rate_3 = xp.where(known, xp.where(kink_z, xp.where(0.0 < matrix_3_3, speed_z, -speed_z), x111), xp.nan)
+    determinant_value = xp.where(good, volume, xp.nan)
+    x121 = xp.where(kink_x | kink_y | kink_z, 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0))))
+    del sine_x, speed_x, x91, sine_y, speed_y, x101, sine_z, speed_z, x111, good, volume, abnormal, flat, kink_x, kink_y, kink_z, near
+    status_value = xp.where(~known, 5.0, x121)
+    return (rate_1, rate_2, rate_3, determinant_value, status_value)
 
 
 chi_rates.signature = "(3,3),(3)->(3),(),()"
@@ -138,43 +149,53 @@ def chi_angular_velocity(matrix, rate, *, out=None):
 
 
 def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, rate_1, rate_2, rate_3, eps, largest):
-    # 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
-    x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
-    x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
-    x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
-    x3 = matrix_3_1*matrix_3_2
-    x4 = matrix_2_1*matrix_2_3
-    x5 = matrix_1_2*matrix_1_3
-    deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + 2.0*xp.abs(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5)
-    x6 = matrix_1_2*matrix_2_3
-    handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2)
-    good = (deviation <= largest) & (handed > 0.0)
-    abnormal = deviation > 64.0*eps
-    sine_x = xp.sqrt(x0)
-    sine_y = xp.sqrt(x1)
-    sine_z = xp.sqrt(x2)
-    x8 = 4.0*eps
-    kink_x = sine_x <= x8
-    kink_y = sine_y <= x8
-    kink_z = sine_z <= x8
+    # 35 add, 60 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
+    x14 = matrix_1_2*matrix_1_3
+    x24 = matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1
+    x31 = matrix_1_2*matrix_1_2 + matrix_3_2*matrix_3_2
+    x38 = matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3
+    x13 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x20 = 2.0*xp.abs(x14 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x27 = xp.abs(matrix_1_1*matrix_1_1 + x24 - 1.0)
+    x34 = xp.abs(x31 + matrix_2_2*matrix_2_2 - 1.0)
+    x41 = xp.abs(x38 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x13 + x20 + x27 + x34 + x41
+    x51 = matrix_1_3*matrix_3_2
+    x54 = matrix_1_2*matrix_2_3
+    x57 = matrix_3_1*(x54 - matrix_1_3*matrix_2_2)
+    handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(x51 - matrix_1_2*matrix_3_3) + x57
+    good = (deviation <= largest) & (0.0 < handed)
+    abnormal = 64.0*eps < deviation
+    sine_x = xp.sqrt(x24)
+    sine_y = xp.sqrt(x31)
+    sine_z = xp.sqrt(x38)
+    x62 = 4.0*eps
+    kink_x = sine_x <= x62
+    kink_y = sine_y <= x62
+    kink_z = sine_z <= x62
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
     most = sine_x*sine_y*sine_z
-    x9 = xp.abs(volume)
-    flat = x9 <= 16.0*eps*most
-    near = x9 <= eps**0.5*most
-    known = (good) & (0.25*xp.abs(rate_1) + 0.25*xp.abs(rate_2) + 0.25*xp.abs(rate_3) <= largest)
+    x66 = xp.abs(volume)
+    flat = x66 <= 16.0*eps*most
+    near = x66 <= eps**0.5*most
+    known = good & (0.25*xp.abs(rate_1) + 0.25*xp.abs(rate_2) + 0.25*xp.abs(rate_3) <= largest)
     b_x = rate_1*sine_x
+    del x13, x20, x27, x34, x41, x57, handed, deviation, x24, x31, x38, x62, most, x66, good, sine_x
     b_y = rate_2*sine_y
     b_z = rate_3*sine_z
-    lost = (flat) | (kink_x) | (kink_y) | (kink_z)
+    x80 = kink_x | kink_y
+    lost = flat | x80 | kink_z
     divisor = xp.where(lost, 1.0, volume)
-    x7 = 1.0/divisor
-    omega_1 = xp.where((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), xp.nan)
-    omega_2 = xp.where((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), xp.nan)
-    del handed, deviation, x0, x1, x2, x8, most, x9, good, sine_x, sine_y, sine_z, volume, divisor, x5, x4, x6
-    omega_3 = xp.where((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), xp.nan)
-    status = xp.where(~(known), 5.0, xp.where((kink_x) | (kink_y) | (kink_z), 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
-    return (omega_1, omega_2, omega_3, status)
+    x83 = known & (~lost)
+    x84 = 1.0/divisor
+    x86 = b_y*matrix_2_1
+    x88 = b_z*matrix_3_1
+    omega_1 = xp.where(x83, x84*(b_x*x14 + x86*matrix_1_3 + x88*matrix_1_2), xp.nan)
+    omega_2 = xp.where(x83, x84*(b_x*x54 + x86*matrix_2_3 + b_z*matrix_3_2*matrix_2_1), xp.nan)
+    omega_3 = xp.where(x83, x84*(b_x*x51 + b_y*matrix_2_3*matrix_3_1 + x88*matrix_3_2), xp.nan)
+    del sine_y, sine_z, kink_x, kink_y, volume, lost, divisor, x14, b_z, x54, x86, b_x, b_y, x51, x83, x84, x88
+    status_value = xp.where(~known, 5.0, xp.where(x80 | kink_z, 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
+    return (omega_1, omega_2, omega_3, status_value)
 
 
 chi_angular_velocity.signature = "(3,3),(3)->(3),()"
@@ -221,19 +242,17 @@ def _chi_motion_from_zyx(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_
     x4 = x2*x3
     x5 = xp.sin(angles_2)
     x6 = xp.sin(angles_3)
-    matrix_1_2 = x0*x5*x6 - x4
-    x7 = x2*x6
-    x8 = x0*x3
-    matrix_1_3 = x5*x8 + x7
-    x9 = x1*x2
-    matrix_2_1 = x9
-    matrix_2_2 = x5*x7 + x8
-    matrix_2_3 = x4*x5 - x0*x6
+    matrix_1_2 = x5*x6*x0 - x4
+    x9 = x2*x6
+    matrix_1_3 = x9 + x5*x0*x3
+    matrix_2_1 = x2*x1
+    matrix_2_2 = x9*x5 + x0*x3
+    matrix_2_3 = x4*x5 - x6*x0
     matrix_3_1 = -x5
-    matrix_3_2 = x1*x6
+    matrix_3_2 = x6*x1
     matrix_3_3 = x1*x3
-    omega_1 = angle_rates_3*x0*x1 - angle_rates_2*x2
-    omega_2 = angle_rates_2*x0 + angle_rates_3*x9
+    omega_1 = angle_rates_3*matrix_1_1 - angle_rates_2*x2
+    omega_2 = angle_rates_2*x0 + angle_rates_3*matrix_2_1
     omega_3 = angle_rates_1 - angle_rates_3*x5
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3)
 
@@ -273,29 +292,27 @@ def chi_motion_from_zyz(angles, angle_rates, *, out=None):
 
 
 def _chi_motion_from_zyz(xp, angles_1, angles_2, angles_3, angle_rates_1, angle_rates_2, angle_rates_3, eps, largest):
-    # 7 add, 19 mul, 3 cos, 3 sin
+    # 7 add, 18 mul, 3 cos, 3 sin
     x0 = xp.sin(angles_1)
     x1 = xp.sin(angles_3)
     x2 = x0*x1
     x3 = xp.cos(angles_1)
-    x4 = xp.cos(angles_2)
-    x5 = xp.cos(angles_3)
-    matrix_1_1 = x3*x4*x5 - x2
-    x6 = x0*x5
-    x7 = x1*x3
-    matrix_1_2 = -x4*x7 - x6
-    x8 = xp.sin(angles_2)
-    matrix_1_3 = x3*x8
-    matrix_2_1 = x4*x6 + x7
-    matrix_2_2 = x3*x5 - x2*x4
-    x9 = x0*x8
-    matrix_2_3 = x9
-    matrix_3_1 = -x5*x8
-    matrix_3_2 = x1*x8
-    matrix_3_3 = x4
-    omega_1 = angle_rates_3*x3*x8 - angle_rates_2*x0
-    omega_2 = angle_rates_2*x3 + angle_rates_3*x9
-    omega_3 = angle_rates_1 + angle_rates_3*x4
+    matrix_3_3 = xp.cos(angles_2)
+    x4 = xp.cos(angles_3)
+    x5 = x3*matrix_3_3
+    matrix_1_1 = x5*x4 - x2
+    x7 = x0*x4
+    matrix_1_2 = -(x7 + x1*x5)
+    x10 = xp.sin(angles_2)
+    matrix_1_3 = x10*x3
+    matrix_2_1 = x7*matrix_3_3 + x1*x3
+    matrix_2_2 = x3*x4 - x2*matrix_3_3
+    matrix_2_3 = x0*x10
+    matrix_3_1 = -x10*x4
+    matrix_3_2 = x10*x1
+    omega_1 = angle_rates_3*matrix_1_3 - angle_rates_2*x0
+    omega_2 = angle_rates_2*x3 + angle_rates_3*matrix_2_3
+    omega_3 = angle_rates_1 + angle_rates_3*matrix_3_3
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3)
 
 
@@ -332,52 +349,52 @@ def chi_zyx_from_quaternion(quaternion, *, out=None):
 
 
 def _chi_zyx_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
+    # 25 add, 41 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
-    x0 = _power_of_two_scale(quaternion_size)
-    quaternion_scaled_1 = quaternion_1*x0
-    quaternion_scaled_2 = quaternion_2*x0
-    quaternion_scaled_3 = quaternion_3*x0
-    quaternion_scaled_4 = quaternion_4*x0
-    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    quaternion_unit_1 = quaternion_scaled_1*x1
-    quaternion_unit_2 = quaternion_scaled_2*x1
-    quaternion_unit_3 = quaternion_scaled_3*x1
-    quaternion_unit_4 = quaternion_scaled_4*x1
-    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
-    good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    x2 = 0.5*1.4142135623730951
-    turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3)
-    turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4)
-    turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3)
-    turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4)
+    x10 = _power_of_two_scale(quaternion_size)
+    quaternion_scaled_1 = quaternion_1*x10
+    quaternion_scaled_2 = quaternion_2*x10
+    quaternion_scaled_3 = quaternion_3*x10
+    quaternion_scaled_4 = quaternion_4*x10
+    quaternion_length = xp.sqrt(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4)
+    x20 = xp.where(0.0 < quaternion_length, 1.0/quaternion_length, 1.0)
+    quaternion_unit_1 = quaternion_scaled_1*x20
+    quaternion_unit_2 = quaternion_scaled_2*x20
+    quaternion_unit_3 = quaternion_scaled_3*x20
+    quaternion_unit_4 = quaternion_scaled_4*x20
+    quaternion_deviation = xp.abs(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - 1.0)
+    good = (quaternion_size <= largest) & (0.0 < quaternion_size)
+    x33 = 0.5*2.0**0.5
+    turned_1 = x33*(quaternion_unit_1 - quaternion_unit_3)
+    turned_2 = x33*(quaternion_unit_2 - quaternion_unit_4)
+    turned_3 = x33*(quaternion_unit_1 + quaternion_unit_3)
+    turned_4 = x33*(quaternion_unit_2 + quaternion_unit_4)
     sine_scale = _power_of_two_scale(xp.abs(turned_2) + xp.abs(turned_3))
     sine_scaled_1 = sine_scale*turned_2
     sine_scaled_2 = sine_scale*turned_3
-    sine = xp.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
+    sine = xp.sqrt(sine_scaled_1*sine_scaled_1 + sine_scaled_2*sine_scaled_2)/sine_scale
     cosine_scale = _power_of_two_scale(xp.abs(turned_1) + xp.abs(turned_4))
     cosine_scaled_1 = cosine_scale*turned_1
     cosine_scaled_2 = cosine_scale*turned_4
-    cosine = xp.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
-    x5 = 4.0*eps
-    low = sine <= x5
-    high = cosine <= x5
-    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_size, x2, sine_scale, sine_scaled_1, sine_scaled_2, cosine_scale, cosine_scaled_1, cosine_scaled_2, x5
+    cosine = xp.sqrt(cosine_scaled_1*cosine_scaled_1 + cosine_scaled_2*cosine_scaled_2)/cosine_scale
+    x51 = 4.0*eps
+    low = sine <= x51
+    high = cosine <= x51
+    del x10, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x20, quaternion_size, x33, sine_scale, sine_scaled_1, sine_scaled_2, cosine_scale, cosine_scaled_1, cosine_scaled_2, x51
     sigma = xp.atan2(turned_4, turned_1)
     delta = xp.atan2(-turned_2, turned_3)
     half_sum = xp.where(high, delta, sigma)
     half_difference = xp.where(low, sigma, delta)
     first = half_difference + half_sum
     third = half_sum - half_difference
-    x3 = 2.0*3.141592653589793
-    x6 = -3.141592653589793
-    angles_1 = xp.where(good, xp.where(first > 3.141592653589793, first - x3, xp.where(first <= x6, first + x3, first)), xp.nan)
+    x53 = -3.141592653589793
+    x55 = 2.0*3.141592653589793
+    angles_1 = xp.where(good, xp.where(3.141592653589793 < first, first - x55, xp.where(first <= x53, first + x55, first)), xp.nan)
     angles_2 = xp.where(good, xp.atan2(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), xp.nan)
-    angles_3 = xp.where(good, xp.where(third > 3.141592653589793, third - x3, xp.where(third <= x6, third + x3, third)), xp.nan)
-    del turned_1, turned_4, turned_2, turned_3, delta, sigma, half_difference, half_sum, first, cosine, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_unit_4, sine, third, x3, x6
-    status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
-    return (angles_1, angles_2, angles_3, status)
+    angles_3 = xp.where(good, xp.where(3.141592653589793 < third, third - x55, xp.where(third <= x53, third + x55, third)), xp.nan)
+    del turned_1, turned_4, turned_2, turned_3, delta, sigma, half_difference, half_sum, first, cosine, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_unit_4, sine, third, x53, x55
+    status_value = xp.where(~good, 5.0, xp.where(high | low, 2.0, xp.where(16.0*eps < quaternion_deviation, 4.0, 0.0)))
+    return (angles_1, angles_2, angles_3, status_value)
 
 
 chi_zyx_from_quaternion.signature = "(4)->(3),()"
@@ -415,45 +432,45 @@ def chi_zyz_from_quaternion(quaternion, *, out=None):
 def _chi_zyz_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
-    x0 = _power_of_two_scale(quaternion_size)
-    quaternion_scaled_1 = quaternion_1*x0
-    quaternion_scaled_2 = quaternion_2*x0
-    quaternion_scaled_3 = quaternion_3*x0
-    quaternion_scaled_4 = quaternion_4*x0
-    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    quaternion_unit_1 = quaternion_scaled_1*x1
-    quaternion_unit_2 = quaternion_scaled_2*x1
-    quaternion_unit_3 = quaternion_scaled_3*x1
-    quaternion_unit_4 = quaternion_scaled_4*x1
-    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
-    good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    x10 = _power_of_two_scale(quaternion_size)
+    quaternion_scaled_1 = quaternion_1*x10
+    quaternion_scaled_2 = quaternion_2*x10
+    quaternion_scaled_3 = quaternion_3*x10
+    quaternion_scaled_4 = quaternion_4*x10
+    quaternion_length = xp.sqrt(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4)
+    x20 = xp.where(0.0 < quaternion_length, 1.0/quaternion_length, 1.0)
+    quaternion_unit_1 = quaternion_scaled_1*x20
+    quaternion_unit_2 = quaternion_scaled_2*x20
+    quaternion_unit_3 = quaternion_scaled_3*x20
+    quaternion_unit_4 = quaternion_scaled_4*x20
+    quaternion_deviation = xp.abs(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - 1.0)
+    good = (quaternion_size <= largest) & (0.0 < quaternion_size)
     sine_scale = _power_of_two_scale(xp.abs(quaternion_unit_2) + xp.abs(quaternion_unit_3))
     sine_scaled_1 = quaternion_unit_2*sine_scale
     sine_scaled_2 = quaternion_unit_3*sine_scale
-    sine = xp.sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale
+    sine = xp.sqrt(sine_scaled_1*sine_scaled_1 + sine_scaled_2*sine_scaled_2)/sine_scale
     cosine_scale = _power_of_two_scale(xp.abs(quaternion_unit_1) + xp.abs(quaternion_unit_4))
     cosine_scaled_1 = cosine_scale*quaternion_unit_1
     cosine_scaled_2 = cosine_scale*quaternion_unit_4
-    cosine = xp.sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale
-    x4 = 4.0*eps
-    low = sine <= x4
-    high = cosine <= x4
+    cosine = xp.sqrt(cosine_scaled_1*cosine_scaled_1 + cosine_scaled_2*cosine_scaled_2)/cosine_scale
+    x45 = 4.0*eps
+    low = sine <= x45
+    high = cosine <= x45
     sigma = xp.atan2(quaternion_unit_4, quaternion_unit_1)
-    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_size, sine_scale, sine_scaled_1, sine_scaled_2, cosine_scale, cosine_scaled_1, cosine_scaled_2, x4, quaternion_unit_1, quaternion_unit_4
+    del x10, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x20, quaternion_size, sine_scale, sine_scaled_1, sine_scaled_2, cosine_scale, cosine_scaled_1, cosine_scaled_2, x45, quaternion_unit_1, quaternion_unit_4
     delta = xp.atan2(-quaternion_unit_2, quaternion_unit_3)
     half_sum = xp.where(high, delta, sigma)
     half_difference = xp.where(low, sigma, delta)
     first = half_difference + half_sum
     third = half_sum - half_difference
-    x2 = 2.0*3.141592653589793
-    x5 = -3.141592653589793
-    angles_1 = xp.where(good, xp.where(first > 3.141592653589793, first - x2, xp.where(first <= x5, first + x2, first)), xp.nan)
+    x47 = -3.141592653589793
+    x49 = 2.0*3.141592653589793
+    angles_1 = xp.where(good, xp.where(3.141592653589793 < first, first - x49, xp.where(first <= x47, first + x49, first)), xp.nan)
     angles_2 = xp.where(good, 2.0*xp.atan2(sine, cosine), xp.nan)
-    angles_3 = xp.where(good, xp.where(third > 3.141592653589793, third - x2, xp.where(third <= x5, third + x2, third)), xp.nan)
-    status = xp.where(~(good), 5.0, xp.where((high) | (low), 2.0, xp.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
-    del quaternion_unit_2, quaternion_unit_3, delta, sigma, half_difference, half_sum, first, cosine, sine, third, x2, x5, good, high, low, quaternion_deviation
-    return (angles_1, angles_2, angles_3, status)
+    angles_3 = xp.where(good, xp.where(3.141592653589793 < third, third - x49, xp.where(third <= x47, third + x49, third)), xp.nan)
+    status_value = xp.where(~good, 5.0, xp.where(high | low, 2.0, xp.where(16.0*eps < quaternion_deviation, 4.0, 0.0)))
+    del quaternion_unit_2, quaternion_unit_3, delta, sigma, half_difference, half_sum, first, cosine, sine, third, x47, x49, good, high, low, quaternion_deviation
+    return (angles_1, angles_2, angles_3, status_value)
 
 
 chi_zyz_from_quaternion.signature = "(4)->(3),()"

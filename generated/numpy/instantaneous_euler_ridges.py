@@ -67,57 +67,59 @@ def chi_ridge_lines(matrix, point, *, out=None):
 
 def _chi_ridge_lines(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, eps, largest):
     # 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs
-    x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
-    x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
-    x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
-    deviation = xp.abs((matrix_1_1*matrix_1_1) + x0 - 1.0) + xp.abs((matrix_2_2*matrix_2_2) + x1 - 1.0) + xp.abs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
-    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    x24 = matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1
+    x31 = matrix_1_2*matrix_1_2 + matrix_3_2*matrix_3_2
+    x38 = matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3
+    x13 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x20 = 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x27 = xp.abs(matrix_1_1*matrix_1_1 + x24 - 1.0)
+    x34 = xp.abs(x31 + matrix_2_2*matrix_2_2 - 1.0)
+    x41 = xp.abs(x38 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x13 + x20 + x27 + x34 + x41
+    x57 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x57
     size = xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3)
-    good = (deviation <= largest) & (size <= largest) & (determinant > 0.0)
-    abnormal = deviation > 64.0*eps
-    sine_x = xp.sqrt(x0)
+    good = (deviation <= largest) & (size <= largest) & (0.0 < determinant)
+    abnormal = 64.0*eps < deviation
+    sine_x = xp.sqrt(x24)
     height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3
-    x9 = 4.0*eps
-    flat_x = sine_x <= x9
+    x72 = 4.0*eps
+    flat_x = sine_x <= x72
     length_x = xp.where(flat_x, xp.nan, sine_x)
-    sine_y = xp.sqrt(x1)
+    sine_y = xp.sqrt(x31)
     height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3
-    flat_y = sine_y <= x9
+    flat_y = sine_y <= x72
     length_y = xp.where(flat_y, xp.nan, sine_y)
-    sine_z = xp.sqrt(x2)
+    sine_z = xp.sqrt(x38)
     height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3
-    flat_z = sine_z <= x9
+    flat_z = sine_z <= x72
     length_z = xp.where(flat_z, xp.nan, sine_z)
-    x3 = xp.where((flat_x) | (~(good)), xp.nan, 0.0)
-    lines_1_1 = x3
-    x4 = 1.0/length_x
-    lines_1_2 = xp.where((flat_x) | (~(good)), xp.nan, -matrix_3_1*x4)
-    lines_1_3 = xp.where((flat_x) | (~(good)), xp.nan, matrix_2_1*x4)
-    lines_1_4 = xp.where((flat_x) | (~(good)), xp.nan, height_x*x4)
-    lines_1_5 = x3
-    lines_1_6 = x3
-    x5 = 1.0/length_y
-    lines_2_1 = xp.where((flat_y) | (~(good)), xp.nan, matrix_3_2*x5)
-    x6 = xp.where((flat_y) | (~(good)), xp.nan, 0.0)
-    lines_2_2 = x6
-    lines_2_3 = xp.where((flat_y) | (~(good)), xp.nan, -matrix_1_2*x5)
-    lines_2_4 = x6
-    lines_2_5 = xp.where((flat_y) | (~(good)), xp.nan, height_y*x5)
-    lines_2_6 = x6
-    x7 = 1.0/length_z
-    lines_3_1 = xp.where((flat_z) | (~(good)), xp.nan, -matrix_2_3*x7)
-    lines_3_2 = xp.where((flat_z) | (~(good)), xp.nan, matrix_1_3*x7)
-    x8 = xp.where((flat_z) | (~(good)), xp.nan, 0.0)
-    lines_3_3 = x8
-    lines_3_4 = x8
-    lines_3_5 = x8
-    del determinant, deviation, x0, sine_x, x1, sine_y, x2, sine_z, length_x, x4, x3, length_y, x5, x6, length_z, x8
-    lines_3_6 = xp.where((flat_z) | (~(good)), xp.nan, height_z*x7)
-    x10 = size*x9
-    status_x = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_x) & (xp.abs(height_x) <= x10), 1.0, xp.where(flat_x, 2.0, 0.0))))
-    status_y = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_y) & (xp.abs(height_y) <= x10), 1.0, xp.where(flat_y, 2.0, 0.0))))
-    status_z = xp.where(~(good), 4.0, xp.where(abnormal, 3.0, xp.where((flat_z) & (xp.abs(height_z) <= x10), 1.0, xp.where(flat_z, 2.0, 0.0))))
-    return (lines_1_1, lines_1_2, lines_1_3, lines_1_4, lines_1_5, lines_1_6, lines_2_1, lines_2_2, lines_2_3, lines_2_4, lines_2_5, lines_2_6, lines_3_1, lines_3_2, lines_3_3, lines_3_4, lines_3_5, lines_3_6, status_x, status_y, status_z)
+    x81 = ~good
+    x82 = flat_x | x81
+    lines_1_1 = xp.where(x82, xp.nan, 0.0)
+    x83 = 1.0/length_x
+    del x13, x20, x27, x34, x41, x57, determinant, deviation, x24, sine_x, x31, sine_y, x38, sine_z, good, length_x
+    lines_1_2 = xp.where(x82, xp.nan, -x83*matrix_3_1)
+    lines_1_3 = xp.where(x82, xp.nan, x83*matrix_2_1)
+    lines_1_4 = xp.where(x82, xp.nan, height_x*x83)
+    x88 = 1.0/length_y
+    x90 = flat_y | x81
+    lines_2_1 = xp.where(x90, xp.nan, x88*matrix_3_2)
+    lines_2_2 = xp.where(x90, xp.nan, 0.0)
+    lines_2_3 = xp.where(x90, xp.nan, -x88*matrix_1_2)
+    lines_2_5 = xp.where(x90, xp.nan, height_y*x88)
+    x94 = 1.0/length_z
+    x97 = flat_z | x81
+    lines_3_1 = xp.where(x97, xp.nan, -x94*matrix_2_3)
+    lines_3_2 = xp.where(x97, xp.nan, x94*matrix_1_3)
+    lines_3_3 = xp.where(x97, xp.nan, 0.0)
+    lines_3_6 = xp.where(x97, xp.nan, height_z*x94)
+    x102 = x72*size
+    status_x_value = xp.where(x81, 4.0, xp.where(abnormal, 3.0, xp.where(flat_x & (xp.abs(height_x) <= x102), 1.0, xp.where(flat_x, 2.0, 0.0))))
+    status_y_value = xp.where(x81, 4.0, xp.where(abnormal, 3.0, xp.where(flat_y & (xp.abs(height_y) <= x102), 1.0, xp.where(flat_y, 2.0, 0.0))))
+    status_z_value = xp.where(x81, 4.0, xp.where(abnormal, 3.0, xp.where(flat_z & (xp.abs(height_z) <= x102), 1.0, xp.where(flat_z, 2.0, 0.0))))
+    del x82, x83, length_y, x88, x90, length_z, x94, x97, size, x72, flat_x, height_x, flat_y, height_y, abnormal, flat_z, height_z, x102, x81
+    return (lines_1_1, lines_1_2, lines_1_3, lines_1_4, lines_1_1, lines_1_1, lines_2_1, lines_2_2, lines_2_3, lines_2_2, lines_2_5, lines_2_2, lines_3_1, lines_3_2, lines_3_3, lines_3_3, lines_3_3, lines_3_6, status_x_value, status_y_value, status_z_value)
 
 
 chi_ridge_lines.signature = "(3,3),(3)->(3,6),(),(),()"

@@ -41,12 +41,12 @@ def rotation_from_vector(w, *, out=None):
 
 
 def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
-    # 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
-    x0 = (w_1*w_1)
-    x1 = (w_2*w_2)
-    x2 = (w_3*w_3)
-    x3 = x1 + x2
-    square = x0 + x3
+    # 44 add, 47 mul, 6 div, 1 sqrt, 4 select, 1 compare, 2 sin
+    x0 = w_1*w_1
+    x1 = w_2*w_2
+    x2 = w_3*w_3
+    x3 = x0 + x1
+    square = x3 + x2
     is_small = square < 0.25
     safe = xp.where(is_small, 1.0, square)
     angle = xp.sqrt(safe)
@@ -54,40 +54,55 @@ def _rotation_from_vector(xp, w_1, w_2, w_3, eps, largest):
     sine = xp.sin(angle)
     half_sine = xp.sin(half_angle)
     x4 = 1.0/angle
-    S = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x4)
-    K = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
-    T = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x4*(angle - sine)/safe)
-    matrix_1_1 = 1.0 - K*x3
-    x6 = S*w_3
-    x7 = K*w_2
-    x8 = w_1*x7
-    matrix_1_2 = x8 - x6
-    x9 = S*w_2
-    x10 = K*w_3
-    x11 = w_1*x10
-    matrix_1_3 = x11 + x9
-    matrix_2_1 = x6 + x8
-    x12 = -x0 - x2
-    matrix_2_2 = K*x12 + 1.0
-    x13 = S*w_1
-    x14 = w_2*x10
-    matrix_2_3 = x14 - x13
-    matrix_3_1 = x11 - x9
-    matrix_3_2 = x13 + x14
-    del half_angle, half_sine, angle, is_small, safe, sine, square, x4, x6, x8, x2, S, x11, x9, x13, x14
-    x15 = -x0 - x1
-    matrix_3_3 = K*x15 + 1.0
-    left_jacobian_1_1 = 1.0 - T*x3
-    left_jacobian_1_2 = T*w_1*w_2 - x10
-    x16 = T*w_1
-    left_jacobian_1_3 = w_3*x16 + x7
-    left_jacobian_2_1 = w_2*x16 + x10
-    left_jacobian_2_2 = T*x12 + 1.0
-    x17 = K*w_1
-    left_jacobian_2_3 = T*w_2*w_3 - x17
-    left_jacobian_3_1 = T*w_1*w_3 - x7
-    left_jacobian_3_2 = T*w_2*w_3 + x17
-    left_jacobian_3_3 = T*x15 + 1.0
+    x6 = 1.0/6227020800.0
+    x10 = 1.0/39916800.0
+    x13 = 1.0/362880.0
+    x16 = 1.0/5040.0
+    x19 = 1.0/120.0
+    x22 = 1.0/6.0
+    x21 = square*(square*(square*(square*(square*(x6 - square/1307674368000.0) - x10) + x13) - x16) + x19)
+    S = xp.where(is_small, square*(x21 - x22) + 1.0, x4*sine)
+    x40 = 1.0/40320.0
+    x41 = square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - x40
+    x29 = 2.0*(half_sine*half_sine)/(angle*angle)
+    K = xp.where(is_small, square*(square*(square*x41 + 1.0/720.0) - 1.0/24.0) + 0.5, x29)
+    x63 = square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - x6) + x10) - x13) + x16
+    T = xp.where(is_small, square*(square*x63 - x19) + x22, x4*(angle - sine)/safe)
+    del half_angle, x21, x40, half_sine, x29, x41, x10, x13, x16, x6, angle, is_small, safe, sine, square, x19, x22, x4, x63
+    x68 = x1 + x2
+    matrix_1_1 = 1.0 - K*x68
+    x70 = K*w_1
+    x71 = x70*w_2
+    x72 = S*w_3
+    matrix_1_2 = x71 - x72
+    x73 = x70*w_3
+    x74 = S*w_2
+    matrix_1_3 = x73 + x74
+    matrix_2_1 = x71 + x72
+    x75 = x0 + x2
+    matrix_2_2 = 1.0 - K*x75
+    x77 = K*w_2
+    x78 = x77*w_3
+    x79 = S*w_1
+    matrix_2_3 = x78 - x79
+    matrix_3_1 = x73 - x74
+    matrix_3_2 = x78 + x79
+    matrix_3_3 = 1.0 - K*x3
+    left_jacobian_1_1 = 1.0 - T*x68
+    x82 = K*w_3
+    x83 = T*w_1
+    x84 = x83*w_2
+    left_jacobian_1_2 = x84 - x82
+    x85 = x83*w_3
+    left_jacobian_1_3 = x77 + x85
+    left_jacobian_2_1 = x82 + x84
+    left_jacobian_2_2 = 1.0 - T*x75
+    del x1, x71, x72, x0, x2, S, x73, x74, x78, x79, x68, K, x83, x82, x84, x75
+    x88 = T*w_2*w_3
+    left_jacobian_2_3 = x88 - x70
+    left_jacobian_3_1 = x85 - x77
+    left_jacobian_3_2 = x70 + x88
+    left_jacobian_3_3 = 1.0 - T*x3
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, left_jacobian_1_1, left_jacobian_1_2, left_jacobian_1_3, left_jacobian_2_1, left_jacobian_2_2, left_jacobian_2_3, left_jacobian_3_1, left_jacobian_3_2, left_jacobian_3_3)
 
 
@@ -132,50 +147,58 @@ def tilted_axis(axis, u, v, tilt, *, out=None):
 
 
 def _tilted_axis(xp, axis_1, axis_2, axis_3, u_1, u_2, u_3, v_1, v_2, v_3, tilt_1, tilt_2, eps, largest):
-    # 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
+    # 69 add, 99 mul, 6 div, 1 sqrt, 4 select, 1 compare, 2 sin
     w_1 = tilt_1*u_1 + tilt_2*v_1
     w_2 = tilt_1*u_2 + tilt_2*v_2
     w_3 = tilt_1*u_3 + tilt_2*v_3
-    square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
+    square = w_1*w_1 + w_2*w_2 + w_3*w_3
     is_small = square < 0.25
     safe = xp.where(is_small, 1.0, square)
     angle = xp.sqrt(safe)
     half_angle = 0.5*angle
     sine = xp.sin(angle)
     half_sine = xp.sin(half_angle)
-    x0 = 1.0/angle
-    S = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x0)
-    K = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle))
-    T = xp.where(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x0*(angle - sine)/safe)
+    x10 = 1.0/angle
+    x12 = 1.0/6227020800.0
+    x16 = 1.0/39916800.0
+    x19 = 1.0/362880.0
+    x22 = 1.0/5040.0
+    x25 = 1.0/120.0
+    x28 = 1.0/6.0
+    x27 = square*(square*(square*(square*(square*(x12 - square/1307674368000.0) - x16) + x19) - x22) + x25)
+    S = xp.where(is_small, square*(x27 - x28) + 1.0, x10*sine)
+    x46 = 1.0/40320.0
+    x47 = square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - x46
+    x35 = 2.0*(half_sine*half_sine)/(angle*angle)
+    K = xp.where(is_small, square*(square*(square*x47 + 1.0/720.0) - 1.0/24.0) + 0.5, x35)
+    x69 = square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - x12) + x16) - x19) + x22
+    T = xp.where(is_small, square*(square*x69 - x25) + x28, x10*(angle - sine)/safe)
+    del half_angle, x27, x46, half_sine, x35, x47, x12, x16, x19, x22, angle, is_small, safe, sine, square, x10, x25, x28, x69
     across_1 = axis_3*w_2 - axis_2*w_3
     across_2 = axis_1*w_3 - axis_3*w_1
     across_3 = axis_2*w_1 - axis_1*w_2
-    turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1
-    turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2
-    turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3
-    tilted_1 = turned_axis_1
-    tilted_2 = turned_axis_2
-    tilted_3 = turned_axis_3
+    tilted_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1
+    tilted_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2
+    tilted_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3
     beside_a_1 = u_3*w_2 - u_2*w_3
     beside_a_2 = u_1*w_3 - u_3*w_1
     beside_a_3 = u_2*w_1 - u_1*w_2
     beside_b_1 = v_3*w_2 - v_2*w_3
     beside_b_2 = v_1*w_3 - v_3*w_1
     beside_b_3 = v_2*w_1 - v_1*w_2
-    x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3
-    x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2
-    tilted_jacobian_1_1 = turned_axis_3*x2 - turned_axis_2*x1
-    x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3
-    x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2
-    tilted_jacobian_1_2 = turned_axis_3*x4 - turned_axis_2*x3
-    x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1
-    del half_angle, half_sine, angle, is_small, safe, sine, square, x0, S, across_1, across_2, across_3, w_1, beside_a_1, beside_a_2, beside_a_3
-    tilted_jacobian_2_1 = turned_axis_1*x1 - turned_axis_3*x5
-    x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1
-    tilted_jacobian_2_2 = turned_axis_1*x3 - turned_axis_3*x6
-    tilted_jacobian_3_1 = turned_axis_2*x5 - turned_axis_1*x2
-    tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4
-    del x1, K, T, beside_b_1, beside_b_2, beside_b_3, w_2, w_3, turned_axis_3, x3, x2, x5, turned_axis_1, turned_axis_2, x4, x6
+    x116 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3
+    x124 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2
+    tilted_jacobian_1_1 = tilted_3*x124 - tilted_2*x116
+    x132 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3
+    x140 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2
+    tilted_jacobian_1_2 = tilted_3*x140 - tilted_2*x132
+    x149 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1
+    tilted_jacobian_2_1 = tilted_1*x116 - tilted_3*x149
+    x158 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1
+    del S, across_1, across_2, across_3, w_1, beside_a_1, beside_a_2, beside_a_3, x116, K, T, beside_b_1, beside_b_2, beside_b_3, w_2, w_3
+    tilted_jacobian_2_2 = tilted_1*x132 - tilted_3*x158
+    tilted_jacobian_3_1 = tilted_2*x149 - tilted_1*x124
+    tilted_jacobian_3_2 = tilted_2*x158 - tilted_1*x140
     return (tilted_1, tilted_2, tilted_3, tilted_jacobian_1_1, tilted_jacobian_1_2, tilted_jacobian_2_1, tilted_jacobian_2_2, tilted_jacobian_3_1, tilted_jacobian_3_2)
 
 

@@ -68,874 +68,867 @@ def robot_wrist_reverse(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
-    rough = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + xp.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + xp.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + xp.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
-    handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
-    spare = xp.abs(a_1) + xp.abs(a_2) + xp.abs(a_3) + xp.abs(a_4) + xp.abs(a_5) + xp.abs(offset_1) + xp.abs(offset_2) + xp.abs(offset_3) + xp.abs(offset_4) + xp.abs(offset_5) + xp.abs(offset_6) + xp.abs(pose_1_4) + xp.abs(pose_2_4) + xp.abs(pose_3_4)
-    good = (rough <= 1.0/1000000.0) & (spare <= largest) & (handed > 0.0)
-    near = (good) & (spare <= eps*largest**0.5)
+    # 436 add, 718 mul, 36 div, 55 sqrt, 389 select, 210 compare, 44 abs, 36 atan2
+    x50 = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2)
+    x25 = 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3)
+    x32 = xp.abs(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - 1.0)
+    x39 = xp.abs(pose_1_2*pose_1_2 + pose_2_2*pose_2_2 + pose_3_2*pose_3_2 - 1.0)
+    x46 = xp.abs(pose_1_3*pose_1_3 + pose_2_3*pose_2_3 + pose_3_3*pose_3_3 - 1.0)
+    rough = x50 + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + x25 + x32 + x39 + x46
+    x66 = pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
+    handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + x66
+    x92 = xp.abs(a_1) + xp.abs(a_2) + xp.abs(a_3) + xp.abs(a_4) + xp.abs(a_5) + xp.abs(offset_1) + xp.abs(offset_2) + xp.abs(offset_3) + xp.abs(offset_4) + xp.abs(offset_5) + xp.abs(offset_6) + xp.abs(pose_1_4)
+    spare = x92 + xp.abs(pose_2_4) + xp.abs(pose_3_4)
+    good = (rough <= 1.0/1000000.0) & (spare <= largest) & (0.0 < handed)
+    near = good & (spare <= eps*largest**0.5)
     centre_1 = pose_1_4 - offset_6*pose_1_3
     centre_2 = pose_2_4 - offset_6*pose_2_3
     centre_3 = pose_3_4 - offset_1 - offset_6*pose_3_3
     height = cosine_3*offset_4 + offset_2 + offset_3
-    forearm_1 = a_3
     forearm_2 = -offset_4*sine_3
-    x0 = (a_2*a_2)
-    x1 = (forearm_1*forearm_1)
-    x2 = (forearm_2*forearm_2)
-    square = x0 + x1 + x2
-    x3 = cosine_4*cosine_5
-    bends_1 = x3
-    x4 = sine_4*sine_5
-    bends_2 = xp.abs(x4)
-    x5 = (sine_1*sine_1)
-    first_r = xp.sqrt((centre_1*centre_1)*x5 + (centre_2*centre_2)*x5)
-    x6 = centre_3*cosine_1 - height
-    x7 = xp.abs(x6)
-    first_room = first_r - x7
-    x264 = 4096.0*eps
-    x265 = spare*x264
-    first_free = (first_r <= x265) & (x7 <= x265)
-    x14 = 64.0*eps
-    x15 = spare*x14
-    first_double = (first_room <= x15) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x15) & (first_r > 0.0))
-    first_q = xp.where(first_room > eps*spare, xp.sqrt(first_room*(first_r + x7)), 0.0)
-    x8 = (first_q*first_q)
-    first_size = first_r*xp.sqrt((x6*x6) + x8)
-    first_scale = xp.where(first_size > 0.0, 1.0/first_size, 1.0)
-    x9 = first_q*sine_1
-    x10 = centre_1*x9
-    first_c_a = xp.where(first_free, 1.0, first_scale*(centre_2*sine_1*x6 - x10))
-    x11 = centre_2*x9
-    x12 = sine_1*x6
-    x13 = centre_1*x12
-    first_s_a = xp.where(first_free, 0.0, first_scale*(-x11 - x13))
-    first_c_b = xp.where(first_free, 1.0, first_scale*(centre_2*x12 + x10))
-    first_s_b = xp.where(first_free, 0.0, first_scale*(x11 - x13))
-    first_two = (first_exists) & (~((first_double) | (first_free)))
-    first_slope = first_r*x15 + x8
-    del handed, rough, x5, height, first_room, x7, first_size, first_q, x9, x6, x10, x12, first_scale, x11, x13, first_r, x8
-    first_error = xp.where((~(first_free)) & (first_slope > 0.0), x15*xp.where(first_slope > 0.0, 1.0/xp.sqrt(first_slope), 1.0), 0.0)
-    x16 = 32.0*eps**0.5
-    off = spare*(x14 + xp.where(first_error < x16, first_error, x16))
+    x109 = a_2*a_2
+    x110 = a_3*a_3
+    x111 = forearm_2*forearm_2
+    square = x109 + x110 + x111
+    bends_1 = cosine_4*cosine_5
+    x113 = sine_4*sine_5
+    bends_2 = xp.abs(x113)
+    x115 = sine_1*sine_1
+    first_r = xp.sqrt(centre_1*centre_1*x115 + centre_2*centre_2*x115)
+    x121 = centre_3*cosine_1 - height
+    x122 = xp.abs(x121)
+    first_room = first_r - x122
+    x123 = eps*spare
+    x124 = 4096.0*x123
+    first_free = (first_r <= x124) & (x122 <= x124)
+    x127 = 64.0*eps
+    x128 = x127*spare
+    x130 = ~first_free
+    first_double = (first_room <= x128) & x130
+    first_exists = first_free | ((-x128 <= first_room) & (0.0 < first_r))
+    first_q = xp.where(x123 < first_room, xp.sqrt(first_room*(first_r + x122)), 0.0)
+    x139 = first_q*first_q
+    first_size = first_r*xp.sqrt(x139 + x121*x121)
+    first_scale = xp.where(0.0 < first_size, 1.0/first_size, 1.0)
+    x145 = first_q*sine_1
+    del x25, x32, x39, x46, x50, x66, x92, handed, rough, x115, height, first_room, x122, x123, first_size, first_q
+    x146 = centre_1*x145
+    x148 = centre_2*sine_1*x121
+    first_c_a = xp.where(first_free, 1.0, first_scale*(x148 - x146))
+    x152 = centre_1*sine_1*x121
+    x153 = centre_2*x145
+    first_s_a = xp.where(first_free, 0.0, -first_scale*(x152 + x153))
+    first_c_b = xp.where(first_free, 1.0, first_scale*(x146 + x148))
+    first_s_b = xp.where(first_free, 0.0, first_scale*(x153 - x152))
+    first_two = first_exists & (~(first_double | first_free))
+    first_slope = x128*first_r + x139
+    x164 = 0.0 < first_slope
+    first_error = xp.where(x130 & x164, x128*xp.where(x164, 1.0/xp.sqrt(first_slope), 1.0), 0.0)
+    x171 = 32.0*eps**0.5
+    off = spare*(x127 + xp.where(first_error < x171, first_error, x171))
     side_a = centre_2*first_c_a - centre_1*first_s_a
     end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1
-    x18 = centre_3*sine_1
-    end_a_2 = cosine_1*side_a + x18
+    x180 = centre_3*sine_1
+    end_a_2 = x180 + cosine_1*side_a
     axes_a_1_3 = first_c_a*pose_1_3 + first_s_a*pose_2_3
-    x19 = pose_3_3*sine_1
-    x20 = first_c_a*pose_2_3 - first_s_a*pose_1_3
-    axes_a_2_3 = cosine_1*x20 + x19
-    x21 = cosine_1*pose_3_3
-    axes_a_3_3 = x21 - sine_1*x20
-    triangle_a_side = xp.sqrt((end_a_1*end_a_1) + (end_a_2*end_a_2))
-    x22 = 2.0*off
-    x23 = (spare*spare)
-    x24 = x14*x23
-    triangle_a_area = triangle_a_side*x22 + x24
-    x25 = 4.0*x0
-    x26 = xp.sqrt(x1*x25 + x2*x25)
-    triangle_a_3_r = x26
-    x27 = square - (triangle_a_side*triangle_a_side)
-    x28 = xp.abs(x27)
-    triangle_a_3_room = triangle_a_3_r - x28
-    x268 = x23*x264
-    triangle_a_3_free = (triangle_a_3_r <= x268) & (x28 <= x268)
-    triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) & (~(triangle_a_3_free))
-    triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
-    triangle_a_3_q = xp.where(triangle_a_3_room > 0.015625*triangle_a_area, xp.sqrt(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0)
-    x29 = (triangle_a_3_q*triangle_a_3_q)
-    triangle_a_3_size = triangle_a_3_r*xp.sqrt((x27*x27) + x29)
-    triangle_a_3_scale = xp.where(triangle_a_3_size > 0.0, 1.0/triangle_a_3_size, 1.0)
-    x30 = 2.0*a_2
-    x31 = forearm_2*x30
-    x32 = triangle_a_3_q*x31
-    x33 = forearm_1*x30
-    x34 = x27*x33
-    triangle_a_3_c_a = xp.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x32 - x34))
-    x35 = triangle_a_3_q*x33
-    del first_slope, x15, centre_3, side_a, x20, spare, x0, x1, x2, x25, x23, triangle_a_3_room, x28, triangle_a_3_size, x30, triangle_a_3_q
-    triangle_a_3_s_a = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x27*x31 + x35))
-    triangle_a_3_c_b = xp.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x32 - x34))
-    triangle_a_3_s_b = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(2.0*a_2*forearm_2*x27 - x35))
-    triangle_a_3_two = (triangle_a_3_exists) & (~((triangle_a_3_double) | (triangle_a_3_free)))
-    triangle_a_3_slope = triangle_a_3_r*triangle_a_area + x29
-    triangle_a_3_error = xp.where((~(triangle_a_3_free)) & (triangle_a_3_slope > 0.0), triangle_a_area*xp.where(triangle_a_3_slope > 0.0, 1.0/xp.sqrt(triangle_a_3_slope), 1.0), 0.0)
-    triangle_a_any = xp.abs(end_a_1) + xp.abs(end_a_2) <= x265
-    triangle_a_arm_a_1 = a_2 + forearm_1*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
-    triangle_a_arm_a_2 = forearm_1*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
+    x186 = first_c_a*pose_2_3 - first_s_a*pose_1_3
+    x188 = pose_3_3*sine_1
+    axes_a_2_3 = cosine_1*x186 + x188
+    x189 = cosine_1*pose_3_3
+    axes_a_3_3 = x189 - sine_1*x186
+    del x121, x145, x146, x148, first_scale, x152, x153, first_r, x139, first_slope, x128, x130, x164, centre_3, side_a, x186
+    triangle_a_side = xp.sqrt(end_a_1*end_a_1 + end_a_2*end_a_2)
+    x194 = spare*spare
+    x195 = x127*x194
+    x196 = 2.0*off
+    triangle_a_area = x195 + x196*triangle_a_side
+    x198 = 4.0*x109
+    triangle_a_3_r = xp.sqrt(x198*x110 + x198*x111)
+    x203 = square - triangle_a_side*triangle_a_side
+    x204 = xp.abs(x203)
+    triangle_a_3_room = triangle_a_3_r - x204
+    x205 = 4096.0*eps
+    x206 = x205*x194
+    x207 = triangle_a_3_r <= x206
+    triangle_a_3_free = x207 & (x204 <= x206)
+    x210 = ~triangle_a_3_free
+    triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) & x210
+    x213 = 0.0 < triangle_a_3_r
+    triangle_a_3_exists = triangle_a_3_free | ((-triangle_a_area <= triangle_a_3_room) & x213)
+    triangle_a_3_q = xp.where(0.015625*triangle_a_area < triangle_a_3_room, xp.sqrt(triangle_a_3_room*(triangle_a_3_r + x204)), 0.0)
+    x220 = triangle_a_3_q*triangle_a_3_q
+    triangle_a_3_size = triangle_a_3_r*xp.sqrt(x220 + x203*x203)
+    triangle_a_3_scale = xp.where(0.0 < triangle_a_3_size, 1.0/triangle_a_3_size, 1.0)
+    x226 = 2.0*a_2
+    x227 = x226*a_3
+    x228 = x227*x203
+    x230 = x226*(forearm_2*triangle_a_3_q)
+    triangle_a_3_c_a = xp.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x230 - x228))
+    x234 = x226*(a_3*triangle_a_3_q)
+    x235 = x226*forearm_2
+    x236 = x235*x203
+    triangle_a_3_s_a = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x234 + x236))
+    triangle_a_3_c_b = xp.where(triangle_a_3_free, 1.0, -triangle_a_3_scale*(x228 + x230))
+    triangle_a_3_s_b = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x236 - x234))
+    del spare, x109, x110, x111, x198, x194, triangle_a_3_room, x204, triangle_a_3_size, triangle_a_3_q, x203, x228, x230, triangle_a_3_scale, x234, x236
+    triangle_a_3_two = triangle_a_3_exists & (~(triangle_a_3_double | triangle_a_3_free))
+    triangle_a_3_slope = x220 + triangle_a_3_r*triangle_a_area
+    x247 = 0.0 < triangle_a_3_slope
+    triangle_a_3_error = xp.where(x210 & x247, triangle_a_area*xp.where(x247, 1.0/xp.sqrt(triangle_a_3_slope), 1.0), 0.0)
+    triangle_a_any = xp.abs(end_a_1) + xp.abs(end_a_2) <= x124
+    triangle_a_arm_a_1 = a_2 + a_3*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
+    triangle_a_arm_a_2 = a_3*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
     triangle_a_2_a_dot = end_a_1*triangle_a_arm_a_1 + end_a_2*triangle_a_arm_a_2
     triangle_a_2_a_cross = end_a_2*triangle_a_arm_a_1 - end_a_1*triangle_a_arm_a_2
-    triangle_a_2_a_size = xp.sqrt((triangle_a_2_a_cross*triangle_a_2_a_cross) + (triangle_a_2_a_dot*triangle_a_2_a_dot))
-    triangle_a_2_a_scale = xp.where(triangle_a_2_a_size > 0.0, 1.0/triangle_a_2_a_size, 1.0)
+    triangle_a_2_a_size = xp.sqrt(triangle_a_2_a_cross*triangle_a_2_a_cross + triangle_a_2_a_dot*triangle_a_2_a_dot)
+    triangle_a_2_a_scale = xp.where(0.0 < triangle_a_2_a_size, 1.0/triangle_a_2_a_size, 1.0)
     triangle_a_2_a_c = xp.where(triangle_a_any, 1.0, triangle_a_2_a_dot*triangle_a_2_a_scale)
     triangle_a_2_a_s = xp.where(triangle_a_any, 0.0, triangle_a_2_a_cross*triangle_a_2_a_scale)
-    x36 = axes_a_1_3*sine_3
-    del x32, x34, triangle_a_3_scale, x27, x35, triangle_a_3_r, x29, triangle_a_3_slope, triangle_a_area, triangle_a_arm_a_1, triangle_a_arm_a_2, triangle_a_2_a_size, triangle_a_2_a_dot, triangle_a_2_a_cross, triangle_a_2_a_scale, axes_a_1_3
-    x37 = axes_a_2_3*sine_3
-    x38 = triangle_a_3_c_a*x36 + triangle_a_3_s_a*x37
-    x39 = triangle_a_3_s_a*x36 - triangle_a_3_c_a*x37
-    triangle_a_free_a_square = (x38*x38) + (x39*x39)
+    x272 = axes_a_1_3*sine_3
+    x274 = axes_a_2_3*sine_3
+    x276 = x272*triangle_a_3_c_a + x274*triangle_a_3_s_a
+    x280 = x272*triangle_a_3_s_a - x274*triangle_a_3_c_a
+    triangle_a_free_a_square = x276*x276 + x280*x280
     triangle_a_free_a_amplitude = xp.sqrt(triangle_a_free_a_square)
-    triangle_a_free_a_per_square = xp.where(triangle_a_free_a_square > 0.0, 1.0/triangle_a_free_a_square, 1.0)
-    x41 = axes_a_3_3*cosine_3
-    x42 = x41 - bends_1
-    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (xp.abs(x39 + x42) <= bends_2)
-    triangle_a_free_a_at = xp.where(triangle_a_free_a_amplitude < -x42, triangle_a_free_a_amplitude, xp.where(triangle_a_free_a_amplitude < x42, -triangle_a_free_a_amplitude, -x42))
-    x44 = (triangle_a_free_a_at*triangle_a_free_a_at)
-    triangle_a_free_a_rest = xp.where(triangle_a_free_a_square > x44, xp.sqrt(triangle_a_free_a_square - x44), 0.0)
-    triangle_a_free_a_c_first = xp.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x39 - triangle_a_free_a_rest*x38))
-    triangle_a_free_a_s_first = xp.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x38 + triangle_a_free_a_rest*x39))
+    triangle_a_free_a_per_square = xp.where(0.0 < triangle_a_free_a_square, 1.0/triangle_a_free_a_square, 1.0)
+    x286 = axes_a_3_3*cosine_3 - bends_1
+    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (xp.abs(x280 + x286) <= bends_2)
+    x290 = -x286
+    triangle_a_free_a_at = xp.where(triangle_a_free_a_amplitude < x290, triangle_a_free_a_amplitude, xp.where(triangle_a_free_a_amplitude < x286, -triangle_a_free_a_amplitude, x290))
+    x295 = triangle_a_free_a_at*triangle_a_free_a_at
+    triangle_a_free_a_rest = xp.where(x295 < triangle_a_free_a_square, xp.sqrt(triangle_a_free_a_square - x295), 0.0)
+    del x220, triangle_a_3_slope, triangle_a_area, x210, x247, triangle_a_arm_a_1, triangle_a_arm_a_2, triangle_a_2_a_size, triangle_a_2_a_dot, triangle_a_2_a_cross, triangle_a_2_a_scale, axes_a_1_3, axes_a_2_3, axes_a_3_3, triangle_a_free_a_amplitude, triangle_a_free_a_square, x295
+    triangle_a_free_a_c_first = xp.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x280 - triangle_a_free_a_rest*x276))
+    triangle_a_free_a_s_first = xp.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x276 + triangle_a_free_a_rest*x280))
     triangle_a_chosen_c_a = xp.where(triangle_a_any, triangle_a_free_a_c_first, triangle_a_2_a_c)
     triangle_a_chosen_s_a = xp.where(triangle_a_any, triangle_a_free_a_s_first, triangle_a_2_a_s)
-    triangle_a_arm_b_1 = a_2 + forearm_1*triangle_a_3_c_b - forearm_2*triangle_a_3_s_b
-    triangle_a_arm_b_2 = forearm_1*triangle_a_3_s_b + forearm_2*triangle_a_3_c_b
+    triangle_a_arm_b_1 = a_2 + a_3*triangle_a_3_c_b - forearm_2*triangle_a_3_s_b
+    triangle_a_arm_b_2 = a_3*triangle_a_3_s_b + forearm_2*triangle_a_3_c_b
     triangle_a_2_b_dot = end_a_1*triangle_a_arm_b_1 + end_a_2*triangle_a_arm_b_2
     triangle_a_2_b_cross = end_a_2*triangle_a_arm_b_1 - end_a_1*triangle_a_arm_b_2
-    del axes_a_2_3, axes_a_3_3, triangle_a_free_a_amplitude, triangle_a_free_a_square, x44, triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x38, x39, triangle_a_2_a_c, triangle_a_free_a_c_first, triangle_a_2_a_s, triangle_a_free_a_s_first, end_a_1, end_a_2, triangle_a_arm_b_1, triangle_a_arm_b_2
-    triangle_a_2_b_size = xp.sqrt((triangle_a_2_b_cross*triangle_a_2_b_cross) + (triangle_a_2_b_dot*triangle_a_2_b_dot))
-    triangle_a_2_b_scale = xp.where(triangle_a_2_b_size > 0.0, 1.0/triangle_a_2_b_size, 1.0)
+    triangle_a_2_b_size = xp.sqrt(triangle_a_2_b_cross*triangle_a_2_b_cross + triangle_a_2_b_dot*triangle_a_2_b_dot)
+    triangle_a_2_b_scale = xp.where(0.0 < triangle_a_2_b_size, 1.0/triangle_a_2_b_size, 1.0)
     triangle_a_2_b_c = xp.where(triangle_a_any, 1.0, triangle_a_2_b_dot*triangle_a_2_b_scale)
+    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x276, x280, triangle_a_2_a_c, triangle_a_free_a_c_first, triangle_a_2_a_s, triangle_a_free_a_s_first, end_a_1, end_a_2, triangle_a_arm_b_1, triangle_a_arm_b_2, triangle_a_2_b_size, triangle_a_2_b_dot
     triangle_a_2_b_s = xp.where(triangle_a_any, 0.0, triangle_a_2_b_cross*triangle_a_2_b_scale)
-    x45 = triangle_a_3_c_b*x36 + triangle_a_3_s_b*x37
-    x46 = (x45*x45)
-    x47 = triangle_a_3_s_b*x36
-    x48 = triangle_a_3_c_b*x37
-    x49 = x47 - x48
-    x50 = (x49*x49)
-    triangle_a_free_b_square = x46 + x50
+    x325 = x272*triangle_a_3_c_b + x274*triangle_a_3_s_b
+    x326 = x325*x325
+    x327 = x272*triangle_a_3_s_b
+    x328 = x274*triangle_a_3_c_b
+    x329 = x327 - x328
+    x330 = x329*x329
+    triangle_a_free_b_square = x326 + x330
     triangle_a_free_b_amplitude = xp.sqrt(triangle_a_free_b_square)
-    triangle_a_free_b_per_square = xp.where(triangle_a_free_b_square > 0.0, 1.0/triangle_a_free_b_square, 1.0)
-    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (xp.abs(x42 + x49) <= bends_2)
-    triangle_a_free_b_at = xp.where(triangle_a_free_b_amplitude < -x42, triangle_a_free_b_amplitude, xp.where(triangle_a_free_b_amplitude < x42, -triangle_a_free_b_amplitude, -x42))
-    x51 = (triangle_a_free_b_at*triangle_a_free_b_at)
-    triangle_a_free_b_rest = xp.where(triangle_a_free_b_square > x51, xp.sqrt(triangle_a_free_b_square - x51), 0.0)
-    triangle_a_free_b_c_first = xp.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x49 - triangle_a_free_b_rest*x45))
-    triangle_a_free_b_s_first = xp.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x45 + triangle_a_free_b_rest*x49))
-    x52 = triangle_a_free_b_per_square*x45*(2.0*x47 - 2.0*x48)
-    x53 = triangle_a_free_b_per_square*(x50 - x46)
-    del triangle_a_2_b_size, triangle_a_2_b_dot, triangle_a_2_b_cross, triangle_a_2_b_scale, x36, x37, triangle_a_free_b_square, x51, triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x49, x45, x47, x48, triangle_a_free_b_per_square, x46, x50
-    triangle_a_free_b_c_second = triangle_a_free_b_c_first*x53 + triangle_a_free_b_s_first*x52
-    triangle_a_free_b_s_second = triangle_a_free_b_c_first*x52 - triangle_a_free_b_s_first*x53
-    triangle_a_free_b_split = (triangle_a_free_b_amplitude + x42 > bends_2) & (bends_1 + triangle_a_free_b_amplitude - x41 > bends_2)
+    triangle_a_free_b_per_square = xp.where(0.0 < triangle_a_free_b_square, 1.0/triangle_a_free_b_square, 1.0)
+    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (xp.abs(x329 + x286) <= bends_2)
+    triangle_a_free_b_at = xp.where(triangle_a_free_b_amplitude < x290, triangle_a_free_b_amplitude, xp.where(triangle_a_free_b_amplitude < x286, -triangle_a_free_b_amplitude, x290))
+    x341 = triangle_a_free_b_at*triangle_a_free_b_at
+    triangle_a_free_b_rest = xp.where(x341 < triangle_a_free_b_square, xp.sqrt(triangle_a_free_b_square - x341), 0.0)
+    triangle_a_free_b_c_first = xp.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x329 - triangle_a_free_b_rest*x325))
+    triangle_a_free_b_s_first = xp.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x325 + triangle_a_free_b_rest*x329))
+    x353 = x330 - x326
+    x354 = triangle_a_free_b_c_first*triangle_a_free_b_per_square
+    x359 = triangle_a_free_b_per_square*triangle_a_free_b_s_first
+    del triangle_a_2_b_cross, triangle_a_2_b_scale, x272, x274, x290, triangle_a_free_b_square, x341, triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x329, x326, x330, triangle_a_free_b_c_first, triangle_a_free_b_per_square, triangle_a_free_b_s_first
+    x360 = x325*(2.0*x327 - 2.0*x328)
+    triangle_a_free_b_c_second = x354*x353 + x359*x360
+    triangle_a_free_b_s_second = x354*x360 - x359*x353
+    triangle_a_free_b_split = (bends_2 < triangle_a_free_b_amplitude - x286) & (bends_2 < x286 + triangle_a_free_b_amplitude)
     triangle_a_chosen_c_b = xp.where(triangle_a_any, triangle_a_free_b_c_second, triangle_a_2_b_c)
     triangle_a_chosen_s_b = xp.where(triangle_a_any, triangle_a_free_b_s_second, triangle_a_2_b_s)
-    triangle_a_more = (triangle_a_3_two) | ((triangle_a_3_exists) & (triangle_a_any) & (triangle_a_free_b_split))
-    triangle_a_error = triangle_a_3_error + xp.where(triangle_a_any, 0.0, off*xp.where(triangle_a_side > 0.0, 1.0/triangle_a_side, 1.0))
-    x54 = first_error + triangle_a_error
-    del triangle_a_free_b_c_first, triangle_a_free_b_s_first, x52, x53, triangle_a_free_b_amplitude, x41, x42, triangle_a_2_b_c, triangle_a_free_b_c_second, triangle_a_2_b_s, triangle_a_free_b_s_second, triangle_a_3_two, triangle_a_free_b_split, triangle_a_3_error, triangle_a_side, triangle_a_error
-    error_a = xp.where(x54 < x16, x54, x16)
+    triangle_a_more = triangle_a_3_two | (triangle_a_3_exists & triangle_a_any & triangle_a_free_b_split)
+    triangle_a_error = triangle_a_3_error + xp.where(triangle_a_any, 0.0, off*xp.where(0.0 < triangle_a_side, 1.0/triangle_a_side, 1.0))
+    del x325, x327, x328, x353, x354, x359, x360, triangle_a_free_b_amplitude, x286, triangle_a_2_b_c, triangle_a_free_b_c_second, triangle_a_2_b_s, triangle_a_free_b_s_second, triangle_a_3_two, triangle_a_free_b_split, triangle_a_3_error, triangle_a_side
+    x375 = first_error + triangle_a_error
+    error_a = xp.where(x375 < x171, x375, x171)
     c_23_aa = triangle_a_3_c_a*triangle_a_chosen_c_a - triangle_a_3_s_a*triangle_a_chosen_s_a
     s_23_aa = triangle_a_3_c_a*triangle_a_chosen_s_a + triangle_a_3_s_a*triangle_a_chosen_c_a
     axis_4_aa_1 = s_23_aa*sine_3
-    x55 = cosine_3*sine_1
-    x56 = c_23_aa*sine_3
-    axis_4_aa_2 = -cosine_1*x56 - x55
-    x57 = -cosine_1*cosine_3
-    axis_4_aa_3 = -sine_1*x56 - x57
-    x58 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
-    x59 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
-    first_aa_square = (x58*x58) + (x59*x59)
+    x381 = cosine_1*sine_3
+    x383 = cosine_3*sine_1
+    axis_4_aa_2 = -(c_23_aa*x381 + x383)
+    x385 = sine_1*sine_3
+    x387 = cosine_1*cosine_3
+    axis_4_aa_3 = x387 - c_23_aa*x385
+    x390 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
+    x394 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
+    first_aa_square = x390*x390 + x394*x394
     first_aa_amplitude = xp.sqrt(first_aa_square)
-    first_aa_per_square = xp.where(first_aa_square > 0.0, 1.0/first_aa_square, 1.0)
-    x60 = axis_4_aa_3*pose_3_3 - bends_1
-    first_aa_serves = (first_aa_square <= 0.0) | (xp.abs(x58 + x60) <= bends_2)
-    first_aa_at = xp.where(first_aa_amplitude < -x60, first_aa_amplitude, xp.where(first_aa_amplitude < x60, -first_aa_amplitude, -x60))
-    x62 = (first_aa_at*first_aa_at)
-    first_aa_rest = xp.where(first_aa_square > x62, xp.sqrt(first_aa_square - x62), 0.0)
-    first_aa_c_first = xp.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x58 - first_aa_rest*x59))
-    first_aa_s_first = xp.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x59 + first_aa_rest*x58))
+    first_aa_per_square = xp.where(0.0 < first_aa_square, 1.0/first_aa_square, 1.0)
+    x400 = axis_4_aa_3*pose_3_3 - bends_1
+    first_aa_serves = (first_aa_square <= 0.0) | (xp.abs(x390 + x400) <= bends_2)
+    x404 = -x400
+    first_aa_at = xp.where(first_aa_amplitude < x404, first_aa_amplitude, xp.where(first_aa_amplitude < x400, -first_aa_amplitude, x404))
+    x409 = first_aa_at*first_aa_at
+    first_aa_rest = xp.where(x409 < first_aa_square, xp.sqrt(first_aa_square - x409), 0.0)
+    first_aa_c_first = xp.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x390 - first_aa_rest*x394))
+    first_aa_s_first = xp.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x394 + first_aa_rest*x390))
+    del triangle_a_error, x375, axis_4_aa_1, axis_4_aa_2, axis_4_aa_3, first_aa_amplitude, x400, x404, first_aa_square, x409, first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x390, x394
     c_1_aa = xp.where(first_free, first_aa_c_first, first_c_a)
-    del x54, x56, axis_4_aa_1, axis_4_aa_2, axis_4_aa_3, first_aa_amplitude, x60, first_aa_square, x62, first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x58, x59, first_aa_c_first
     s_1_aa = xp.where(first_free, first_aa_s_first, first_s_a)
     axes_aa_1_1 = c_1_aa*pose_1_1 + pose_2_1*s_1_aa
     axes_aa_1_3 = c_1_aa*pose_1_3 + pose_2_3*s_1_aa
-    x63 = pose_3_1*sine_1
-    x64 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
-    axes_aa_2_1 = cosine_1*x64 + x63
-    x65 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
-    axes_aa_2_3 = cosine_1*x65 + x19
-    x66 = cosine_1*pose_3_1
-    axes_aa_3_1 = x66 - sine_1*x64
-    axes_aa_3_3 = x21 - sine_1*x65
+    x427 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
+    x429 = pose_3_1*sine_1
+    axes_aa_2_1 = cosine_1*x427 + x429
+    x432 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
+    axes_aa_2_3 = cosine_1*x432 + x188
+    x434 = cosine_1*pose_3_1
+    axes_aa_3_1 = x434 - sine_1*x427
+    axes_aa_3_3 = x189 - sine_1*x432
     N_aa_1_1 = axes_aa_1_1*c_23_aa + axes_aa_2_1*s_23_aa
     N_aa_1_3 = axes_aa_1_3*c_23_aa + axes_aa_2_3*s_23_aa
-    x67 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
-    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x67
-    x68 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
-    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x68
-    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x67
-    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x68
-    h_aa = xp.sqrt((N_aa_1_3*N_aa_1_3) + (N_aa_2_3*N_aa_2_3))
+    x444 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
+    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x444
+    x449 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
+    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x449
+    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x444
+    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x449
+    h_aa = xp.sqrt(N_aa_1_3*N_aa_1_3 + N_aa_2_3*N_aa_2_3)
     bend_aa_denominator = xp.abs(N_aa_3_3) + 1.0
-    x69 = cosine_4 - cosine_5
-    x70 = cosine_4 + cosine_5
-    bend_aa_apart = xp.where(N_aa_3_3 >= 0.0, x69, x70)
-    bend_aa_product = xp.where(N_aa_3_3 >= 0.0, x3, -x3)
-    x72 = (bend_aa_apart*bend_aa_apart)
-    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x72
-    del first_aa_s_first, x64, x65, axes_aa_1_1, axes_aa_2_1, axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa, axes_aa_3_1, x67, axes_aa_3_3, x68, bend_aa_apart, bend_aa_denominator, bend_aa_product
-    bend_aa_rounding = x14*(h_aa + x72)
+    x459 = cosine_4 + cosine_5
+    x460 = 0.0 <= N_aa_3_3
+    x461 = cosine_4 - cosine_5
+    bend_aa_apart = xp.where(x460, x461, x459)
+    x462 = -bends_1
+    bend_aa_product = xp.where(x460, bends_1, x462)
+    x463 = bend_aa_apart*bend_aa_apart
+    del first_aa_c_first, first_aa_s_first, x427, x432, axes_aa_1_1, axes_aa_2_1, axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa, axes_aa_3_1, x444, axes_aa_3_3, x449, x460, bend_aa_apart
+    bend_aa_gram = h_aa*h_aa*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x463
+    bend_aa_rounding = x127*(x463 + h_aa)
     bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0*h_aa)
-    bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance
-    x266 = 4.0*error_a + x264
-    bend_aa_free = (bend_aa_exists) & (h_aa <= x266)
-    bend_aa_any = (bend_aa_exists) & (h_aa <= x264)
-    bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) & (~(bend_aa_free))
-    bend_aa_q = xp.where(bend_aa_gram > 0.015625*bend_aa_rounding, xp.sqrt(bend_aa_gram), 0.0)
-    bend_aa_along = x3 - N_aa_3_3
-    bend_aa_size = xp.sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q))
-    x73 = xp.where(x4 < 0.0, -1.0, 1.0)
-    bend_aa_scale = x73*xp.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
+    bend_aa_exists = -bend_aa_tolerance <= bend_aa_gram
+    x475 = x205 + 4.0*error_a
+    bend_aa_free = bend_aa_exists & (h_aa <= x475)
+    bend_aa_any = bend_aa_exists & (h_aa <= x205)
+    bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) & (~bend_aa_free)
+    bend_aa_q = xp.where(0.015625*bend_aa_rounding < bend_aa_gram, xp.sqrt(bend_aa_gram), 0.0)
+    bend_aa_along = bends_1 - N_aa_3_3
+    bend_aa_size = xp.sqrt(bend_aa_along*bend_aa_along + bend_aa_q*bend_aa_q)
+    x487 = xp.where(x113 < 0.0, -1.0, 1.0)
+    bend_aa_scale = x487*xp.where(0.0 < bend_aa_size, 1.0/bend_aa_size, 1.0)
     bend_aa_c = bend_aa_along*bend_aa_scale
     bend_aa_s = bend_aa_q*bend_aa_scale
-    bend_aa_two = (bend_aa_exists) & (~((bend_aa_any) | (bend_aa_double)))
-    x74 = bend_aa_s*sine_5
-    x75 = N_aa_1_3*x74
-    x76 = cosine_5*sine_4
-    x77 = cosine_4*sine_5
-    x78 = -bend_aa_c*x77 - x76
-    fourth_aaa_dot = N_aa_2_3*x78 + x75
-    x79 = N_aa_2_3*x74
-    x80 = N_aa_1_3*x78
-    fourth_aaa_cross = x79 - x80
-    fourth_aaa_size = xp.sqrt((fourth_aaa_cross*fourth_aaa_cross) + (fourth_aaa_dot*fourth_aaa_dot))
-    fourth_aaa_scale = xp.where(fourth_aaa_size > 0.0, 1.0/fourth_aaa_size, 1.0)
+    bend_aa_two = bend_aa_exists & (~(bend_aa_any | bend_aa_double))
+    x493 = bend_aa_s*sine_5
+    x494 = N_aa_1_3*x493
+    x495 = cosine_4*sine_5
+    x497 = cosine_5*sine_4
+    x498 = bend_aa_c*x495 + x497
+    x499 = N_aa_2_3*x498
+    fourth_aaa_dot = x494 - x499
+    x500 = N_aa_1_3*x498
+    x501 = N_aa_2_3*x493
+    del bend_aa_denominator, bend_aa_product, x463, h_aa, bend_aa_tolerance, bend_aa_gram, bend_aa_rounding, N_aa_3_3, x113, bend_aa_size, bend_aa_along, bend_aa_q, bend_aa_scale, N_aa_1_3, x498, N_aa_2_3, x493
+    fourth_aaa_cross = x500 + x501
+    fourth_aaa_size = xp.sqrt(fourth_aaa_cross*fourth_aaa_cross + fourth_aaa_dot*fourth_aaa_dot)
+    fourth_aaa_scale = xp.where(0.0 < fourth_aaa_size, 1.0/fourth_aaa_size, 1.0)
     fourth_aaa_c = xp.where(bend_aa_any, 1.0, fourth_aaa_dot*fourth_aaa_scale)
     fourth_aaa_s = xp.where(bend_aa_any, 0.0, fourth_aaa_cross*fourth_aaa_scale)
-    del x72, h_aa, bend_aa_tolerance, bend_aa_gram, bend_aa_rounding, N_aa_3_3, x4, bend_aa_size, bend_aa_along, bend_aa_q, bend_aa_scale, x74, N_aa_1_3, fourth_aaa_size, fourth_aaa_dot, fourth_aaa_cross, fourth_aaa_scale
-    x81 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
-    x82 = N_aa_3_1*sine_4
-    x83 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
-    x84 = cosine_4*x83 + x82
-    c_6_aaa = bend_aa_c*x81 + bend_aa_s*x84
-    x85 = N_aa_3_1*cosine_4
-    s_6_aaa = cosine_5*(bend_aa_c*x84 - bend_aa_s*x81) + sine_5*(x85 - sine_4*x83)
-    fourth_aab_dot = N_aa_2_3*x78 - x75
-    fourth_aab_cross = -x79 - x80
-    fourth_aab_size = xp.sqrt((fourth_aab_cross*fourth_aab_cross) + (fourth_aab_dot*fourth_aab_dot))
-    fourth_aab_scale = xp.where(fourth_aab_size > 0.0, 1.0/fourth_aab_size, 1.0)
+    x511 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
+    x513 = N_aa_3_1*sine_4
+    x516 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
+    x518 = x513 + cosine_4*x516
+    c_6_aaa = bend_aa_c*x511 + bend_aa_s*x518
+    x524 = N_aa_3_1*cosine_4
+    s_6_aaa = cosine_5*(bend_aa_c*x518 - bend_aa_s*x511) + sine_5*(x524 - sine_4*x516)
+    fourth_aab_dot = -(x494 + x499)
+    fourth_aab_cross = x500 - x501
+    fourth_aab_size = xp.sqrt(fourth_aab_cross*fourth_aab_cross + fourth_aab_dot*fourth_aab_dot)
+    fourth_aab_scale = xp.where(0.0 < fourth_aab_size, 1.0/fourth_aab_size, 1.0)
     fourth_aab_c = xp.where(bend_aa_any, 1.0, fourth_aab_dot*fourth_aab_scale)
     fourth_aab_s = xp.where(bend_aa_any, 0.0, fourth_aab_cross*fourth_aab_scale)
-    x86 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
-    x87 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
-    del N_aa_3_1, x81, x83, x84, N_aa_2_3, x75, x78, x79, x80, fourth_aab_size, fourth_aab_dot, bend_aa_any, fourth_aab_cross, fourth_aab_scale, N_aa_1_1, N_aa_2_1
-    x88 = cosine_4*x87 + x82
-    c_6_aab = bend_aa_c*x86 - bend_aa_s*x88
-    s_6_aab = cosine_5*(bend_aa_c*x88 + bend_aa_s*x86) + sine_5*(x85 - sine_4*x87)
+    del fourth_aaa_size, fourth_aaa_dot, fourth_aaa_cross, fourth_aaa_scale, N_aa_3_1, x511, x516, x518, x494, x499, x500, x501, fourth_aab_size, fourth_aab_dot, bend_aa_any, fourth_aab_cross, fourth_aab_scale
+    x538 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
+    x542 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
+    x544 = x513 + cosine_4*x542
+    c_6_aab = bend_aa_c*x538 - bend_aa_s*x544
+    s_6_aab = cosine_5*(bend_aa_c*x544 + bend_aa_s*x538) + sine_5*(x524 - sine_4*x542)
     c_23_ab = triangle_a_3_c_b*triangle_a_chosen_c_b - triangle_a_3_s_b*triangle_a_chosen_s_b
     s_23_ab = triangle_a_3_c_b*triangle_a_chosen_s_b + triangle_a_3_s_b*triangle_a_chosen_c_b
     axis_4_ab_1 = s_23_ab*sine_3
-    x89 = c_23_ab*sine_3
-    axis_4_ab_2 = -cosine_1*x89 - x55
-    axis_4_ab_3 = -sine_1*x89 - x57
-    x90 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
-    x91 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
-    first_ab_square = (x90*x90) + (x91*x91)
+    axis_4_ab_2 = -(c_23_ab*x381 + x383)
+    axis_4_ab_3 = x387 - c_23_ab*x385
+    x562 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
+    x566 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
+    first_ab_square = x562*x562 + x566*x566
     first_ab_amplitude = xp.sqrt(first_ab_square)
-    first_ab_per_square = xp.where(first_ab_square > 0.0, 1.0/first_ab_square, 1.0)
-    x92 = axis_4_ab_3*pose_3_3 - bends_1
-    first_ab_serves = (first_ab_square <= 0.0) | (xp.abs(x90 + x92) <= bends_2)
-    first_ab_at = xp.where(first_ab_amplitude < -x92, first_ab_amplitude, xp.where(first_ab_amplitude < x92, -first_ab_amplitude, -x92))
-    x94 = (first_ab_at*first_ab_at)
-    first_ab_rest = xp.where(first_ab_square > x94, xp.sqrt(first_ab_square - x94), 0.0)
-    first_ab_c_first = xp.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x90 - first_ab_rest*x91))
-    first_ab_s_first = xp.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x91 + first_ab_rest*x90))
-    del x82, x85, x86, x87, x88, x89, axis_4_ab_1, axis_4_ab_2, axis_4_ab_3, first_ab_amplitude, x92, first_ab_square, x94, first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x90, x91
+    first_ab_per_square = xp.where(0.0 < first_ab_square, 1.0/first_ab_square, 1.0)
+    x572 = axis_4_ab_3*pose_3_3 - bends_1
+    first_ab_serves = (first_ab_square <= 0.0) | (xp.abs(x562 + x572) <= bends_2)
+    x576 = -x572
+    first_ab_at = xp.where(first_ab_amplitude < x576, first_ab_amplitude, xp.where(first_ab_amplitude < x572, -first_ab_amplitude, x576))
+    x581 = first_ab_at*first_ab_at
+    first_ab_rest = xp.where(x581 < first_ab_square, xp.sqrt(first_ab_square - x581), 0.0)
+    first_ab_c_first = xp.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x562 - first_ab_rest*x566))
+    first_ab_s_first = xp.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x566 + first_ab_rest*x562))
+    del N_aa_1_1, N_aa_2_1, x513, x524, x538, x542, x544, axis_4_ab_1, axis_4_ab_2, axis_4_ab_3, first_ab_amplitude, x572, x576, first_ab_square, x581, first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x562, x566
     c_1_ab = xp.where(first_free, first_ab_c_first, first_c_a)
     s_1_ab = xp.where(first_free, first_ab_s_first, first_s_a)
     axes_ab_1_1 = c_1_ab*pose_1_1 + pose_2_1*s_1_ab
     axes_ab_1_3 = c_1_ab*pose_1_3 + pose_2_3*s_1_ab
-    x95 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
-    axes_ab_2_1 = cosine_1*x95 + x63
-    x96 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
-    axes_ab_2_3 = cosine_1*x96 + x19
-    axes_ab_3_1 = x66 - sine_1*x95
-    axes_ab_3_3 = x21 - sine_1*x96
+    x599 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
+    axes_ab_2_1 = cosine_1*x599 + x429
+    x603 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
+    axes_ab_2_3 = cosine_1*x603 + x188
+    axes_ab_3_1 = x434 - sine_1*x599
+    axes_ab_3_3 = x189 - sine_1*x603
     N_ab_1_1 = axes_ab_1_1*c_23_ab + axes_ab_2_1*s_23_ab
     N_ab_1_3 = axes_ab_1_3*c_23_ab + axes_ab_2_3*s_23_ab
-    x97 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
-    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x97
-    x98 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
-    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x98
-    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x97
-    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x98
-    del first_ab_c_first, first_c_a, first_ab_s_first, first_s_a, x95, x96, axes_ab_1_1, axes_ab_2_1, axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab, axes_ab_3_1, x97, axes_ab_3_3, x98
-    h_ab = xp.sqrt((N_ab_1_3*N_ab_1_3) + (N_ab_2_3*N_ab_2_3))
+    x614 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
+    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x614
+    x619 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
+    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x619
+    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x614
+    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x619
+    del first_ab_c_first, first_c_a, first_ab_s_first, first_s_a, x599, x603, axes_ab_1_1, axes_ab_2_1, axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab, axes_ab_3_1, x614, axes_ab_3_3, x619
+    h_ab = xp.sqrt(N_ab_1_3*N_ab_1_3 + N_ab_2_3*N_ab_2_3)
     bend_ab_denominator = xp.abs(N_ab_3_3) + 1.0
-    bend_ab_apart = xp.where(N_ab_3_3 >= 0.0, x69, x70)
-    bend_ab_product = xp.where(N_ab_3_3 >= 0.0, x3, -x3)
-    x99 = (bend_ab_apart*bend_ab_apart)
-    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x99
-    bend_ab_rounding = x14*(h_ab + x99)
+    x629 = 0.0 <= N_ab_3_3
+    bend_ab_apart = xp.where(x629, x461, x459)
+    bend_ab_product = xp.where(x629, bends_1, x462)
+    x630 = bend_ab_apart*bend_ab_apart
+    bend_ab_gram = h_ab*h_ab*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x630
+    bend_ab_rounding = x127*(x630 + h_ab)
     bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0*h_ab)
-    bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance
-    bend_ab_free = (bend_ab_exists) & (h_ab <= x266)
-    bend_ab_any = (bend_ab_exists) & (h_ab <= x264)
-    bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) & (~(bend_ab_free))
-    bend_ab_q = xp.where(bend_ab_gram > 0.015625*bend_ab_rounding, xp.sqrt(bend_ab_gram), 0.0)
-    bend_ab_along = x3 - N_ab_3_3
-    bend_ab_size = xp.sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q))
-    bend_ab_scale = x73*xp.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
+    bend_ab_exists = -bend_ab_tolerance <= bend_ab_gram
+    bend_ab_free = bend_ab_exists & (h_ab <= x475)
+    bend_ab_any = bend_ab_exists & (h_ab <= x205)
+    bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) & (~bend_ab_free)
+    bend_ab_q = xp.where(0.015625*bend_ab_rounding < bend_ab_gram, xp.sqrt(bend_ab_gram), 0.0)
+    bend_ab_along = bends_1 - N_ab_3_3
+    bend_ab_size = xp.sqrt(bend_ab_along*bend_ab_along + bend_ab_q*bend_ab_q)
+    bend_ab_scale = x487*xp.where(0.0 < bend_ab_size, 1.0/bend_ab_size, 1.0)
     bend_ab_c = bend_ab_along*bend_ab_scale
     bend_ab_s = bend_ab_q*bend_ab_scale
-    bend_ab_two = (bend_ab_exists) & (~((bend_ab_any) | (bend_ab_double)))
-    x100 = bend_ab_s*sine_5
-    x101 = N_ab_1_3*x100
-    x102 = -bend_ab_c*x77 - x76
-    fourth_aba_dot = N_ab_2_3*x102 + x101
-    x103 = N_ab_2_3*x100
-    del bend_ab_apart, bend_ab_denominator, bend_ab_product, x99, error_a, x266, h_ab, bend_ab_tolerance, bend_ab_gram, bend_ab_rounding, N_ab_3_3, bend_ab_size, bend_ab_along, bend_ab_q, bend_ab_scale, x100
-    x104 = N_ab_1_3*x102
-    fourth_aba_cross = x103 - x104
-    fourth_aba_size = xp.sqrt((fourth_aba_cross*fourth_aba_cross) + (fourth_aba_dot*fourth_aba_dot))
-    fourth_aba_scale = xp.where(fourth_aba_size > 0.0, 1.0/fourth_aba_size, 1.0)
+    del x629, bend_ab_apart, bend_ab_denominator, bend_ab_product, x630, error_a, x475, h_ab, bend_ab_tolerance, bend_ab_gram, bend_ab_rounding, N_ab_3_3, bend_ab_size, bend_ab_along, bend_ab_q, bend_ab_scale
+    bend_ab_two = bend_ab_exists & (~(bend_ab_any | bend_ab_double))
+    x656 = bend_ab_s*sine_5
+    x657 = N_ab_1_3*x656
+    x659 = bend_ab_c*x495 + x497
+    x660 = N_ab_2_3*x659
+    fourth_aba_dot = x657 - x660
+    x661 = N_ab_1_3*x659
+    x662 = N_ab_2_3*x656
+    fourth_aba_cross = x661 + x662
+    fourth_aba_size = xp.sqrt(fourth_aba_cross*fourth_aba_cross + fourth_aba_dot*fourth_aba_dot)
+    fourth_aba_scale = xp.where(0.0 < fourth_aba_size, 1.0/fourth_aba_size, 1.0)
     fourth_aba_c = xp.where(bend_ab_any, 1.0, fourth_aba_dot*fourth_aba_scale)
     fourth_aba_s = xp.where(bend_ab_any, 0.0, fourth_aba_cross*fourth_aba_scale)
-    x105 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
-    x106 = N_ab_3_1*sine_4
-    x107 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
-    x108 = cosine_4*x107 + x106
-    c_6_aba = bend_ab_c*x105 + bend_ab_s*x108
-    x109 = N_ab_3_1*cosine_4
-    s_6_aba = cosine_5*(bend_ab_c*x108 - bend_ab_s*x105) + sine_5*(x109 - sine_4*x107)
-    fourth_abb_dot = N_ab_2_3*x102 - x101
-    fourth_abb_cross = -x103 - x104
-    fourth_abb_size = xp.sqrt((fourth_abb_cross*fourth_abb_cross) + (fourth_abb_dot*fourth_abb_dot))
-    fourth_abb_scale = xp.where(fourth_abb_size > 0.0, 1.0/fourth_abb_size, 1.0)
+    x672 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
+    x674 = N_ab_3_1*sine_4
+    x677 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
+    x679 = x674 + cosine_4*x677
+    c_6_aba = bend_ab_c*x672 + bend_ab_s*x679
+    x685 = N_ab_3_1*cosine_4
+    s_6_aba = cosine_5*(bend_ab_c*x679 - bend_ab_s*x672) + sine_5*(x685 - sine_4*x677)
+    fourth_abb_dot = -(x657 + x660)
+    fourth_abb_cross = x661 - x662
+    del N_ab_1_3, x659, N_ab_2_3, x656, fourth_aba_size, fourth_aba_dot, fourth_aba_cross, fourth_aba_scale, N_ab_3_1, x672, x677, x679, x657, x660, x661, x662
+    fourth_abb_size = xp.sqrt(fourth_abb_cross*fourth_abb_cross + fourth_abb_dot*fourth_abb_dot)
+    fourth_abb_scale = xp.where(0.0 < fourth_abb_size, 1.0/fourth_abb_size, 1.0)
     fourth_abb_c = xp.where(bend_ab_any, 1.0, fourth_abb_dot*fourth_abb_scale)
-    del N_ab_1_3, fourth_aba_size, fourth_aba_dot, fourth_aba_cross, fourth_aba_scale, N_ab_3_1, x105, x107, x108, N_ab_2_3, x101, x102, x103, x104, fourth_abb_size, fourth_abb_dot
     fourth_abb_s = xp.where(bend_ab_any, 0.0, fourth_abb_cross*fourth_abb_scale)
-    x110 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
-    x111 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
-    x112 = cosine_4*x111 + x106
-    c_6_abb = bend_ab_c*x110 - bend_ab_s*x112
-    s_6_abb = cosine_5*(bend_ab_c*x112 + bend_ab_s*x110) + sine_5*(x109 - sine_4*x111)
+    x699 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
+    x703 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
+    x705 = x674 + cosine_4*x703
+    c_6_abb = bend_ab_c*x699 - bend_ab_s*x705
+    s_6_abb = cosine_5*(bend_ab_c*x705 + bend_ab_s*x699) + sine_5*(x685 - sine_4*x703)
     side_b = centre_2*first_c_b - centre_1*first_s_b
     end_b_1 = centre_1*first_c_b + centre_2*first_s_b - a_1
-    end_b_2 = cosine_1*side_b + x18
+    end_b_2 = x180 + cosine_1*side_b
+    del fourth_abb_size, fourth_abb_dot, bend_ab_any, fourth_abb_cross, fourth_abb_scale, N_ab_1_1, N_ab_2_1, x674, x685, x699, x703, x705, centre_1, centre_2, side_b, x180
     axes_b_1_3 = first_c_b*pose_1_3 + first_s_b*pose_2_3
-    x113 = first_c_b*pose_2_3 - first_s_b*pose_1_3
-    axes_b_2_3 = cosine_1*x113 + x19
-    axes_b_3_3 = x21 - sine_1*x113
-    triangle_b_side = xp.sqrt((end_b_1*end_b_1) + (end_b_2*end_b_2))
-    triangle_b_area = triangle_b_side*x22 + x24
-    del bend_ab_any, fourth_abb_cross, fourth_abb_scale, N_ab_1_1, N_ab_2_1, x106, x109, x110, x111, x112, centre_1, centre_2, side_b, x18, x113, x22, x24
-    triangle_b_3_r = x26
-    x114 = square - (triangle_b_side*triangle_b_side)
-    x115 = xp.abs(x114)
-    triangle_b_3_room = triangle_b_3_r - x115
-    triangle_b_3_free = (triangle_b_3_r <= x268) & (x115 <= x268)
-    triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & (~(triangle_b_3_free))
-    triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
-    triangle_b_3_q = xp.where(triangle_b_3_room > 0.015625*triangle_b_area, xp.sqrt(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0)
-    x116 = (triangle_b_3_q*triangle_b_3_q)
-    triangle_b_3_size = triangle_b_3_r*xp.sqrt((x114*x114) + x116)
-    triangle_b_3_scale = xp.where(triangle_b_3_size > 0.0, 1.0/triangle_b_3_size, 1.0)
-    x117 = triangle_b_3_q*x31
-    x118 = x114*x33
-    triangle_b_3_c_a = xp.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x117 - x118))
-    x119 = triangle_b_3_q*x33
-    triangle_b_3_s_a = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x114*x31 + x119))
-    triangle_b_3_c_b = xp.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x117 - x118))
-    triangle_b_3_s_b = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(2.0*a_2*forearm_2*x114 - x119))
-    triangle_b_3_two = (triangle_b_3_exists) & (~((triangle_b_3_double) | (triangle_b_3_free)))
-    triangle_b_3_slope = triangle_b_3_r*triangle_b_area + x116
-    del x26, square, x268, triangle_b_3_room, x115, triangle_b_3_size, triangle_b_3_q, x33, x31, x117, x118, triangle_b_3_scale, x114, x119, triangle_b_3_r, x116
-    triangle_b_3_error = xp.where((~(triangle_b_3_free)) & (triangle_b_3_slope > 0.0), triangle_b_area*xp.where(triangle_b_3_slope > 0.0, 1.0/xp.sqrt(triangle_b_3_slope), 1.0), 0.0)
-    triangle_b_any = xp.abs(end_b_1) + xp.abs(end_b_2) <= x265
-    triangle_b_arm_a_1 = a_2 + forearm_1*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
-    triangle_b_arm_a_2 = forearm_1*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
+    x724 = first_c_b*pose_2_3 - first_s_b*pose_1_3
+    axes_b_2_3 = cosine_1*x724 + x188
+    axes_b_3_3 = x189 - sine_1*x724
+    triangle_b_side = xp.sqrt(end_b_1*end_b_1 + end_b_2*end_b_2)
+    triangle_b_area = x195 + x196*triangle_b_side
+    x732 = square - triangle_b_side*triangle_b_side
+    x733 = xp.abs(x732)
+    triangle_b_3_room = triangle_a_3_r - x733
+    triangle_b_3_free = x207 & (x733 <= x206)
+    x736 = ~triangle_b_3_free
+    triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & x736
+    triangle_b_3_exists = triangle_b_3_free | ((-triangle_b_area <= triangle_b_3_room) & x213)
+    triangle_b_3_q = xp.where(0.015625*triangle_b_area < triangle_b_3_room, xp.sqrt(triangle_b_3_room*(triangle_a_3_r + x733)), 0.0)
+    x745 = triangle_b_3_q*triangle_b_3_q
+    triangle_b_3_size = triangle_a_3_r*xp.sqrt(x745 + x732*x732)
+    triangle_b_3_scale = xp.where(0.0 < triangle_b_3_size, 1.0/triangle_b_3_size, 1.0)
+    x751 = x227*x732
+    x753 = x226*(forearm_2*triangle_b_3_q)
+    triangle_b_3_c_a = xp.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x753 - x751))
+    x757 = x226*(a_3*triangle_b_3_q)
+    x758 = x235*x732
+    triangle_b_3_s_a = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x757 + x758))
+    triangle_b_3_c_b = xp.where(triangle_b_3_free, 1.0, -triangle_b_3_scale*(x751 + x753))
+    del x724, x195, x196, square, x206, x207, x213, triangle_b_3_room, x733, triangle_b_3_size, x227, triangle_b_3_q, x226, x235, x732, x751, x753
+    triangle_b_3_s_b = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x758 - x757))
+    triangle_b_3_two = triangle_b_3_exists & (~(triangle_b_3_double | triangle_b_3_free))
+    triangle_b_3_slope = x745 + triangle_a_3_r*triangle_b_area
+    x769 = 0.0 < triangle_b_3_slope
+    triangle_b_3_error = xp.where(x736 & x769, triangle_b_area*xp.where(x769, 1.0/xp.sqrt(triangle_b_3_slope), 1.0), 0.0)
+    triangle_b_any = xp.abs(end_b_1) + xp.abs(end_b_2) <= x124
+    triangle_b_arm_a_1 = a_2 + a_3*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
+    triangle_b_arm_a_2 = a_3*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
     triangle_b_2_a_dot = end_b_1*triangle_b_arm_a_1 + end_b_2*triangle_b_arm_a_2
     triangle_b_2_a_cross = end_b_2*triangle_b_arm_a_1 - end_b_1*triangle_b_arm_a_2
-    triangle_b_2_a_size = xp.sqrt((triangle_b_2_a_cross*triangle_b_2_a_cross) + (triangle_b_2_a_dot*triangle_b_2_a_dot))
-    triangle_b_2_a_scale = xp.where(triangle_b_2_a_size > 0.0, 1.0/triangle_b_2_a_size, 1.0)
+    triangle_b_2_a_size = xp.sqrt(triangle_b_2_a_cross*triangle_b_2_a_cross + triangle_b_2_a_dot*triangle_b_2_a_dot)
+    triangle_b_2_a_scale = xp.where(0.0 < triangle_b_2_a_size, 1.0/triangle_b_2_a_size, 1.0)
     triangle_b_2_a_c = xp.where(triangle_b_any, 1.0, triangle_b_2_a_dot*triangle_b_2_a_scale)
     triangle_b_2_a_s = xp.where(triangle_b_any, 0.0, triangle_b_2_a_cross*triangle_b_2_a_scale)
-    x120 = axes_b_1_3*sine_3
-    x121 = axes_b_2_3*sine_3
-    x122 = triangle_b_3_c_a*x120 + triangle_b_3_s_a*x121
-    x123 = triangle_b_3_s_a*x120 - triangle_b_3_c_a*x121
-    triangle_b_free_a_square = (x122*x122) + (x123*x123)
+    del triangle_b_3_scale, x757, x758, triangle_a_3_r, x745, triangle_b_3_slope, triangle_b_area, x736, x769, x124, triangle_b_arm_a_1, triangle_b_arm_a_2, triangle_b_2_a_size, triangle_b_2_a_dot, triangle_b_2_a_cross, triangle_b_2_a_scale
+    x794 = axes_b_1_3*sine_3
+    x796 = axes_b_2_3*sine_3
+    x798 = x794*triangle_b_3_c_a + x796*triangle_b_3_s_a
+    x802 = x794*triangle_b_3_s_a - x796*triangle_b_3_c_a
+    triangle_b_free_a_square = x798*x798 + x802*x802
     triangle_b_free_a_amplitude = xp.sqrt(triangle_b_free_a_square)
-    triangle_b_free_a_per_square = xp.where(triangle_b_free_a_square > 0.0, 1.0/triangle_b_free_a_square, 1.0)
-    x124 = axes_b_3_3*cosine_3
-    x125 = x124 - bends_1
-    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (xp.abs(x123 + x125) <= bends_2)
-    triangle_b_free_a_at = xp.where(triangle_b_free_a_amplitude < -x125, triangle_b_free_a_amplitude, xp.where(triangle_b_free_a_amplitude < x125, -triangle_b_free_a_amplitude, -x125))
-    x127 = (triangle_b_free_a_at*triangle_b_free_a_at)
-    triangle_b_free_a_rest = xp.where(triangle_b_free_a_square > x127, xp.sqrt(triangle_b_free_a_square - x127), 0.0)
-    triangle_b_free_a_c_first = xp.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x123 - triangle_b_free_a_rest*x122))
-    triangle_b_free_a_s_first = xp.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x122 + triangle_b_free_a_rest*x123))
-    del triangle_b_3_slope, triangle_b_area, x265, triangle_b_arm_a_1, triangle_b_arm_a_2, triangle_b_2_a_size, triangle_b_2_a_dot, triangle_b_2_a_cross, triangle_b_2_a_scale, axes_b_1_3, axes_b_2_3, axes_b_3_3, triangle_b_free_a_amplitude, triangle_b_free_a_square, x127, triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x122, x123
+    triangle_b_free_a_per_square = xp.where(0.0 < triangle_b_free_a_square, 1.0/triangle_b_free_a_square, 1.0)
+    x808 = axes_b_3_3*cosine_3 - bends_1
+    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (xp.abs(x802 + x808) <= bends_2)
+    x812 = -x808
+    triangle_b_free_a_at = xp.where(triangle_b_free_a_amplitude < x812, triangle_b_free_a_amplitude, xp.where(triangle_b_free_a_amplitude < x808, -triangle_b_free_a_amplitude, x812))
+    x817 = triangle_b_free_a_at*triangle_b_free_a_at
+    triangle_b_free_a_rest = xp.where(x817 < triangle_b_free_a_square, xp.sqrt(triangle_b_free_a_square - x817), 0.0)
+    triangle_b_free_a_c_first = xp.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x802 - triangle_b_free_a_rest*x798))
+    triangle_b_free_a_s_first = xp.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x798 + triangle_b_free_a_rest*x802))
     triangle_b_chosen_c_a = xp.where(triangle_b_any, triangle_b_free_a_c_first, triangle_b_2_a_c)
     triangle_b_chosen_s_a = xp.where(triangle_b_any, triangle_b_free_a_s_first, triangle_b_2_a_s)
-    triangle_b_arm_b_1 = a_2 + forearm_1*triangle_b_3_c_b - forearm_2*triangle_b_3_s_b
-    triangle_b_arm_b_2 = forearm_1*triangle_b_3_s_b + forearm_2*triangle_b_3_c_b
+    del axes_b_1_3, axes_b_2_3, axes_b_3_3, triangle_b_free_a_amplitude, triangle_b_free_a_square, x817, triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x798, x802, triangle_b_2_a_c, triangle_b_free_a_c_first, triangle_b_2_a_s, triangle_b_free_a_s_first
+    triangle_b_arm_b_1 = a_2 + a_3*triangle_b_3_c_b - forearm_2*triangle_b_3_s_b
+    triangle_b_arm_b_2 = a_3*triangle_b_3_s_b + forearm_2*triangle_b_3_c_b
     triangle_b_2_b_dot = end_b_1*triangle_b_arm_b_1 + end_b_2*triangle_b_arm_b_2
     triangle_b_2_b_cross = end_b_2*triangle_b_arm_b_1 - end_b_1*triangle_b_arm_b_2
-    triangle_b_2_b_size = xp.sqrt((triangle_b_2_b_cross*triangle_b_2_b_cross) + (triangle_b_2_b_dot*triangle_b_2_b_dot))
-    triangle_b_2_b_scale = xp.where(triangle_b_2_b_size > 0.0, 1.0/triangle_b_2_b_size, 1.0)
+    triangle_b_2_b_size = xp.sqrt(triangle_b_2_b_cross*triangle_b_2_b_cross + triangle_b_2_b_dot*triangle_b_2_b_dot)
+    triangle_b_2_b_scale = xp.where(0.0 < triangle_b_2_b_size, 1.0/triangle_b_2_b_size, 1.0)
     triangle_b_2_b_c = xp.where(triangle_b_any, 1.0, triangle_b_2_b_dot*triangle_b_2_b_scale)
     triangle_b_2_b_s = xp.where(triangle_b_any, 0.0, triangle_b_2_b_cross*triangle_b_2_b_scale)
-    x128 = triangle_b_3_c_b*x120 + triangle_b_3_s_b*x121
-    x129 = (x128*x128)
-    x130 = triangle_b_3_s_b*x120
-    x131 = triangle_b_3_c_b*x121
-    del triangle_b_2_a_c, triangle_b_free_a_c_first, triangle_b_2_a_s, triangle_b_free_a_s_first, forearm_1, forearm_2, end_b_1, end_b_2, triangle_b_arm_b_1, triangle_b_arm_b_2, triangle_b_2_b_size, triangle_b_2_b_dot, triangle_b_2_b_cross, triangle_b_2_b_scale, x120, x121
-    x132 = x130 - x131
-    x133 = (x132*x132)
-    triangle_b_free_b_square = x129 + x133
+    x847 = x794*triangle_b_3_c_b + x796*triangle_b_3_s_b
+    x848 = x847*x847
+    x849 = x794*triangle_b_3_s_b
+    x850 = x796*triangle_b_3_c_b
+    x851 = x849 - x850
+    x852 = x851*x851
+    triangle_b_free_b_square = x848 + x852
     triangle_b_free_b_amplitude = xp.sqrt(triangle_b_free_b_square)
-    triangle_b_free_b_per_square = xp.where(triangle_b_free_b_square > 0.0, 1.0/triangle_b_free_b_square, 1.0)
-    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (xp.abs(x125 + x132) <= bends_2)
-    triangle_b_free_b_at = xp.where(triangle_b_free_b_amplitude < -x125, triangle_b_free_b_amplitude, xp.where(triangle_b_free_b_amplitude < x125, -triangle_b_free_b_amplitude, -x125))
-    x134 = (triangle_b_free_b_at*triangle_b_free_b_at)
-    triangle_b_free_b_rest = xp.where(triangle_b_free_b_square > x134, xp.sqrt(triangle_b_free_b_square - x134), 0.0)
-    triangle_b_free_b_c_first = xp.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x132 - triangle_b_free_b_rest*x128))
-    triangle_b_free_b_s_first = xp.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x128 + triangle_b_free_b_rest*x132))
-    x135 = triangle_b_free_b_per_square*x128*(2.0*x130 - 2.0*x131)
-    x136 = triangle_b_free_b_per_square*(x133 - x129)
-    triangle_b_free_b_c_second = triangle_b_free_b_c_first*x136 + triangle_b_free_b_s_first*x135
-    triangle_b_free_b_s_second = triangle_b_free_b_c_first*x135 - triangle_b_free_b_s_first*x136
-    del triangle_b_free_b_square, x134, triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x132, x128, x130, x131, triangle_b_free_b_per_square, x129, x133, triangle_b_free_b_c_first, triangle_b_free_b_s_first, x135, x136
-    triangle_b_free_b_split = (triangle_b_free_b_amplitude + x125 > bends_2) & (bends_1 + triangle_b_free_b_amplitude - x124 > bends_2)
+    triangle_b_free_b_per_square = xp.where(0.0 < triangle_b_free_b_square, 1.0/triangle_b_free_b_square, 1.0)
+    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (xp.abs(x851 + x808) <= bends_2)
+    triangle_b_free_b_at = xp.where(triangle_b_free_b_amplitude < x812, triangle_b_free_b_amplitude, xp.where(triangle_b_free_b_amplitude < x808, -triangle_b_free_b_amplitude, x812))
+    x863 = triangle_b_free_b_at*triangle_b_free_b_at
+    triangle_b_free_b_rest = xp.where(x863 < triangle_b_free_b_square, xp.sqrt(triangle_b_free_b_square - x863), 0.0)
+    triangle_b_free_b_c_first = xp.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x851 - triangle_b_free_b_rest*x847))
+    triangle_b_free_b_s_first = xp.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x847 + triangle_b_free_b_rest*x851))
+    del forearm_2, end_b_1, end_b_2, triangle_b_arm_b_1, triangle_b_arm_b_2, triangle_b_2_b_size, triangle_b_2_b_dot, triangle_b_2_b_cross, triangle_b_2_b_scale, x794, x796, x812, triangle_b_free_b_square, x863, triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x851
+    x875 = x852 - x848
+    x876 = triangle_b_free_b_c_first*triangle_b_free_b_per_square
+    x881 = triangle_b_free_b_per_square*triangle_b_free_b_s_first
+    x882 = x847*(2.0*x849 - 2.0*x850)
+    triangle_b_free_b_c_second = x876*x875 + x881*x882
+    triangle_b_free_b_s_second = x876*x882 - x881*x875
+    triangle_b_free_b_split = (bends_2 < triangle_b_free_b_amplitude - x808) & (bends_2 < x808 + triangle_b_free_b_amplitude)
     triangle_b_chosen_c_b = xp.where(triangle_b_any, triangle_b_free_b_c_second, triangle_b_2_b_c)
+    del x848, x852, triangle_b_free_b_c_first, triangle_b_free_b_per_square, triangle_b_free_b_s_first, x847, x849, x850, x875, x876, x881, x882, triangle_b_free_b_amplitude, x808, triangle_b_2_b_c, triangle_b_free_b_c_second
     triangle_b_chosen_s_b = xp.where(triangle_b_any, triangle_b_free_b_s_second, triangle_b_2_b_s)
-    triangle_b_more = (triangle_b_3_two) | ((triangle_b_3_exists) & (triangle_b_any) & (triangle_b_free_b_split))
-    triangle_b_error = triangle_b_3_error + xp.where(triangle_b_any, 0.0, off*xp.where(triangle_b_side > 0.0, 1.0/triangle_b_side, 1.0))
-    x137 = first_error + triangle_b_error
-    error_b = xp.where(x137 < x16, x137, x16)
-    del triangle_b_free_b_amplitude, x124, x125, triangle_b_2_b_c, triangle_b_free_b_c_second, triangle_b_2_b_s, triangle_b_free_b_s_second, triangle_b_3_two, triangle_b_free_b_split, off, triangle_b_3_error, triangle_b_side, first_error, triangle_b_error, x137, x16
+    triangle_b_more = triangle_b_3_two | (triangle_b_3_exists & triangle_b_any & triangle_b_free_b_split)
+    triangle_b_error = triangle_b_3_error + xp.where(triangle_b_any, 0.0, off*xp.where(0.0 < triangle_b_side, 1.0/triangle_b_side, 1.0))
+    x897 = first_error + triangle_b_error
+    error_b = xp.where(x897 < x171, x897, x171)
     c_23_ba = triangle_b_3_c_a*triangle_b_chosen_c_a - triangle_b_3_s_a*triangle_b_chosen_s_a
     s_23_ba = triangle_b_3_c_a*triangle_b_chosen_s_a + triangle_b_3_s_a*triangle_b_chosen_c_a
     axis_4_ba_1 = s_23_ba*sine_3
-    x138 = c_23_ba*sine_3
-    axis_4_ba_2 = -cosine_1*x138 - x55
-    axis_4_ba_3 = -sine_1*x138 - x57
-    x139 = axis_4_ba_1*pose_1_3
-    x140 = axis_4_ba_2*pose_2_3
-    x141 = x139 + x140
-    x142 = (x141*x141)
-    x143 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
-    x144 = (x143*x143)
-    first_ba_square = x142 + x144
+    axis_4_ba_2 = -(c_23_ba*x381 + x383)
+    axis_4_ba_3 = x387 - c_23_ba*x385
+    x906 = axis_4_ba_1*pose_1_3
+    x907 = axis_4_ba_2*pose_2_3
+    x908 = x906 + x907
+    x909 = x908*x908
+    x912 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
+    x913 = x912*x912
+    first_ba_square = x909 + x913
     first_ba_amplitude = xp.sqrt(first_ba_square)
-    first_ba_per_square = xp.where(first_ba_square > 0.0, 1.0/first_ba_square, 1.0)
-    x145 = axis_4_ba_3*pose_3_3
-    x146 = x145 - bends_1
-    first_ba_serves = (first_ba_square <= 0.0) | (xp.abs(x141 + x146) <= bends_2)
-    first_ba_at = xp.where(first_ba_amplitude < -x146, first_ba_amplitude, xp.where(first_ba_amplitude < x146, -first_ba_amplitude, -x146))
-    x148 = (first_ba_at*first_ba_at)
-    first_ba_rest = xp.where(first_ba_square > x148, xp.sqrt(first_ba_square - x148), 0.0)
-    first_ba_c_first = xp.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x141 - first_ba_rest*x143))
-    first_ba_s_first = xp.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x143 + first_ba_rest*x141))
-    x149 = first_ba_per_square*x143*(2.0*x139 + 2.0*x140)
-    x150 = first_ba_per_square*(x142 - x144)
-    del x138, axis_4_ba_1, axis_4_ba_2, axis_4_ba_3, first_ba_square, x148, first_ba_at, first_ba_rest, first_ba_serves, x141, x139, x140, x143, first_ba_per_square, x142, x144
-    first_ba_c_second = first_ba_c_first*x150 + first_ba_s_first*x149
-    first_ba_s_second = first_ba_c_first*x149 - first_ba_s_first*x150
-    first_ba_split = (first_ba_amplitude + x146 > bends_2) & (bends_1 + first_ba_amplitude - x145 > bends_2)
+    first_ba_per_square = xp.where(0.0 < first_ba_square, 1.0/first_ba_square, 1.0)
+    x918 = axis_4_ba_3*pose_3_3 - bends_1
+    first_ba_serves = (first_ba_square <= 0.0) | (xp.abs(x908 + x918) <= bends_2)
+    x922 = -x918
+    first_ba_at = xp.where(first_ba_amplitude < x922, first_ba_amplitude, xp.where(first_ba_amplitude < x918, -first_ba_amplitude, x922))
+    x927 = first_ba_at*first_ba_at
+    first_ba_rest = xp.where(x927 < first_ba_square, xp.sqrt(first_ba_square - x927), 0.0)
+    del triangle_b_2_b_s, triangle_b_free_b_s_second, triangle_b_3_two, triangle_b_free_b_split, off, triangle_b_3_error, triangle_b_side, first_error, triangle_b_error, x171, x897, axis_4_ba_1, axis_4_ba_2, axis_4_ba_3, x922, first_ba_square, x927
+    first_ba_c_first = xp.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x908 - first_ba_rest*x912))
+    first_ba_s_first = xp.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x912 + first_ba_rest*x908))
+    x939 = x909 - x913
+    x940 = first_ba_c_first*first_ba_per_square
+    x945 = first_ba_per_square*first_ba_s_first
+    x946 = (2.0*x906 + 2.0*x907)*x912
+    first_ba_c_second = x940*x939 + x945*x946
+    first_ba_s_second = x940*x946 - x945*x939
+    del first_ba_at, first_ba_rest, first_ba_serves, x908, x909, x913, first_ba_c_first, first_ba_per_square, first_ba_s_first, x906, x907, x912, x939, x940, x945, x946
+    first_ba_split = (bends_2 < first_ba_amplitude - x918) & (bends_2 < x918 + first_ba_amplitude)
     c_1_ba = xp.where(first_free, first_ba_c_second, first_c_b)
     s_1_ba = xp.where(first_free, first_ba_s_second, first_s_b)
-    more_ba = (first_two) | ((first_ba_split) & (first_free))
+    more_ba = first_two | (first_ba_split & first_free)
     axes_ba_1_1 = c_1_ba*pose_1_1 + pose_2_1*s_1_ba
     axes_ba_1_3 = c_1_ba*pose_1_3 + pose_2_3*s_1_ba
-    x151 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
-    axes_ba_2_1 = cosine_1*x151 + x63
-    x152 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
-    axes_ba_2_3 = cosine_1*x152 + x19
-    axes_ba_3_1 = x66 - sine_1*x151
-    axes_ba_3_3 = x21 - sine_1*x152
+    x961 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
+    axes_ba_2_1 = cosine_1*x961 + x429
+    x965 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
+    axes_ba_2_3 = cosine_1*x965 + x188
+    axes_ba_3_1 = x434 - sine_1*x961
+    axes_ba_3_3 = x189 - sine_1*x965
     N_ba_1_1 = axes_ba_1_1*c_23_ba + axes_ba_2_1*s_23_ba
     N_ba_1_3 = axes_ba_1_3*c_23_ba + axes_ba_2_3*s_23_ba
-    x153 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
-    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x153
-    x154 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
-    del first_ba_c_first, first_ba_s_first, x149, x150, first_ba_amplitude, x145, x146, first_ba_c_second, first_ba_s_second, first_ba_split, x151, x152, axes_ba_1_1, axes_ba_2_1, axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba
-    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x154
-    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x153
-    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x154
-    h_ba = xp.sqrt((N_ba_1_3*N_ba_1_3) + (N_ba_2_3*N_ba_2_3))
+    x976 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
+    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x976
+    x981 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
+    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x981
+    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x976
+    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x981
+    del first_ba_amplitude, x918, first_ba_c_second, first_ba_s_second, first_ba_split, x961, x965, axes_ba_1_1, axes_ba_2_1, axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba, axes_ba_3_1, x976, axes_ba_3_3, x981
+    h_ba = xp.sqrt(N_ba_1_3*N_ba_1_3 + N_ba_2_3*N_ba_2_3)
     bend_ba_denominator = xp.abs(N_ba_3_3) + 1.0
-    bend_ba_apart = xp.where(N_ba_3_3 >= 0.0, x69, x70)
-    bend_ba_product = xp.where(N_ba_3_3 >= 0.0, x3, -x3)
-    x155 = (bend_ba_apart*bend_ba_apart)
-    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x155
-    bend_ba_rounding = x14*(h_ba + x155)
+    x991 = 0.0 <= N_ba_3_3
+    bend_ba_apart = xp.where(x991, x461, x459)
+    bend_ba_product = xp.where(x991, bends_1, x462)
+    x992 = bend_ba_apart*bend_ba_apart
+    bend_ba_gram = h_ba*h_ba*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x992
+    bend_ba_rounding = x127*(x992 + h_ba)
     bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0*h_ba)
-    bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance
-    x267 = 4.0*error_b + x264
-    bend_ba_free = (bend_ba_exists) & (h_ba <= x267)
-    bend_ba_any = (bend_ba_exists) & (h_ba <= x264)
-    bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) & (~(bend_ba_free))
-    bend_ba_q = xp.where(bend_ba_gram > 0.015625*bend_ba_rounding, xp.sqrt(bend_ba_gram), 0.0)
-    bend_ba_along = x3 - N_ba_3_3
-    bend_ba_size = xp.sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q))
-    bend_ba_scale = x73*xp.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
+    bend_ba_exists = -bend_ba_tolerance <= bend_ba_gram
+    x1004 = x205 + 4.0*error_b
+    bend_ba_free = bend_ba_exists & (h_ba <= x1004)
+    bend_ba_any = bend_ba_exists & (h_ba <= x205)
+    bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) & (~bend_ba_free)
+    bend_ba_q = xp.where(0.015625*bend_ba_rounding < bend_ba_gram, xp.sqrt(bend_ba_gram), 0.0)
+    bend_ba_along = bends_1 - N_ba_3_3
+    bend_ba_size = xp.sqrt(bend_ba_along*bend_ba_along + bend_ba_q*bend_ba_q)
+    bend_ba_scale = x487*xp.where(0.0 < bend_ba_size, 1.0/bend_ba_size, 1.0)
     bend_ba_c = bend_ba_along*bend_ba_scale
     bend_ba_s = bend_ba_q*bend_ba_scale
-    del axes_ba_3_1, x153, axes_ba_3_3, x154, bend_ba_apart, bend_ba_denominator, bend_ba_product, x155, h_ba, bend_ba_tolerance, bend_ba_gram, bend_ba_rounding, N_ba_3_3, bend_ba_size, bend_ba_along, bend_ba_q, bend_ba_scale
-    bend_ba_two = (bend_ba_exists) & (~((bend_ba_any) | (bend_ba_double)))
-    x156 = bend_ba_s*sine_5
-    x157 = N_ba_1_3*x156
-    x158 = -bend_ba_c*x77 - x76
-    fourth_baa_dot = N_ba_2_3*x158 + x157
-    x159 = N_ba_2_3*x156
-    x160 = N_ba_1_3*x158
-    fourth_baa_cross = x159 - x160
-    fourth_baa_size = xp.sqrt((fourth_baa_cross*fourth_baa_cross) + (fourth_baa_dot*fourth_baa_dot))
-    fourth_baa_scale = xp.where(fourth_baa_size > 0.0, 1.0/fourth_baa_size, 1.0)
+    bend_ba_two = bend_ba_exists & (~(bend_ba_any | bend_ba_double))
+    x1020 = bend_ba_s*sine_5
+    x1021 = N_ba_1_3*x1020
+    x1023 = bend_ba_c*x495 + x497
+    x1024 = N_ba_2_3*x1023
+    fourth_baa_dot = x1021 - x1024
+    x1025 = N_ba_1_3*x1023
+    del x991, bend_ba_apart, bend_ba_denominator, bend_ba_product, x992, h_ba, bend_ba_tolerance, bend_ba_gram, bend_ba_rounding, N_ba_3_3, bend_ba_size, bend_ba_along, bend_ba_q, bend_ba_scale, N_ba_1_3, x1023
+    x1026 = N_ba_2_3*x1020
+    fourth_baa_cross = x1025 + x1026
+    fourth_baa_size = xp.sqrt(fourth_baa_cross*fourth_baa_cross + fourth_baa_dot*fourth_baa_dot)
+    fourth_baa_scale = xp.where(0.0 < fourth_baa_size, 1.0/fourth_baa_size, 1.0)
     fourth_baa_c = xp.where(bend_ba_any, 1.0, fourth_baa_dot*fourth_baa_scale)
     fourth_baa_s = xp.where(bend_ba_any, 0.0, fourth_baa_cross*fourth_baa_scale)
-    x161 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
-    x162 = N_ba_3_1*sine_4
-    x163 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
-    x164 = cosine_4*x163 + x162
-    c_6_baa = bend_ba_c*x161 + bend_ba_s*x164
-    x165 = N_ba_3_1*cosine_4
-    s_6_baa = cosine_5*(bend_ba_c*x164 - bend_ba_s*x161) + sine_5*(x165 - sine_4*x163)
-    fourth_bab_dot = N_ba_2_3*x158 - x157
-    fourth_bab_cross = -x159 - x160
-    fourth_bab_size = xp.sqrt((fourth_bab_cross*fourth_bab_cross) + (fourth_bab_dot*fourth_bab_dot))
-    fourth_bab_scale = xp.where(fourth_bab_size > 0.0, 1.0/fourth_bab_size, 1.0)
-    del x156, N_ba_1_3, fourth_baa_size, fourth_baa_dot, fourth_baa_cross, fourth_baa_scale, N_ba_3_1, x161, x163, x164, N_ba_2_3, x157, x158, x159, x160, fourth_bab_size
+    x1036 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
+    x1038 = N_ba_3_1*sine_4
+    x1041 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
+    x1043 = x1038 + cosine_4*x1041
+    c_6_baa = bend_ba_c*x1036 + bend_ba_s*x1043
+    x1049 = N_ba_3_1*cosine_4
+    s_6_baa = cosine_5*(bend_ba_c*x1043 - bend_ba_s*x1036) + sine_5*(x1049 - sine_4*x1041)
+    fourth_bab_dot = -(x1021 + x1024)
+    fourth_bab_cross = x1025 - x1026
+    fourth_bab_size = xp.sqrt(fourth_bab_cross*fourth_bab_cross + fourth_bab_dot*fourth_bab_dot)
+    fourth_bab_scale = xp.where(0.0 < fourth_bab_size, 1.0/fourth_bab_size, 1.0)
     fourth_bab_c = xp.where(bend_ba_any, 1.0, fourth_bab_dot*fourth_bab_scale)
+    del N_ba_2_3, x1020, fourth_baa_size, fourth_baa_dot, fourth_baa_cross, fourth_baa_scale, N_ba_3_1, x1036, x1041, x1043, x1021, x1024, x1025, x1026, fourth_bab_size, fourth_bab_dot
     fourth_bab_s = xp.where(bend_ba_any, 0.0, fourth_bab_cross*fourth_bab_scale)
-    x166 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
-    x167 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
-    x168 = cosine_4*x167 + x162
-    c_6_bab = bend_ba_c*x166 - bend_ba_s*x168
-    s_6_bab = cosine_5*(bend_ba_c*x168 + bend_ba_s*x166) + sine_5*(x165 - sine_4*x167)
+    x1063 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
+    x1067 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
+    x1069 = x1038 + cosine_4*x1067
+    c_6_bab = bend_ba_c*x1063 - bend_ba_s*x1069
+    s_6_bab = cosine_5*(bend_ba_c*x1069 + bend_ba_s*x1063) + sine_5*(x1049 - sine_4*x1067)
     c_23_bb = triangle_b_3_c_b*triangle_b_chosen_c_b - triangle_b_3_s_b*triangle_b_chosen_s_b
     s_23_bb = triangle_b_3_c_b*triangle_b_chosen_s_b + triangle_b_3_s_b*triangle_b_chosen_c_b
     axis_4_bb_1 = s_23_bb*sine_3
-    x169 = c_23_bb*sine_3
-    axis_4_bb_2 = -cosine_1*x169 - x55
-    axis_4_bb_3 = -sine_1*x169 - x57
-    x170 = axis_4_bb_1*pose_1_3
-    x171 = axis_4_bb_2*pose_2_3
-    x172 = x170 + x171
-    x173 = (x172*x172)
-    x174 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
-    del fourth_bab_dot, bend_ba_any, fourth_bab_cross, fourth_bab_scale, N_ba_1_1, N_ba_2_1, x162, x165, x166, x167, x168, x55, x169, x57, axis_4_bb_1, axis_4_bb_2
-    x175 = (x174*x174)
-    first_bb_square = x173 + x175
+    axis_4_bb_2 = -(c_23_bb*x381 + x383)
+    axis_4_bb_3 = x387 - c_23_bb*x385
+    x1085 = axis_4_bb_1*pose_1_3
+    x1086 = axis_4_bb_2*pose_2_3
+    x1087 = x1085 + x1086
+    x1088 = x1087*x1087
+    x1091 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
+    del bend_ba_any, fourth_bab_cross, fourth_bab_scale, N_ba_1_1, N_ba_2_1, x1038, x1049, x1063, x1067, x1069, x381, x383, x385, x387, axis_4_bb_1, axis_4_bb_2
+    x1092 = x1091*x1091
+    first_bb_square = x1088 + x1092
     first_bb_amplitude = xp.sqrt(first_bb_square)
-    first_bb_per_square = xp.where(first_bb_square > 0.0, 1.0/first_bb_square, 1.0)
-    x176 = axis_4_bb_3*pose_3_3
-    x177 = x176 - bends_1
-    first_bb_serves = (first_bb_square <= 0.0) | (xp.abs(x172 + x177) <= bends_2)
-    first_bb_at = xp.where(first_bb_amplitude < -x177, first_bb_amplitude, xp.where(first_bb_amplitude < x177, -first_bb_amplitude, -x177))
-    x179 = (first_bb_at*first_bb_at)
-    first_bb_rest = xp.where(first_bb_square > x179, xp.sqrt(first_bb_square - x179), 0.0)
-    first_bb_c_first = xp.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x172 - first_bb_rest*x174))
-    first_bb_s_first = xp.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x174 + first_bb_rest*x172))
-    x180 = first_bb_per_square*x174*(2.0*x170 + 2.0*x171)
-    x181 = first_bb_per_square*(x173 - x175)
-    first_bb_c_second = first_bb_c_first*x181 + first_bb_s_first*x180
-    first_bb_s_second = first_bb_c_first*x180 - first_bb_s_first*x181
-    del axis_4_bb_3, first_bb_square, x179, first_bb_at, first_bb_rest, first_bb_serves, x172, x170, x171, x174, first_bb_per_square, x173, x175, first_bb_c_first, first_bb_s_first, x180, x181
-    first_bb_split = (first_bb_amplitude + x177 > bends_2) & (bends_1 + first_bb_amplitude - x176 > bends_2)
+    first_bb_per_square = xp.where(0.0 < first_bb_square, 1.0/first_bb_square, 1.0)
+    x1097 = axis_4_bb_3*pose_3_3 - bends_1
+    first_bb_serves = (first_bb_square <= 0.0) | (xp.abs(x1087 + x1097) <= bends_2)
+    x1101 = -x1097
+    first_bb_at = xp.where(first_bb_amplitude < x1101, first_bb_amplitude, xp.where(first_bb_amplitude < x1097, -first_bb_amplitude, x1101))
+    x1106 = first_bb_at*first_bb_at
+    first_bb_rest = xp.where(x1106 < first_bb_square, xp.sqrt(first_bb_square - x1106), 0.0)
+    first_bb_c_first = xp.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x1087 - first_bb_rest*x1091))
+    first_bb_s_first = xp.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x1091 + first_bb_rest*x1087))
+    x1118 = x1088 - x1092
+    x1119 = first_bb_c_first*first_bb_per_square
+    x1124 = first_bb_per_square*first_bb_s_first
+    x1125 = (2.0*x1085 + 2.0*x1086)*x1091
+    del axis_4_bb_3, x1101, first_bb_square, x1106, first_bb_at, first_bb_rest, first_bb_serves, x1087, x1088, x1092, first_bb_c_first, first_bb_per_square, first_bb_s_first, x1085, x1086, x1091
+    first_bb_c_second = x1119*x1118 + x1124*x1125
+    first_bb_s_second = x1119*x1125 - x1124*x1118
+    first_bb_split = (bends_2 < first_bb_amplitude - x1097) & (bends_2 < x1097 + first_bb_amplitude)
     c_1_bb = xp.where(first_free, first_bb_c_second, first_c_b)
     s_1_bb = xp.where(first_free, first_bb_s_second, first_s_b)
-    more_bb = (first_two) | ((first_bb_split) & (first_free))
+    more_bb = first_two | (first_bb_split & first_free)
     axes_bb_1_1 = c_1_bb*pose_1_1 + pose_2_1*s_1_bb
     axes_bb_1_3 = c_1_bb*pose_1_3 + pose_2_3*s_1_bb
-    x182 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
-    axes_bb_2_1 = cosine_1*x182 + x63
-    x183 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
-    axes_bb_2_3 = cosine_1*x183 + x19
-    axes_bb_3_1 = x66 - sine_1*x182
-    axes_bb_3_3 = x21 - sine_1*x183
-    del bends_1, bends_2, first_bb_amplitude, x176, x177, first_bb_c_second, first_c_b, first_bb_s_second, first_s_b, first_bb_split, first_two, x63, x19, x182, x66, x183, x21
+    x1140 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
+    axes_bb_2_1 = cosine_1*x1140 + x429
+    x1144 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
+    axes_bb_2_3 = cosine_1*x1144 + x188
+    axes_bb_3_1 = x434 - sine_1*x1140
+    del x1118, x1119, x1124, x1125, bends_2, first_bb_amplitude, x1097, first_bb_c_second, first_c_b, first_bb_s_second, first_s_b, first_bb_split, first_two, x429, x188, x1140, x434
+    axes_bb_3_3 = x189 - sine_1*x1144
     N_bb_1_1 = axes_bb_1_1*c_23_bb + axes_bb_2_1*s_23_bb
     N_bb_1_3 = axes_bb_1_3*c_23_bb + axes_bb_2_3*s_23_bb
-    x184 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
-    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x184
-    x185 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
-    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x185
-    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x184
-    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x185
-    h_bb = xp.sqrt((N_bb_1_3*N_bb_1_3) + (N_bb_2_3*N_bb_2_3))
+    x1155 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
+    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x1155
+    x1160 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
+    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x1160
+    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x1155
+    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x1160
+    h_bb = xp.sqrt(N_bb_1_3*N_bb_1_3 + N_bb_2_3*N_bb_2_3)
     bend_bb_denominator = xp.abs(N_bb_3_3) + 1.0
-    bend_bb_apart = xp.where(N_bb_3_3 >= 0.0, x69, x70)
-    bend_bb_product = xp.where(N_bb_3_3 >= 0.0, x3, -x3)
-    x186 = (bend_bb_apart*bend_bb_apart)
-    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x186
-    bend_bb_rounding = x14*(h_bb + x186)
-    del axes_bb_1_1, axes_bb_2_1, axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb, axes_bb_3_1, x184, axes_bb_3_3, x185, x69, x70, bend_bb_apart, bend_bb_denominator, bend_bb_product, x14, x186
+    x1170 = 0.0 <= N_bb_3_3
+    bend_bb_apart = xp.where(x1170, x461, x459)
+    bend_bb_product = xp.where(x1170, bends_1, x462)
+    del x1144, x189, axes_bb_1_1, axes_bb_2_1, axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb, axes_bb_3_1, x1155, axes_bb_3_3, x1160, x459, x461, x1170, x462
+    x1171 = bend_bb_apart*bend_bb_apart
+    bend_bb_gram = h_bb*h_bb*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x1171
+    bend_bb_rounding = x127*(x1171 + h_bb)
     bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0*h_bb)
-    bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance
-    bend_bb_free = (bend_bb_exists) & (h_bb <= x267)
-    bend_bb_any = (bend_bb_exists) & (h_bb <= x264)
-    bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) & (~(bend_bb_free))
-    bend_bb_q = xp.where(bend_bb_gram > 0.015625*bend_bb_rounding, xp.sqrt(bend_bb_gram), 0.0)
-    bend_bb_along = x3 - N_bb_3_3
-    bend_bb_size = xp.sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q))
-    bend_bb_scale = x73*xp.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
+    bend_bb_exists = -bend_bb_tolerance <= bend_bb_gram
+    bend_bb_free = bend_bb_exists & (h_bb <= x1004)
+    bend_bb_any = bend_bb_exists & (h_bb <= x205)
+    bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) & (~bend_bb_free)
+    bend_bb_q = xp.where(0.015625*bend_bb_rounding < bend_bb_gram, xp.sqrt(bend_bb_gram), 0.0)
+    bend_bb_along = bends_1 - N_bb_3_3
+    bend_bb_size = xp.sqrt(bend_bb_along*bend_bb_along + bend_bb_q*bend_bb_q)
+    bend_bb_scale = x487*xp.where(0.0 < bend_bb_size, 1.0/bend_bb_size, 1.0)
+    del bend_bb_apart, bend_bb_denominator, bend_bb_product, x1171, x127, error_b, x1004, h_bb, x205, bend_bb_tolerance, bend_bb_gram, bend_bb_rounding, N_bb_3_3, bends_1, bend_bb_size, x487
     bend_bb_c = bend_bb_along*bend_bb_scale
     bend_bb_s = bend_bb_q*bend_bb_scale
-    bend_bb_two = (bend_bb_exists) & (~((bend_bb_any) | (bend_bb_double)))
-    x187 = bend_bb_s*sine_5
-    x188 = N_bb_1_3*x187
-    x189 = -bend_bb_c*x77 - x76
-    del error_b, x267, h_bb, x264, bend_bb_tolerance, bend_bb_gram, bend_bb_rounding, N_bb_3_3, x3, bend_bb_size, x73, bend_bb_along, bend_bb_q, bend_bb_scale, x76, x77
-    fourth_bba_dot = N_bb_2_3*x189 + x188
-    x190 = N_bb_2_3*x187
-    x191 = N_bb_1_3*x189
-    fourth_bba_cross = x190 - x191
-    fourth_bba_size = xp.sqrt((fourth_bba_cross*fourth_bba_cross) + (fourth_bba_dot*fourth_bba_dot))
-    fourth_bba_scale = xp.where(fourth_bba_size > 0.0, 1.0/fourth_bba_size, 1.0)
+    bend_bb_two = bend_bb_exists & (~(bend_bb_any | bend_bb_double))
+    x1197 = bend_bb_s*sine_5
+    x1198 = N_bb_1_3*x1197
+    x1200 = bend_bb_c*x495 + x497
+    x1201 = N_bb_2_3*x1200
+    fourth_bba_dot = x1198 - x1201
+    x1202 = N_bb_1_3*x1200
+    x1203 = N_bb_2_3*x1197
+    fourth_bba_cross = x1202 + x1203
+    fourth_bba_size = xp.sqrt(fourth_bba_cross*fourth_bba_cross + fourth_bba_dot*fourth_bba_dot)
+    fourth_bba_scale = xp.where(0.0 < fourth_bba_size, 1.0/fourth_bba_size, 1.0)
     fourth_bba_c = xp.where(bend_bb_any, 1.0, fourth_bba_dot*fourth_bba_scale)
     fourth_bba_s = xp.where(bend_bb_any, 0.0, fourth_bba_cross*fourth_bba_scale)
-    x192 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
-    x193 = N_bb_3_1*sine_4
-    x194 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
-    x195 = cosine_4*x194 + x193
-    c_6_bba = bend_bb_c*x192 + bend_bb_s*x195
-    x196 = N_bb_3_1*cosine_4
-    s_6_bba = cosine_5*(bend_bb_c*x195 - bend_bb_s*x192) + sine_5*(x196 - sine_4*x194)
-    fourth_bbb_dot = N_bb_2_3*x189 - x188
-    fourth_bbb_cross = -x190 - x191
-    fourth_bbb_size = xp.sqrt((fourth_bbb_cross*fourth_bbb_cross) + (fourth_bbb_dot*fourth_bbb_dot))
-    fourth_bbb_scale = xp.where(fourth_bbb_size > 0.0, 1.0/fourth_bbb_size, 1.0)
-    del x187, N_bb_1_3, fourth_bba_size, fourth_bba_dot, fourth_bba_cross, fourth_bba_scale, N_bb_3_1, x192, x194, x195, N_bb_2_3, x188, x189, x190, x191, fourth_bbb_size
+    x1213 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
+    x1215 = N_bb_3_1*sine_4
+    x1218 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
+    x1220 = x1215 + cosine_4*x1218
+    c_6_bba = bend_bb_c*x1213 + bend_bb_s*x1220
+    x1226 = N_bb_3_1*cosine_4
+    s_6_bba = cosine_5*(bend_bb_c*x1220 - bend_bb_s*x1213) + sine_5*(x1226 - sine_4*x1218)
+    del bend_bb_along, bend_bb_q, bend_bb_scale, x495, x497, N_bb_1_3, x1200, N_bb_2_3, x1197, fourth_bba_size, fourth_bba_dot, fourth_bba_cross, fourth_bba_scale, N_bb_3_1, x1213, x1218, x1220
+    fourth_bbb_dot = -(x1198 + x1201)
+    fourth_bbb_cross = x1202 - x1203
+    fourth_bbb_size = xp.sqrt(fourth_bbb_cross*fourth_bbb_cross + fourth_bbb_dot*fourth_bbb_dot)
+    fourth_bbb_scale = xp.where(0.0 < fourth_bbb_size, 1.0/fourth_bbb_size, 1.0)
     fourth_bbb_c = xp.where(bend_bb_any, 1.0, fourth_bbb_dot*fourth_bbb_scale)
     fourth_bbb_s = xp.where(bend_bb_any, 0.0, fourth_bbb_cross*fourth_bbb_scale)
-    x197 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
-    x198 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
-    x199 = cosine_4*x198 + x193
-    c_6_bbb = bend_bb_c*x197 - bend_bb_s*x199
-    s_6_bbb = cosine_5*(bend_bb_c*x199 + bend_bb_s*x197) + sine_5*(x196 - sine_4*x198)
-    there_1 = (bend_aa_exists) & (first_exists) & (near) & (triangle_a_3_exists)
-    x200 = xp.atan2(s_1_aa, c_1_aa)
-    angle_1_1 = x200
-    x201 = xp.atan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
-    del fourth_bbb_dot, bend_bb_any, fourth_bbb_cross, fourth_bbb_scale, N_bb_1_1, N_bb_2_1, x193, x196, x197, x198, x199, bend_aa_exists, c_1_aa, s_1_aa, triangle_a_chosen_c_a, triangle_a_chosen_s_a
-    angle_1_2 = x201
-    x202 = xp.atan2(triangle_a_3_s_a, triangle_a_3_c_a)
-    angle_1_3 = x202
+    x1240 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
+    x1244 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
+    x1246 = x1215 + cosine_4*x1244
+    c_6_bbb = bend_bb_c*x1240 - bend_bb_s*x1246
+    s_6_bbb = cosine_5*(bend_bb_c*x1246 + bend_bb_s*x1240) + sine_5*(x1226 - sine_4*x1244)
+    del x1198, x1201, x1202, x1203, fourth_bbb_size, fourth_bbb_dot, bend_bb_any, fourth_bbb_cross, fourth_bbb_scale, N_bb_1_1, N_bb_2_1, x1215, x1226, x1240, x1244, x1246
+    x1255 = first_exists & near
+    there_1 = bend_aa_exists & x1255 & triangle_a_3_exists
+    angle_1_1 = xp.atan2(s_1_aa, c_1_aa)
+    angle_1_2 = xp.atan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
+    angle_1_3 = xp.atan2(triangle_a_3_s_a, triangle_a_3_c_a)
     angle_1_4 = xp.atan2(fourth_aaa_s, fourth_aaa_c)
     angle_1_5 = xp.atan2(bend_aa_s, bend_aa_c)
     angle_1_6 = xp.atan2(s_6_aaa, c_6_aaa)
-    x203 = xp.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, xp.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
-    code_1 = x203
-    there_2 = (bend_aa_two) & (first_exists) & (near) & (triangle_a_3_exists)
-    angle_2_1 = x200
-    angle_2_2 = x201
-    angle_2_3 = x202
+    x1257 = first_double | triangle_a_3_double
+    x1260 = first_free | triangle_a_3_free
+    code_1 = xp.where(bend_aa_free | x1260 | triangle_a_any, 2.0, xp.where(bend_aa_double | x1257, 1.0, 0.0))
+    del first_exists, bend_aa_exists, c_1_aa, s_1_aa, triangle_a_chosen_c_a, triangle_a_chosen_s_a, triangle_a_3_c_a, triangle_a_3_s_a, fourth_aaa_c, fourth_aaa_s, c_6_aaa, s_6_aaa, triangle_a_3_double, triangle_a_3_free, bend_aa_double, bend_aa_free
+    there_2 = bend_aa_two & x1255 & triangle_a_3_exists
     angle_2_4 = xp.atan2(fourth_aab_s, fourth_aab_c)
     angle_2_5 = xp.atan2(-bend_aa_s, bend_aa_c)
-    del triangle_a_3_c_a, triangle_a_3_s_a, fourth_aaa_c, fourth_aaa_s, c_6_aaa, s_6_aaa, bend_aa_double, bend_aa_free, bend_aa_two, triangle_a_3_exists, x200, x201, x202, fourth_aab_c, fourth_aab_s, bend_aa_c, bend_aa_s
     angle_2_6 = xp.atan2(s_6_aab, c_6_aab)
-    code_2 = x203
-    there_3 = (bend_ab_exists) & (first_exists) & (near) & (triangle_a_more)
-    x204 = xp.atan2(s_1_ab, c_1_ab)
-    angle_3_1 = x204
-    x205 = xp.atan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
-    angle_3_2 = x205
-    x206 = xp.atan2(triangle_a_3_s_b, triangle_a_3_c_b)
-    angle_3_3 = x206
+    there_3 = bend_ab_exists & x1255 & triangle_a_more
+    angle_3_1 = xp.atan2(s_1_ab, c_1_ab)
+    angle_3_2 = xp.atan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
+    angle_3_3 = xp.atan2(triangle_a_3_s_b, triangle_a_3_c_b)
     angle_3_4 = xp.atan2(fourth_aba_s, fourth_aba_c)
+    del bend_aa_two, triangle_a_3_exists, fourth_aab_c, fourth_aab_s, bend_aa_c, bend_aa_s, c_6_aab, s_6_aab, bend_ab_exists, c_1_ab, s_1_ab, triangle_a_chosen_c_b, triangle_a_chosen_s_b, triangle_a_3_c_b, triangle_a_3_s_b, fourth_aba_c, fourth_aba_s
     angle_3_5 = xp.atan2(bend_ab_s, bend_ab_c)
     angle_3_6 = xp.atan2(s_6_aba, c_6_aba)
-    x207 = xp.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, xp.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
-    del c_6_aab, s_6_aab, x203, bend_ab_exists, c_1_ab, s_1_ab, triangle_a_chosen_c_b, triangle_a_chosen_s_b, triangle_a_3_c_b, triangle_a_3_s_b, fourth_aba_c, fourth_aba_s, c_6_aba, s_6_aba, bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any
-    code_3 = x207
-    there_4 = (bend_ab_two) & (first_exists) & (near) & (triangle_a_more)
-    angle_4_1 = x204
-    angle_4_2 = x205
-    angle_4_3 = x206
+    code_3 = xp.where(bend_ab_free | x1260 | triangle_a_any, 2.0, xp.where(bend_ab_double | x1257, 1.0, 0.0))
+    there_4 = bend_ab_two & x1255 & triangle_a_more
     angle_4_4 = xp.atan2(fourth_abb_s, fourth_abb_c)
     angle_4_5 = xp.atan2(-bend_ab_s, bend_ab_c)
     angle_4_6 = xp.atan2(s_6_abb, c_6_abb)
-    code_4 = x207
-    there_5 = (bend_ba_exists) & (more_ba) & (near) & (triangle_b_3_exists)
-    x208 = xp.atan2(s_1_ba, c_1_ba)
-    del bend_ab_two, first_exists, triangle_a_more, x204, x205, x206, fourth_abb_c, fourth_abb_s, bend_ab_c, bend_ab_s, c_6_abb, s_6_abb, x207, bend_ba_exists, c_1_ba, s_1_ba
-    angle_5_1 = x208
-    x209 = xp.atan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
-    angle_5_2 = x209
-    x210 = xp.atan2(triangle_b_3_s_a, triangle_b_3_c_a)
-    angle_5_3 = x210
+    del c_6_aba, s_6_aba, bend_ab_double, bend_ab_free, triangle_a_any, x1257, x1260, bend_ab_two, triangle_a_more, x1255, fourth_abb_c, fourth_abb_s, bend_ab_c, bend_ab_s, c_6_abb, s_6_abb
+    x1272 = more_ba & near
+    there_5 = bend_ba_exists & x1272 & triangle_b_3_exists
+    angle_5_1 = xp.atan2(s_1_ba, c_1_ba)
+    angle_5_2 = xp.atan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
+    angle_5_3 = xp.atan2(triangle_b_3_s_a, triangle_b_3_c_a)
     angle_5_4 = xp.atan2(fourth_baa_s, fourth_baa_c)
     angle_5_5 = xp.atan2(bend_ba_s, bend_ba_c)
     angle_5_6 = xp.atan2(s_6_baa, c_6_baa)
-    x211 = xp.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, xp.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
-    code_5 = x211
-    there_6 = (bend_ba_two) & (more_ba) & (near) & (triangle_b_3_exists)
-    angle_6_1 = x208
-    angle_6_2 = x209
-    angle_6_3 = x210
-    del triangle_b_chosen_c_a, triangle_b_chosen_s_a, triangle_b_3_c_a, triangle_b_3_s_a, fourth_baa_c, fourth_baa_s, c_6_baa, s_6_baa, bend_ba_double, bend_ba_free, bend_ba_two, more_ba, triangle_b_3_exists, x208, x209, x210
+    x1274 = first_double | triangle_b_3_double
+    x1277 = first_free | triangle_b_3_free
+    del more_ba, bend_ba_exists, c_1_ba, s_1_ba, triangle_b_chosen_c_a, triangle_b_chosen_s_a, triangle_b_3_c_a, triangle_b_3_s_a, fourth_baa_c, fourth_baa_s, c_6_baa, s_6_baa, first_double, triangle_b_3_double, first_free, triangle_b_3_free
+    code_5 = xp.where(bend_ba_free | x1277 | triangle_b_any, 2.0, xp.where(bend_ba_double | x1274, 1.0, 0.0))
+    there_6 = bend_ba_two & x1272 & triangle_b_3_exists
     angle_6_4 = xp.atan2(fourth_bab_s, fourth_bab_c)
     angle_6_5 = xp.atan2(-bend_ba_s, bend_ba_c)
     angle_6_6 = xp.atan2(s_6_bab, c_6_bab)
-    code_6 = x211
-    there_7 = (bend_bb_exists) & (more_bb) & (near) & (triangle_b_more)
-    x212 = xp.atan2(s_1_bb, c_1_bb)
-    angle_7_1 = x212
-    x213 = xp.atan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
-    angle_7_2 = x213
-    x214 = xp.atan2(triangle_b_3_s_b, triangle_b_3_c_b)
-    angle_7_3 = x214
+    x1282 = more_bb & near
+    there_7 = bend_bb_exists & x1282 & triangle_b_more
+    angle_7_1 = xp.atan2(s_1_bb, c_1_bb)
+    del bend_ba_double, bend_ba_free, bend_ba_two, triangle_b_3_exists, x1272, fourth_bab_c, fourth_bab_s, bend_ba_c, bend_ba_s, c_6_bab, s_6_bab, more_bb, near, bend_bb_exists, c_1_bb, s_1_bb
+    angle_7_2 = xp.atan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
+    angle_7_3 = xp.atan2(triangle_b_3_s_b, triangle_b_3_c_b)
     angle_7_4 = xp.atan2(fourth_bba_s, fourth_bba_c)
-    del fourth_bab_c, fourth_bab_s, bend_ba_c, bend_ba_s, c_6_bab, s_6_bab, x211, bend_bb_exists, c_1_bb, s_1_bb, triangle_b_chosen_c_b, triangle_b_chosen_s_b, triangle_b_3_c_b, triangle_b_3_s_b, fourth_bba_c, fourth_bba_s
     angle_7_5 = xp.atan2(bend_bb_s, bend_bb_c)
     angle_7_6 = xp.atan2(s_6_bba, c_6_bba)
-    x215 = xp.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, xp.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
-    code_7 = x215
-    there_8 = (bend_bb_two) & (more_bb) & (near) & (triangle_b_more)
-    angle_8_1 = x212
-    angle_8_2 = x213
-    angle_8_3 = x214
-    del c_6_bba, s_6_bba, bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any, bend_bb_two, more_bb, near, triangle_b_more, x212, x213, x214
+    code_7 = xp.where(bend_bb_free | x1277 | triangle_b_any, 2.0, xp.where(bend_bb_double | x1274, 1.0, 0.0))
+    there_8 = bend_bb_two & x1282 & triangle_b_more
+    del triangle_b_chosen_c_b, triangle_b_chosen_s_b, triangle_b_3_c_b, triangle_b_3_s_b, fourth_bba_c, fourth_bba_s, c_6_bba, s_6_bba, bend_bb_double, bend_bb_free, triangle_b_any, x1274, x1277, bend_bb_two, triangle_b_more, x1282
     angle_8_4 = xp.atan2(fourth_bbb_s, fourth_bbb_c)
     angle_8_5 = xp.atan2(-bend_bb_s, bend_bb_c)
     angle_8_6 = xp.atan2(s_6_bbb, c_6_bbb)
-    code_8 = x215
-    x216 = xp.where(there_1, 0.0, 1.0)
-    holes_1 = x216
-    x217 = x216 + xp.where(there_2, 0.0, 1.0)
-    holes_2 = x217
-    x218 = x217 + xp.where(there_3, 0.0, 1.0)
-    holes_3 = x218
-    x219 = x218 + xp.where(there_4, 0.0, 1.0)
-    holes_4 = x219
-    x220 = x219 + xp.where(there_5, 0.0, 1.0)
-    holes_5 = x220
-    x221 = x220 + xp.where(there_6, 0.0, 1.0)
-    holes_6 = x221
-    holes_7 = x221 + xp.where(there_7, 0.0, 1.0)
-    moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
-    moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
-    moves_1_3 = (there_4) & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
-    moves_1_4 = (there_5) & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
-    moves_1_5 = (there_6) & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
-    moves_1_6 = (there_7) & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
-    moves_1_7 = (there_8) & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
-    there_1_0 = (moves_1_1) | (there_1)
-    row_1_0_1 = xp.where(moves_1_1, code_2, code_1)
-    del fourth_bbb_c, fourth_bbb_s, bend_bb_c, bend_bb_s, c_6_bbb, s_6_bbb, x215, x216, x217, x218, x219, x220, x221, holes_1, there_1, code_1
-    x269 = -3.141592653589793
-    x222 = xp.where(angle_2_1 > x269, angle_2_1, 3.141592653589793)
-    row_1_0_2 = xp.where(moves_1_1, x222, xp.where(angle_1_1 > x269, angle_1_1, 3.141592653589793))
-    x223 = xp.where(angle_2_2 > x269, angle_2_2, 3.141592653589793)
-    row_1_0_3 = xp.where(moves_1_1, x223, xp.where(angle_1_2 > x269, angle_1_2, 3.141592653589793))
-    x224 = xp.where(angle_2_3 > x269, angle_2_3, 3.141592653589793)
-    row_1_0_4 = xp.where(moves_1_1, x224, xp.where(angle_1_3 > x269, angle_1_3, 3.141592653589793))
-    x225 = xp.where(angle_2_4 > x269, angle_2_4, 3.141592653589793)
-    row_1_0_5 = xp.where(moves_1_1, x225, xp.where(angle_1_4 > x269, angle_1_4, 3.141592653589793))
-    x226 = xp.where(angle_2_5 > x269, angle_2_5, 3.141592653589793)
-    row_1_0_6 = xp.where(moves_1_1, x226, xp.where(angle_1_5 > x269, angle_1_5, 3.141592653589793))
-    x227 = xp.where(angle_2_6 > x269, angle_2_6, 3.141592653589793)
-    row_1_0_7 = xp.where(moves_1_1, x227, xp.where(angle_1_6 > x269, angle_1_6, 3.141592653589793))
-    there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
-    row_1_1_1 = xp.where(moves_1_2, code_3, code_2)
-    x228 = xp.where(angle_3_1 > x269, angle_3_1, 3.141592653589793)
-    del angle_2_1, angle_1_1, angle_2_2, angle_1_2, angle_2_3, angle_1_3, angle_2_4, angle_1_4, angle_2_5, angle_1_5, angle_2_6, angle_1_6, moves_1_1, there_2, code_2, angle_3_1
-    row_1_1_2 = xp.where(moves_1_2, x228, x222)
-    x229 = xp.where(angle_3_2 > x269, angle_3_2, 3.141592653589793)
-    row_1_1_3 = xp.where(moves_1_2, x229, x223)
-    x230 = xp.where(angle_3_3 > x269, angle_3_3, 3.141592653589793)
-    row_1_1_4 = xp.where(moves_1_2, x230, x224)
-    x231 = xp.where(angle_3_4 > x269, angle_3_4, 3.141592653589793)
-    row_1_1_5 = xp.where(moves_1_2, x231, x225)
-    x232 = xp.where(angle_3_5 > x269, angle_3_5, 3.141592653589793)
-    row_1_1_6 = xp.where(moves_1_2, x232, x226)
-    x233 = xp.where(angle_3_6 > x269, angle_3_6, 3.141592653589793)
-    row_1_1_7 = xp.where(moves_1_2, x233, x227)
-    there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
+    holes_1 = xp.where(there_1, 0.0, 1.0)
+    holes_2 = holes_1 + xp.where(there_2, 0.0, 1.0)
+    x1291 = xp.where(there_3, 0.0, 1.0)
+    holes_3 = holes_2 + x1291
+    holes_4 = holes_2 + (x1291 + xp.where(there_4, 0.0, 1.0))
+    x1294 = xp.where(there_5, 0.0, 1.0)
+    holes_5 = holes_4 + x1294
+    holes_6 = holes_4 + (x1294 + xp.where(there_6, 0.0, 1.0))
+    holes_7 = holes_6 + xp.where(there_7, 0.0, 1.0)
+    moves_1_1 = there_2 & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
+    moves_1_2 = there_3 & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
+    moves_1_3 = there_4 & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
+    moves_1_4 = there_5 & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
+    moves_1_5 = there_6 & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
+    moves_1_6 = there_7 & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
+    moves_1_7 = there_8 & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
+    there_1_0 = moves_1_1 | there_1
+    row_1_0_1 = xp.where(moves_1_1, code_1, code_1)
+    x1347 = -3.141592653589793
+    x1349 = xp.where(x1347 < angle_1_1, angle_1_1, 3.141592653589793)
+    row_1_0_2 = xp.where(moves_1_1, x1349, x1349)
+    x1351 = xp.where(x1347 < angle_1_2, angle_1_2, 3.141592653589793)
+    row_1_0_3 = xp.where(moves_1_1, x1351, x1351)
+    x1353 = xp.where(x1347 < angle_1_3, angle_1_3, 3.141592653589793)
+    row_1_0_4 = xp.where(moves_1_1, x1353, x1353)
+    x1357 = xp.where(x1347 < angle_2_4, angle_2_4, 3.141592653589793)
+    row_1_0_5 = xp.where(moves_1_1, x1357, xp.where(x1347 < angle_1_4, angle_1_4, 3.141592653589793))
+    x1361 = xp.where(x1347 < angle_2_5, angle_2_5, 3.141592653589793)
+    del fourth_bbb_c, fourth_bbb_s, bend_bb_c, bend_bb_s, c_6_bbb, s_6_bbb, x1291, x1294, holes_1, there_1, angle_1_1, angle_1_2, angle_1_3, angle_2_4, angle_1_4, angle_2_5
+    row_1_0_6 = xp.where(moves_1_1, x1361, xp.where(x1347 < angle_1_5, angle_1_5, 3.141592653589793))
+    x1365 = xp.where(x1347 < angle_2_6, angle_2_6, 3.141592653589793)
+    row_1_0_7 = xp.where(moves_1_1, x1365, xp.where(x1347 < angle_1_6, angle_1_6, 3.141592653589793))
+    there_1_1 = moves_1_2 | (there_2 & (~moves_1_1))
+    row_1_1_1 = xp.where(moves_1_2, code_3, code_1)
+    x1369 = xp.where(x1347 < angle_3_1, angle_3_1, 3.141592653589793)
+    row_1_1_2 = xp.where(moves_1_2, x1369, x1349)
+    x1371 = xp.where(x1347 < angle_3_2, angle_3_2, 3.141592653589793)
+    row_1_1_3 = xp.where(moves_1_2, x1371, x1351)
+    x1373 = xp.where(x1347 < angle_3_3, angle_3_3, 3.141592653589793)
+    row_1_1_4 = xp.where(moves_1_2, x1373, x1353)
+    x1375 = xp.where(x1347 < angle_3_4, angle_3_4, 3.141592653589793)
+    row_1_1_5 = xp.where(moves_1_2, x1375, x1357)
+    x1377 = xp.where(x1347 < angle_3_5, angle_3_5, 3.141592653589793)
+    row_1_1_6 = xp.where(moves_1_2, x1377, x1361)
+    del angle_1_5, angle_2_6, angle_1_6, moves_1_1, there_2, code_1, angle_3_1, x1349, angle_3_2, x1351, angle_3_3, x1353, angle_3_4, x1357, angle_3_5, x1361
+    x1379 = xp.where(x1347 < angle_3_6, angle_3_6, 3.141592653589793)
+    row_1_1_7 = xp.where(moves_1_2, x1379, x1365)
+    there_1_2 = moves_1_3 | (there_3 & (~moves_1_2))
     row_1_2_0 = xp.where(moves_1_3, holes_3 - 1.0, holes_2)
-    row_1_2_1 = xp.where(moves_1_3, code_4, code_3)
-    x234 = xp.where(angle_4_1 > x269, angle_4_1, 3.141592653589793)
-    del x222, angle_3_2, x223, angle_3_3, x224, angle_3_4, x225, angle_3_5, x226, angle_3_6, x227, moves_1_2, there_3, holes_2, code_3, angle_4_1
-    row_1_2_2 = xp.where(moves_1_3, x234, x228)
-    x235 = xp.where(angle_4_2 > x269, angle_4_2, 3.141592653589793)
-    row_1_2_3 = xp.where(moves_1_3, x235, x229)
-    x236 = xp.where(angle_4_3 > x269, angle_4_3, 3.141592653589793)
-    row_1_2_4 = xp.where(moves_1_3, x236, x230)
-    x237 = xp.where(angle_4_4 > x269, angle_4_4, 3.141592653589793)
-    row_1_2_5 = xp.where(moves_1_3, x237, x231)
-    x238 = xp.where(angle_4_5 > x269, angle_4_5, 3.141592653589793)
-    row_1_2_6 = xp.where(moves_1_3, x238, x232)
-    x239 = xp.where(angle_4_6 > x269, angle_4_6, 3.141592653589793)
-    row_1_2_7 = xp.where(moves_1_3, x239, x233)
-    there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
+    row_1_2_1 = xp.where(moves_1_3, code_3, code_3)
+    row_1_2_2 = xp.where(moves_1_3, x1369, x1369)
+    row_1_2_3 = xp.where(moves_1_3, x1371, x1371)
+    row_1_2_4 = xp.where(moves_1_3, x1373, x1373)
+    x1384 = xp.where(x1347 < angle_4_4, angle_4_4, 3.141592653589793)
+    row_1_2_5 = xp.where(moves_1_3, x1384, x1375)
+    x1386 = xp.where(x1347 < angle_4_5, angle_4_5, 3.141592653589793)
+    row_1_2_6 = xp.where(moves_1_3, x1386, x1377)
+    x1388 = xp.where(x1347 < angle_4_6, angle_4_6, 3.141592653589793)
+    row_1_2_7 = xp.where(moves_1_3, x1388, x1379)
+    there_1_3 = moves_1_4 | (there_4 & (~moves_1_3))
     row_1_3_0 = xp.where(moves_1_4, holes_4 - 1.0, holes_3)
-    row_1_3_1 = xp.where(moves_1_4, code_5, code_4)
-    x240 = xp.where(angle_5_1 > x269, angle_5_1, 3.141592653589793)
-    del x228, angle_4_2, x229, angle_4_3, x230, angle_4_4, x231, angle_4_5, x232, angle_4_6, x233, moves_1_3, there_4, holes_3, code_4, angle_5_1
-    row_1_3_2 = xp.where(moves_1_4, x240, x234)
-    x241 = xp.where(angle_5_2 > x269, angle_5_2, 3.141592653589793)
-    row_1_3_3 = xp.where(moves_1_4, x241, x235)
-    x242 = xp.where(angle_5_3 > x269, angle_5_3, 3.141592653589793)
-    row_1_3_4 = xp.where(moves_1_4, x242, x236)
-    x243 = xp.where(angle_5_4 > x269, angle_5_4, 3.141592653589793)
-    row_1_3_5 = xp.where(moves_1_4, x243, x237)
-    x244 = xp.where(angle_5_5 > x269, angle_5_5, 3.141592653589793)
-    row_1_3_6 = xp.where(moves_1_4, x244, x238)
-    x245 = xp.where(angle_5_6 > x269, angle_5_6, 3.141592653589793)
-    row_1_3_7 = xp.where(moves_1_4, x245, x239)
-    there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
+    row_1_3_1 = xp.where(moves_1_4, code_5, code_3)
+    x1393 = xp.where(x1347 < angle_5_1, angle_5_1, 3.141592653589793)
+    del angle_3_6, x1365, moves_1_2, there_3, holes_2, angle_4_4, x1375, angle_4_5, x1377, angle_4_6, x1379, moves_1_3, there_4, holes_3, code_3, angle_5_1
+    row_1_3_2 = xp.where(moves_1_4, x1393, x1369)
+    x1395 = xp.where(x1347 < angle_5_2, angle_5_2, 3.141592653589793)
+    row_1_3_3 = xp.where(moves_1_4, x1395, x1371)
+    x1397 = xp.where(x1347 < angle_5_3, angle_5_3, 3.141592653589793)
+    row_1_3_4 = xp.where(moves_1_4, x1397, x1373)
+    x1399 = xp.where(x1347 < angle_5_4, angle_5_4, 3.141592653589793)
+    row_1_3_5 = xp.where(moves_1_4, x1399, x1384)
+    x1401 = xp.where(x1347 < angle_5_5, angle_5_5, 3.141592653589793)
+    row_1_3_6 = xp.where(moves_1_4, x1401, x1386)
+    x1403 = xp.where(x1347 < angle_5_6, angle_5_6, 3.141592653589793)
+    row_1_3_7 = xp.where(moves_1_4, x1403, x1388)
+    there_1_4 = moves_1_5 | (there_5 & (~moves_1_4))
     row_1_4_0 = xp.where(moves_1_5, holes_5 - 1.0, holes_4)
-    row_1_4_1 = xp.where(moves_1_5, code_6, code_5)
-    x246 = xp.where(angle_6_1 > x269, angle_6_1, 3.141592653589793)
-    del x234, angle_5_2, x235, angle_5_3, x236, angle_5_4, x237, angle_5_5, x238, angle_5_6, x239, moves_1_4, there_5, holes_4, code_5, angle_6_1
-    row_1_4_2 = xp.where(moves_1_5, x246, x240)
-    x247 = xp.where(angle_6_2 > x269, angle_6_2, 3.141592653589793)
-    row_1_4_3 = xp.where(moves_1_5, x247, x241)
-    x248 = xp.where(angle_6_3 > x269, angle_6_3, 3.141592653589793)
-    row_1_4_4 = xp.where(moves_1_5, x248, x242)
-    x249 = xp.where(angle_6_4 > x269, angle_6_4, 3.141592653589793)
-    row_1_4_5 = xp.where(moves_1_5, x249, x243)
-    x250 = xp.where(angle_6_5 > x269, angle_6_5, 3.141592653589793)
-    row_1_4_6 = xp.where(moves_1_5, x250, x244)
-    x251 = xp.where(angle_6_6 > x269, angle_6_6, 3.141592653589793)
-    row_1_4_7 = xp.where(moves_1_5, x251, x245)
-    there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
+    row_1_4_1 = xp.where(moves_1_5, code_5, code_5)
+    row_1_4_2 = xp.where(moves_1_5, x1393, x1393)
+    row_1_4_3 = xp.where(moves_1_5, x1395, x1395)
+    row_1_4_4 = xp.where(moves_1_5, x1397, x1397)
+    x1408 = xp.where(x1347 < angle_6_4, angle_6_4, 3.141592653589793)
+    row_1_4_5 = xp.where(moves_1_5, x1408, x1399)
+    del x1369, angle_5_2, x1371, angle_5_3, x1373, angle_5_4, x1384, angle_5_5, x1386, angle_5_6, x1388, moves_1_4, there_5, holes_4, angle_6_4, x1399
+    x1410 = xp.where(x1347 < angle_6_5, angle_6_5, 3.141592653589793)
+    row_1_4_6 = xp.where(moves_1_5, x1410, x1401)
+    x1412 = xp.where(x1347 < angle_6_6, angle_6_6, 3.141592653589793)
+    row_1_4_7 = xp.where(moves_1_5, x1412, x1403)
+    there_1_5 = moves_1_6 | (there_6 & (~moves_1_5))
     row_1_5_0 = xp.where(moves_1_6, holes_6 - 1.0, holes_5)
-    row_1_5_1 = xp.where(moves_1_6, code_7, code_6)
-    x252 = xp.where(angle_7_1 > x269, angle_7_1, 3.141592653589793)
-    del x240, angle_6_2, x241, angle_6_3, x242, angle_6_4, x243, angle_6_5, x244, angle_6_6, x245, moves_1_5, there_6, holes_5, code_6, angle_7_1
-    row_1_5_2 = xp.where(moves_1_6, x252, x246)
-    x253 = xp.where(angle_7_2 > x269, angle_7_2, 3.141592653589793)
-    row_1_5_3 = xp.where(moves_1_6, x253, x247)
-    x254 = xp.where(angle_7_3 > x269, angle_7_3, 3.141592653589793)
-    row_1_5_4 = xp.where(moves_1_6, x254, x248)
-    x255 = xp.where(angle_7_4 > x269, angle_7_4, 3.141592653589793)
-    row_1_5_5 = xp.where(moves_1_6, x255, x249)
-    x256 = xp.where(angle_7_5 > x269, angle_7_5, 3.141592653589793)
-    row_1_5_6 = xp.where(moves_1_6, x256, x250)
-    x257 = xp.where(angle_7_6 > x269, angle_7_6, 3.141592653589793)
-    row_1_5_7 = xp.where(moves_1_6, x257, x251)
-    there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
+    row_1_5_1 = xp.where(moves_1_6, code_7, code_5)
+    x1417 = xp.where(x1347 < angle_7_1, angle_7_1, 3.141592653589793)
+    row_1_5_2 = xp.where(moves_1_6, x1417, x1393)
+    x1419 = xp.where(x1347 < angle_7_2, angle_7_2, 3.141592653589793)
+    row_1_5_3 = xp.where(moves_1_6, x1419, x1395)
+    x1421 = xp.where(x1347 < angle_7_3, angle_7_3, 3.141592653589793)
+    row_1_5_4 = xp.where(moves_1_6, x1421, x1397)
+    x1423 = xp.where(x1347 < angle_7_4, angle_7_4, 3.141592653589793)
+    row_1_5_5 = xp.where(moves_1_6, x1423, x1408)
+    del angle_6_5, x1401, angle_6_6, x1403, moves_1_5, there_6, holes_5, code_5, angle_7_1, x1393, angle_7_2, x1395, angle_7_3, x1397, angle_7_4, x1408
+    x1425 = xp.where(x1347 < angle_7_5, angle_7_5, 3.141592653589793)
+    row_1_5_6 = xp.where(moves_1_6, x1425, x1410)
+    x1427 = xp.where(x1347 < angle_7_6, angle_7_6, 3.141592653589793)
+    row_1_5_7 = xp.where(moves_1_6, x1427, x1412)
+    there_1_6 = moves_1_7 | (there_7 & (~moves_1_6))
     row_1_6_0 = xp.where(moves_1_7, holes_7 - 1.0, holes_6)
-    row_1_6_1 = xp.where(moves_1_7, code_8, code_7)
-    x258 = xp.where(angle_8_1 > x269, angle_8_1, 3.141592653589793)
-    del x246, angle_7_2, x247, angle_7_3, x248, angle_7_4, x249, angle_7_5, x250, angle_7_6, x251, moves_1_6, there_7, holes_6, code_7, angle_8_1
-    row_1_6_2 = xp.where(moves_1_7, x258, x252)
-    x259 = xp.where(angle_8_2 > x269, angle_8_2, 3.141592653589793)
-    row_1_6_3 = xp.where(moves_1_7, x259, x253)
-    x260 = xp.where(angle_8_3 > x269, angle_8_3, 3.141592653589793)
-    row_1_6_4 = xp.where(moves_1_7, x260, x254)
-    x261 = xp.where(angle_8_4 > x269, angle_8_4, 3.141592653589793)
-    row_1_6_5 = xp.where(moves_1_7, x261, x255)
-    x262 = xp.where(angle_8_5 > x269, angle_8_5, 3.141592653589793)
-    row_1_6_6 = xp.where(moves_1_7, x262, x256)
-    x263 = xp.where(angle_8_6 > x269, angle_8_6, 3.141592653589793)
-    row_1_6_7 = xp.where(moves_1_7, x263, x257)
-    there_1_7 = (there_8) & (~(moves_1_7))
-    moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
-    moves_2_3 = (there_1_3) & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
-    del x252, angle_8_2, x253, angle_8_3, x254, angle_8_4, x255, angle_8_5, x256, angle_8_6, x269, x257, moves_1_7, there_8, row_1_2_0, row_1_3_0
-    moves_2_4 = (there_1_4) & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
-    moves_2_5 = (there_1_5) & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
-    moves_2_6 = (there_1_6) & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
-    moves_2_7 = (there_1_7) & ((holes_7 == 2.0) | (holes_7 == 6.0))
-    there_2_0 = (moves_2_2) | (there_1_0)
+    row_1_6_1 = xp.where(moves_1_7, code_7, code_7)
+    row_1_6_2 = xp.where(moves_1_7, x1417, x1417)
+    row_1_6_3 = xp.where(moves_1_7, x1419, x1419)
+    row_1_6_4 = xp.where(moves_1_7, x1421, x1421)
+    x1432 = xp.where(x1347 < angle_8_4, angle_8_4, 3.141592653589793)
+    row_1_6_5 = xp.where(moves_1_7, x1432, x1423)
+    x1434 = xp.where(x1347 < angle_8_5, angle_8_5, 3.141592653589793)
+    row_1_6_6 = xp.where(moves_1_7, x1434, x1425)
+    x1436 = xp.where(x1347 < angle_8_6, angle_8_6, 3.141592653589793)
+    row_1_6_7 = xp.where(moves_1_7, x1436, x1427)
+    there_1_7 = there_8 & (~moves_1_7)
+    del angle_7_5, x1410, angle_7_6, x1412, moves_1_6, there_7, holes_6, angle_8_4, x1423, angle_8_5, x1425, angle_8_6, x1347, x1427, moves_1_7, there_8
+    moves_2_2 = there_1_2 & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
+    moves_2_3 = there_1_3 & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
+    moves_2_4 = there_1_4 & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
+    moves_2_5 = there_1_5 & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
+    moves_2_6 = there_1_6 & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
+    moves_2_7 = there_1_7 & ((holes_7 == 2.0) | (holes_7 == 6.0))
+    there_2_0 = moves_2_2 | there_1_0
     row_2_0_1 = xp.where(moves_2_2, row_1_2_1, row_1_0_1)
     row_2_0_2 = xp.where(moves_2_2, row_1_2_2, row_1_0_2)
     row_2_0_3 = xp.where(moves_2_2, row_1_2_3, row_1_0_3)
@@ -943,16 +936,16 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     row_2_0_5 = xp.where(moves_2_2, row_1_2_5, row_1_0_5)
     row_2_0_6 = xp.where(moves_2_2, row_1_2_6, row_1_0_6)
     row_2_0_7 = xp.where(moves_2_2, row_1_2_7, row_1_0_7)
-    there_2_1 = (moves_2_3) | (there_1_1)
+    there_2_1 = moves_2_3 | there_1_1
     row_2_1_1 = xp.where(moves_2_3, row_1_3_1, row_1_1_1)
     row_2_1_2 = xp.where(moves_2_3, row_1_3_2, row_1_1_2)
     row_2_1_3 = xp.where(moves_2_3, row_1_3_3, row_1_1_3)
     row_2_1_4 = xp.where(moves_2_3, row_1_3_4, row_1_1_4)
     row_2_1_5 = xp.where(moves_2_3, row_1_3_5, row_1_1_5)
+    del row_1_2_0, row_1_3_0, there_1_0, row_1_0_1, row_1_0_2, row_1_0_3, row_1_0_4, row_1_0_5, row_1_0_6, row_1_0_7, there_1_1, row_1_1_1, row_1_1_2, row_1_1_3, row_1_1_4, row_1_1_5
     row_2_1_6 = xp.where(moves_2_3, row_1_3_6, row_1_1_6)
     row_2_1_7 = xp.where(moves_2_3, row_1_3_7, row_1_1_7)
-    del there_1_0, row_1_0_1, row_1_0_2, row_1_0_3, row_1_0_4, row_1_0_5, row_1_0_6, row_1_0_7, there_1_1, row_1_1_1, row_1_1_2, row_1_1_3, row_1_1_4, row_1_1_5, row_1_1_6, row_1_1_7
-    there_2_2 = (moves_2_4) | ((there_1_2) & (~(moves_2_2)))
+    there_2_2 = moves_2_4 | (there_1_2 & (~moves_2_2))
     row_2_2_1 = xp.where(moves_2_4, row_1_4_1, row_1_2_1)
     row_2_2_2 = xp.where(moves_2_4, row_1_4_2, row_1_2_2)
     row_2_2_3 = xp.where(moves_2_4, row_1_4_3, row_1_2_3)
@@ -960,16 +953,16 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     row_2_2_5 = xp.where(moves_2_4, row_1_4_5, row_1_2_5)
     row_2_2_6 = xp.where(moves_2_4, row_1_4_6, row_1_2_6)
     row_2_2_7 = xp.where(moves_2_4, row_1_4_7, row_1_2_7)
-    there_2_3 = (moves_2_5) | ((there_1_3) & (~(moves_2_3)))
+    there_2_3 = moves_2_5 | (there_1_3 & (~moves_2_3))
     row_2_3_1 = xp.where(moves_2_5, row_1_5_1, row_1_3_1)
     row_2_3_2 = xp.where(moves_2_5, row_1_5_2, row_1_3_2)
     row_2_3_3 = xp.where(moves_2_5, row_1_5_3, row_1_3_3)
+    del row_1_1_6, row_1_1_7, moves_2_2, there_1_2, row_1_2_1, row_1_2_2, row_1_2_3, row_1_2_4, row_1_2_5, row_1_2_6, row_1_2_7, moves_2_3, there_1_3, row_1_3_1, row_1_3_2, row_1_3_3
     row_2_3_4 = xp.where(moves_2_5, row_1_5_4, row_1_3_4)
     row_2_3_5 = xp.where(moves_2_5, row_1_5_5, row_1_3_5)
-    del moves_2_2, there_1_2, row_1_2_1, row_1_2_2, row_1_2_3, row_1_2_4, row_1_2_5, row_1_2_6, row_1_2_7, moves_2_3, there_1_3, row_1_3_1, row_1_3_2, row_1_3_3, row_1_3_4, row_1_3_5
     row_2_3_6 = xp.where(moves_2_5, row_1_5_6, row_1_3_6)
     row_2_3_7 = xp.where(moves_2_5, row_1_5_7, row_1_3_7)
-    there_2_4 = (moves_2_6) | ((there_1_4) & (~(moves_2_4)))
+    there_2_4 = moves_2_6 | (there_1_4 & (~moves_2_4))
     row_2_4_0 = xp.where(moves_2_6, row_1_6_0 - 2.0, row_1_4_0)
     row_2_4_1 = xp.where(moves_2_6, row_1_6_1, row_1_4_1)
     row_2_4_2 = xp.where(moves_2_6, row_1_6_2, row_1_4_2)
@@ -978,32 +971,32 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     row_2_4_5 = xp.where(moves_2_6, row_1_6_5, row_1_4_5)
     row_2_4_6 = xp.where(moves_2_6, row_1_6_6, row_1_4_6)
     row_2_4_7 = xp.where(moves_2_6, row_1_6_7, row_1_4_7)
-    there_2_5 = (moves_2_7) | ((there_1_5) & (~(moves_2_5)))
+    there_2_5 = moves_2_7 | (there_1_5 & (~moves_2_5))
+    del row_1_3_4, row_1_3_5, row_1_3_6, row_1_3_7, moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6, row_1_4_7, moves_2_5, there_1_5
     row_2_5_0 = xp.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
-    row_2_5_1 = xp.where(moves_2_7, code_8, row_1_5_1)
-    del row_1_3_6, row_1_3_7, moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6, row_1_4_7, moves_2_5, there_1_5, row_1_5_0, row_1_5_1
-    row_2_5_2 = xp.where(moves_2_7, x258, row_1_5_2)
-    row_2_5_3 = xp.where(moves_2_7, x259, row_1_5_3)
-    row_2_5_4 = xp.where(moves_2_7, x260, row_1_5_4)
-    row_2_5_5 = xp.where(moves_2_7, x261, row_1_5_5)
-    row_2_5_6 = xp.where(moves_2_7, x262, row_1_5_6)
-    row_2_5_7 = xp.where(moves_2_7, x263, row_1_5_7)
-    there_2_6 = (there_1_6) & (~(moves_2_6))
-    there_2_7 = (there_1_7) & (~(moves_2_7))
-    moves_4_4 = (there_2_4) & (row_2_4_0 == 4.0)
-    moves_4_5 = (there_2_5) & (row_2_5_0 == 4.0)
-    moves_4_6 = (there_2_6) & (row_1_6_0 == 4.0)
-    moves_4_7 = (there_2_7) & (holes_7 == 4.0)
-    there_4_0 = (moves_4_4) | (there_2_0)
+    row_2_5_1 = xp.where(moves_2_7, code_7, row_1_5_1)
+    row_2_5_2 = xp.where(moves_2_7, x1417, row_1_5_2)
+    row_2_5_3 = xp.where(moves_2_7, x1419, row_1_5_3)
+    row_2_5_4 = xp.where(moves_2_7, x1421, row_1_5_4)
+    row_2_5_5 = xp.where(moves_2_7, x1432, row_1_5_5)
+    row_2_5_6 = xp.where(moves_2_7, x1434, row_1_5_6)
+    row_2_5_7 = xp.where(moves_2_7, x1436, row_1_5_7)
+    there_2_6 = there_1_6 & (~moves_2_6)
+    there_2_7 = there_1_7 & (~moves_2_7)
+    moves_4_4 = there_2_4 & (row_2_4_0 == 4.0)
+    moves_4_5 = there_2_5 & (row_2_5_0 == 4.0)
+    moves_4_6 = there_2_6 & (row_1_6_0 == 4.0)
+    moves_4_7 = there_2_7 & (holes_7 == 4.0)
+    del row_1_5_0, row_1_5_1, row_1_5_2, row_1_5_3, row_1_5_4, row_1_5_5, row_1_5_6, row_1_5_7, moves_2_6, there_1_6, moves_2_7, there_1_7, row_2_4_0, row_2_5_0, row_1_6_0, holes_7
+    there_4_0 = moves_4_4 | there_2_0
     row_4_0_1 = xp.where(moves_4_4, row_2_4_1, row_2_0_1)
-    del row_1_5_2, row_1_5_3, row_1_5_4, row_1_5_5, row_1_5_6, row_1_5_7, moves_2_6, there_1_6, moves_2_7, there_1_7, row_2_4_0, row_2_5_0, row_1_6_0, holes_7, there_2_0, row_2_0_1
     row_4_0_2 = xp.where(moves_4_4, row_2_4_2, row_2_0_2)
     row_4_0_3 = xp.where(moves_4_4, row_2_4_3, row_2_0_3)
     row_4_0_4 = xp.where(moves_4_4, row_2_4_4, row_2_0_4)
     row_4_0_5 = xp.where(moves_4_4, row_2_4_5, row_2_0_5)
     row_4_0_6 = xp.where(moves_4_4, row_2_4_6, row_2_0_6)
     row_4_0_7 = xp.where(moves_4_4, row_2_4_7, row_2_0_7)
-    there_4_1 = (moves_4_5) | (there_2_1)
+    there_4_1 = moves_4_5 | there_2_1
     row_4_1_1 = xp.where(moves_4_5, row_2_5_1, row_2_1_1)
     row_4_1_2 = xp.where(moves_4_5, row_2_5_2, row_2_1_2)
     row_4_1_3 = xp.where(moves_4_5, row_2_5_3, row_2_1_3)
@@ -1011,28 +1004,28 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     row_4_1_5 = xp.where(moves_4_5, row_2_5_5, row_2_1_5)
     row_4_1_6 = xp.where(moves_4_5, row_2_5_6, row_2_1_6)
     row_4_1_7 = xp.where(moves_4_5, row_2_5_7, row_2_1_7)
-    there_4_2 = (moves_4_6) | (there_2_2)
+    del there_2_0, row_2_0_1, row_2_0_2, row_2_0_3, row_2_0_4, row_2_0_5, row_2_0_6, row_2_0_7, there_2_1, row_2_1_1, row_2_1_2, row_2_1_3, row_2_1_4, row_2_1_5, row_2_1_6, row_2_1_7
+    there_4_2 = moves_4_6 | there_2_2
     row_4_2_1 = xp.where(moves_4_6, row_1_6_1, row_2_2_1)
-    del row_2_0_2, row_2_0_3, row_2_0_4, row_2_0_5, row_2_0_6, row_2_0_7, there_2_1, row_2_1_1, row_2_1_2, row_2_1_3, row_2_1_4, row_2_1_5, row_2_1_6, row_2_1_7, there_2_2, row_2_2_1
     row_4_2_2 = xp.where(moves_4_6, row_1_6_2, row_2_2_2)
     row_4_2_3 = xp.where(moves_4_6, row_1_6_3, row_2_2_3)
     row_4_2_4 = xp.where(moves_4_6, row_1_6_4, row_2_2_4)
     row_4_2_5 = xp.where(moves_4_6, row_1_6_5, row_2_2_5)
     row_4_2_6 = xp.where(moves_4_6, row_1_6_6, row_2_2_6)
     row_4_2_7 = xp.where(moves_4_6, row_1_6_7, row_2_2_7)
-    there_4_3 = (moves_4_7) | (there_2_3)
-    row_4_3_1 = xp.where(moves_4_7, code_8, row_2_3_1)
-    row_4_3_2 = xp.where(moves_4_7, x258, row_2_3_2)
-    row_4_3_3 = xp.where(moves_4_7, x259, row_2_3_3)
-    row_4_3_4 = xp.where(moves_4_7, x260, row_2_3_4)
-    row_4_3_5 = xp.where(moves_4_7, x261, row_2_3_5)
-    row_4_3_6 = xp.where(moves_4_7, x262, row_2_3_6)
-    row_4_3_7 = xp.where(moves_4_7, x263, row_2_3_7)
-    there_4_4 = (there_2_4) & (~(moves_4_4))
-    del row_2_2_2, row_2_2_3, row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4, row_2_3_5, row_2_3_6, row_2_3_7, moves_4_4, there_2_4
-    there_4_5 = (there_2_5) & (~(moves_4_5))
-    there_4_6 = (there_2_6) & (~(moves_4_6))
-    there_4_7 = (there_2_7) & (~(moves_4_7))
+    there_4_3 = moves_4_7 | there_2_3
+    row_4_3_1 = xp.where(moves_4_7, code_7, row_2_3_1)
+    row_4_3_2 = xp.where(moves_4_7, x1417, row_2_3_2)
+    row_4_3_3 = xp.where(moves_4_7, x1419, row_2_3_3)
+    row_4_3_4 = xp.where(moves_4_7, x1421, row_2_3_4)
+    row_4_3_5 = xp.where(moves_4_7, x1432, row_2_3_5)
+    row_4_3_6 = xp.where(moves_4_7, x1434, row_2_3_6)
+    row_4_3_7 = xp.where(moves_4_7, x1436, row_2_3_7)
+    del there_2_2, row_2_2_1, row_2_2_2, row_2_2_3, row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4, row_2_3_5, row_2_3_6, row_2_3_7
+    there_4_4 = there_2_4 & (~moves_4_4)
+    there_4_5 = there_2_5 & (~moves_4_5)
+    there_4_6 = there_2_6 & (~moves_4_6)
+    there_4_7 = there_2_7 & (~moves_4_7)
     angles_1_1 = xp.where(there_4_0, row_4_0_2, xp.nan)
     angles_1_2 = xp.where(there_4_0, row_4_0_3, xp.nan)
     angles_1_3 = xp.where(there_4_0, row_4_0_4, xp.nan)
@@ -1041,9 +1034,9 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     angles_1_6 = xp.where(there_4_0, row_4_0_7, xp.nan)
     angles_2_1 = xp.where(there_4_1, row_4_1_2, xp.nan)
     angles_2_2 = xp.where(there_4_1, row_4_1_3, xp.nan)
+    del moves_4_4, there_2_4, moves_4_5, there_2_5, moves_4_6, there_2_6, moves_4_7, there_2_7, row_4_0_2, row_4_0_3, row_4_0_4, row_4_0_5, row_4_0_6, row_4_0_7, row_4_1_2, row_4_1_3
     angles_2_3 = xp.where(there_4_1, row_4_1_4, xp.nan)
     angles_2_4 = xp.where(there_4_1, row_4_1_5, xp.nan)
-    del moves_4_5, there_2_5, moves_4_6, there_2_6, moves_4_7, there_2_7, row_4_0_2, row_4_0_3, row_4_0_4, row_4_0_5, row_4_0_6, row_4_0_7, row_4_1_2, row_4_1_3, row_4_1_4, row_4_1_5
     angles_2_5 = xp.where(there_4_1, row_4_1_6, xp.nan)
     angles_2_6 = xp.where(there_4_1, row_4_1_7, xp.nan)
     angles_3_1 = xp.where(there_4_2, row_4_2_2, xp.nan)
@@ -1058,9 +1051,9 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     angles_4_4 = xp.where(there_4_3, row_4_3_5, xp.nan)
     angles_4_5 = xp.where(there_4_3, row_4_3_6, xp.nan)
     angles_4_6 = xp.where(there_4_3, row_4_3_7, xp.nan)
+    del row_4_1_4, row_4_1_5, row_4_1_6, row_4_1_7, row_4_2_2, row_4_2_3, row_4_2_4, row_4_2_5, row_4_2_6, row_4_2_7, row_4_3_2, row_4_3_3, row_4_3_4, row_4_3_5, row_4_3_6, row_4_3_7
     angles_5_1 = xp.where(there_4_4, row_2_4_2, xp.nan)
     angles_5_2 = xp.where(there_4_4, row_2_4_3, xp.nan)
-    del row_4_1_6, row_4_1_7, row_4_2_2, row_4_2_3, row_4_2_4, row_4_2_5, row_4_2_6, row_4_2_7, row_4_3_2, row_4_3_3, row_4_3_4, row_4_3_5, row_4_3_6, row_4_3_7, row_2_4_2, row_2_4_3
     angles_5_3 = xp.where(there_4_4, row_2_4_4, xp.nan)
     angles_5_4 = xp.where(there_4_4, row_2_4_5, xp.nan)
     angles_5_5 = xp.where(there_4_4, row_2_4_6, xp.nan)
@@ -1075,24 +1068,25 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     angles_7_2 = xp.where(there_4_6, row_1_6_3, xp.nan)
     angles_7_3 = xp.where(there_4_6, row_1_6_4, xp.nan)
     angles_7_4 = xp.where(there_4_6, row_1_6_5, xp.nan)
+    del row_2_4_2, row_2_4_3, row_2_4_4, row_2_4_5, row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2, row_1_6_3, row_1_6_4, row_1_6_5
     angles_7_5 = xp.where(there_4_6, row_1_6_6, xp.nan)
     angles_7_6 = xp.where(there_4_6, row_1_6_7, xp.nan)
-    del row_2_4_4, row_2_4_5, row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2, row_1_6_3, row_1_6_4, row_1_6_5, row_1_6_6, row_1_6_7
-    angles_8_1 = xp.where(there_4_7, x258, xp.nan)
-    angles_8_2 = xp.where(there_4_7, x259, xp.nan)
-    angles_8_3 = xp.where(there_4_7, x260, xp.nan)
-    angles_8_4 = xp.where(there_4_7, x261, xp.nan)
-    angles_8_5 = xp.where(there_4_7, x262, xp.nan)
-    angles_8_6 = xp.where(there_4_7, x263, xp.nan)
-    status_1 = xp.where(~(good), 5.0, xp.where(~(there_4_0), 3.0, row_4_0_1))
-    status_2 = xp.where(~(good), 5.0, xp.where(~(there_4_1), 3.0, row_4_1_1))
-    status_3 = xp.where(~(good), 5.0, xp.where(~(there_4_2), 3.0, row_4_2_1))
-    status_4 = xp.where(~(good), 5.0, xp.where(~(there_4_3), 3.0, row_4_3_1))
-    status_5 = xp.where(~(good), 5.0, xp.where(~(there_4_4), 3.0, row_2_4_1))
-    del x258, x259, x260, x261, x262, x263, row_4_0_1, there_4_0, row_4_1_1, there_4_1, row_4_2_1, there_4_2, row_4_3_1, there_4_3, row_2_4_1, there_4_4
-    status_6 = xp.where(~(good), 5.0, xp.where(~(there_4_5), 3.0, row_2_5_1))
-    status_7 = xp.where(~(good), 5.0, xp.where(~(there_4_6), 3.0, row_1_6_1))
-    status_8 = xp.where(~(good), 5.0, xp.where(~(there_4_7), 3.0, code_8))
+    angles_8_1 = xp.where(there_4_7, x1417, xp.nan)
+    angles_8_2 = xp.where(there_4_7, x1419, xp.nan)
+    angles_8_3 = xp.where(there_4_7, x1421, xp.nan)
+    angles_8_4 = xp.where(there_4_7, x1432, xp.nan)
+    angles_8_5 = xp.where(there_4_7, x1434, xp.nan)
+    angles_8_6 = xp.where(there_4_7, x1436, xp.nan)
+    x1478 = ~good
+    status_1 = xp.where(x1478, 5.0, xp.where(~there_4_0, 3.0, row_4_0_1))
+    status_2 = xp.where(x1478, 5.0, xp.where(~there_4_1, 3.0, row_4_1_1))
+    status_3 = xp.where(x1478, 5.0, xp.where(~there_4_2, 3.0, row_4_2_1))
+    status_4 = xp.where(x1478, 5.0, xp.where(~there_4_3, 3.0, row_4_3_1))
+    del row_1_6_6, row_1_6_7, x1417, x1419, x1421, x1432, x1434, x1436, good, row_4_0_1, there_4_0, row_4_1_1, there_4_1, row_4_2_1, there_4_2, row_4_3_1, there_4_3
+    status_5 = xp.where(x1478, 5.0, xp.where(~there_4_4, 3.0, row_2_4_1))
+    status_6 = xp.where(x1478, 5.0, xp.where(~there_4_5, 3.0, row_2_5_1))
+    status_7 = xp.where(x1478, 5.0, xp.where(~there_4_6, 3.0, row_1_6_1))
+    status_8 = xp.where(x1478, 5.0, xp.where(~there_4_7, 3.0, code_7))
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
@@ -1139,809 +1133,769 @@ def robot_parallel_reverse(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
-    x0 = (pose_1_3*pose_1_3)
-    x1 = (pose_2_3*pose_2_3)
-    rough = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + xp.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + xp.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + xp.abs((pose_3_3*pose_3_3) + x0 + x1 - 1.0)
-    handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
-    x2 = xp.abs(a_2)
-    x3 = xp.abs(a_3)
-    x4 = xp.abs(a_4)
-    spare = x2 + x3 + x4 + xp.abs(a_1) + xp.abs(a_5) + xp.abs(offset_1) + xp.abs(offset_2) + xp.abs(offset_3) + xp.abs(offset_4) + xp.abs(offset_5) + xp.abs(offset_6) + xp.abs(pose_1_4) + xp.abs(pose_2_4) + xp.abs(pose_3_4)
-    good = (rough <= 1.0/1000000.0) & (spare <= largest) & (handed > 0.0)
-    near = (good) & (spare <= eps*largest**0.5)
+    # 363 add, 590 mul, 29 div, 46 sqrt, 373 select, 185 compare, 47 abs, 34 atan2
+    x40 = pose_1_3*pose_1_3
+    x41 = pose_2_3*pose_2_3
+    x50 = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2)
+    x25 = 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3)
+    x32 = xp.abs(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - 1.0)
+    x39 = xp.abs(pose_1_2*pose_1_2 + pose_2_2*pose_2_2 + pose_3_2*pose_3_2 - 1.0)
+    x46 = xp.abs(x40 + x41 + pose_3_3*pose_3_3 - 1.0)
+    rough = x50 + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + x25 + x32 + x39 + x46
+    x66 = pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
+    handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + x66
+    x69 = xp.abs(a_2)
+    x70 = xp.abs(a_3)
+    x71 = xp.abs(a_4)
+    x92 = xp.abs(a_1) + x69 + x70 + x71 + xp.abs(a_5) + xp.abs(offset_1) + xp.abs(offset_2) + xp.abs(offset_3) + xp.abs(offset_4) + xp.abs(offset_5) + xp.abs(offset_6) + xp.abs(pose_1_4)
+    spare = x92 + xp.abs(pose_2_4) + xp.abs(pose_3_4)
+    good = (rough <= 1.0/1000000.0) & (spare <= largest) & (0.0 < handed)
+    near = good & (spare <= eps*largest**0.5)
     centre_1 = pose_1_4 - offset_6*pose_1_3
     centre_2 = pose_2_4 - offset_6*pose_2_3
     centre_3 = pose_3_4 - offset_1 - offset_6*pose_3_3
     height = cosine_4*offset_5 + offset_2 + offset_3 + offset_4
-    square = (a_2*a_2) + (a_3*a_3)
-    x5 = a_2*a_3
-    width = 2.0*xp.abs(x5)
-    x6 = (sine_1*sine_1)
-    x7 = x0*x6
-    first_free_square = x1*x6 + x7
+    square = a_2*a_2 + a_3*a_3
+    x111 = a_2*a_3
+    width = 2.0*xp.abs(x111)
+    x113 = sine_1*sine_1
+    x114 = x40*x113
+    x115 = x41*x113
+    first_free_square = x114 + x115
     first_free_amplitude = xp.sqrt(first_free_square)
-    first_free_per_square = xp.where(first_free_square > 0.0, 1.0/first_free_square, 1.0)
-    x14 = pose_2_3*sine_1
-    x8 = cosine_1*pose_3_3
-    x9 = cosine_4*cosine_5
-    x224 = x9 - x8
-    x225 = sine_4*sine_5
-    x226 = xp.abs(x225)
-    first_free_serves = (first_free_square <= 0.0) | (xp.abs(x14 + x224) <= x226)
-    x11 = x8 - x9
-    first_free_at = xp.where(first_free_amplitude < -x11, first_free_amplitude, xp.where(first_free_amplitude < x11, -first_free_amplitude, -x11))
-    x13 = (first_free_at*first_free_at)
-    first_free_rest = xp.where(first_free_square > x13, xp.sqrt(first_free_square - x13), 0.0)
-    x15 = pose_1_3*sine_1
-    first_free_c_first = xp.where(first_free_serves, 1.0, first_free_per_square*(-first_free_at*x14 - first_free_rest*x15))
-    first_free_s_first = xp.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*x15 - first_free_rest*x14))
-    x16 = 2.0*first_free_per_square*pose_1_3*pose_2_3*x6
-    x17 = first_free_per_square*(x1*x6 - x7)
-    first_free_c_second = first_free_c_first*x17 - first_free_s_first*x16
-    first_free_s_second = -first_free_c_first*x16 - first_free_s_first*x17
-    first_free_split = (first_free_amplitude + x11 > x226) & (first_free_amplitude + x224 > x226)
-    del handed, rough, x0, first_free_square, x13, first_free_at, first_free_rest, first_free_serves, x14, x15, first_free_per_square, x1, x7, x16, x17, first_free_amplitude, x11, x224, x226
-    first_r = xp.sqrt((centre_1*centre_1)*x6 + (centre_2*centre_2)*x6)
-    x18 = centre_3*cosine_1 - height
-    x19 = xp.abs(x18)
-    first_room = first_r - x19
-    x221 = 4096.0*eps
-    x222 = spare*x221
-    first_free = (first_r <= x222) & (x19 <= x222)
-    x26 = 64.0*eps
-    x27 = spare*x26
-    first_double = (first_room <= x27) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x27) & (first_r > 0.0))
-    first_q = xp.where(first_room > eps*spare, xp.sqrt(first_room*(first_r + x19)), 0.0)
-    x20 = (first_q*first_q)
-    first_size = first_r*xp.sqrt((x18*x18) + x20)
-    first_scale = xp.where(first_size > 0.0, 1.0/first_size, 1.0)
-    x21 = first_q*sine_1
-    x22 = centre_1*x21
-    first_c_a = xp.where(first_free, 1.0, first_scale*(centre_2*sine_1*x18 - x22))
-    x23 = centre_2*x21
-    x24 = sine_1*x18
-    x25 = centre_1*x24
-    first_s_a = xp.where(first_free, 0.0, first_scale*(-x23 - x25))
-    first_c_b = xp.where(first_free, 1.0, first_scale*(centre_2*x24 + x22))
-    first_s_b = xp.where(first_free, 0.0, first_scale*(x23 - x25))
-    first_two = (first_exists) & (~((first_double) | (first_free)))
-    first_slope = first_r*x27 + x20
-    first_error = xp.where((~(first_free)) & (first_slope > 0.0), x27*xp.where(first_slope > 0.0, 1.0/xp.sqrt(first_slope), 1.0), 0.0)
-    del x6, height, first_room, x19, first_size, first_q, x21, x18, x22, x24, first_scale, x23, x25, first_r, x20, first_slope, x27
+    first_free_per_square = xp.where(0.0 < first_free_square, 1.0/first_free_square, 1.0)
+    x119 = cosine_1*pose_3_3
+    x120 = cosine_4*cosine_5
+    x121 = pose_2_3*sine_1
+    x122 = x120 - x119
+    x125 = sine_4*sine_5
+    x126 = xp.abs(x125)
+    first_free_serves = (first_free_square <= 0.0) | (xp.abs(x122 + x121) <= x126)
+    first_free_at = xp.where(first_free_amplitude < x122, first_free_amplitude, xp.where(first_free_amplitude < -x122, -first_free_amplitude, x122))
+    x133 = first_free_at*first_free_at
+    first_free_rest = xp.where(x133 < first_free_square, xp.sqrt(first_free_square - x133), 0.0)
+    first_free_c_first = xp.where(first_free_serves, 1.0, -first_free_per_square*(first_free_at*x121 + first_free_rest*sine_1*pose_1_3))
+    first_free_s_first = xp.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*sine_1*pose_1_3 - first_free_rest*x121))
+    del x25, x32, x39, x46, x50, x66, x92, handed, rough, x40, x41, first_free_square, x133, first_free_at, first_free_rest, first_free_serves, x121
+    x148 = x115 - x114
+    x151 = 2.0*first_free_per_square
+    x152 = pose_1_3*pose_2_3
+    first_free_c_second = first_free_c_first*first_free_per_square*x148 - x151*first_free_s_first*x152*x113
+    first_free_s_second = -(x151*first_free_c_first*x152*x113 + first_free_per_square*first_free_s_first*x148)
+    first_free_split = (x126 < x122 + first_free_amplitude) & (x126 < first_free_amplitude - x122)
+    first_r = xp.sqrt(centre_1*centre_1*x113 + centre_2*centre_2*x113)
+    x172 = centre_3*cosine_1 - height
+    x173 = xp.abs(x172)
+    first_room = first_r - x173
+    x174 = eps*spare
+    x175 = 4096.0*x174
+    first_free = (first_r <= x175) & (x173 <= x175)
+    x178 = 64.0*eps
+    x179 = x178*spare
+    x181 = ~first_free
+    first_double = (first_room <= x179) & x181
+    first_exists = first_free | ((-x179 <= first_room) & (0.0 < first_r))
+    first_q = xp.where(x174 < first_room, xp.sqrt(first_room*(first_r + x173)), 0.0)
+    x190 = first_q*first_q
+    first_size = first_r*xp.sqrt(x190 + x172*x172)
+    first_scale = xp.where(0.0 < first_size, 1.0/first_size, 1.0)
+    x196 = first_q*sine_1
+    del x114, x115, first_free_per_square, x148, x151, x152, first_free_amplitude, x122, x126, x113, height, first_room, x173, x174, first_size, first_q
+    x197 = centre_1*x196
+    x199 = centre_2*sine_1*x172
+    first_c_a = xp.where(first_free, 1.0, first_scale*(x199 - x197))
+    x203 = centre_1*sine_1*x172
+    x204 = centre_2*x196
+    first_s_a = xp.where(first_free, 0.0, -first_scale*(x203 + x204))
+    first_c_b = xp.where(first_free, 1.0, first_scale*(x197 + x199))
+    first_s_b = xp.where(first_free, 0.0, first_scale*(x204 - x203))
+    first_two = first_exists & (~(first_double | first_free))
+    first_slope = x179*first_r + x190
+    x215 = 0.0 < first_slope
+    first_error = xp.where(x181 & x215, x179*xp.where(x215, 1.0/xp.sqrt(first_slope), 1.0), 0.0)
     c_1_a = xp.where(first_free, first_free_c_first, first_c_a)
     s_1_a = xp.where(first_free, first_free_s_first, first_s_a)
+    del x172, x196, x197, x199, first_scale, x203, x204, first_r, x190, first_slope, x179, x181, x215, first_c_a, first_free_c_first, first_free_s_first, first_s_a
     side_a = c_1_a*centre_2 - centre_1*s_1_a
     end_a_1 = c_1_a*centre_1 + centre_2*s_1_a - a_1
-    x29 = centre_3*sine_1
-    end_a_2 = cosine_1*side_a + x29
+    x226 = centre_3*sine_1
+    end_a_2 = x226 + cosine_1*side_a
     axes_a_1_1 = c_1_a*pose_1_1 + pose_2_1*s_1_a
     axes_a_1_2 = c_1_a*pose_1_2 + pose_2_2*s_1_a
     axes_a_1_3 = c_1_a*pose_1_3 + pose_2_3*s_1_a
-    x30 = pose_3_1*sine_1
-    x31 = c_1_a*pose_2_1 - pose_1_1*s_1_a
-    axes_a_2_1 = cosine_1*x31 + x30
-    x32 = pose_3_2*sine_1
-    x33 = c_1_a*pose_2_2 - pose_1_2*s_1_a
-    axes_a_2_2 = cosine_1*x33 + x32
-    x34 = pose_3_3*sine_1
-    x35 = c_1_a*pose_2_3 - pose_1_3*s_1_a
-    axes_a_2_3 = cosine_1*x35 + x34
-    x36 = cosine_1*pose_3_1
-    axes_a_3_1 = x36 - sine_1*x31
-    x37 = cosine_1*pose_3_2
-    axes_a_3_2 = x37 - sine_1*x33
-    axes_a_3_3 = x8 - sine_1*x35
-    h_a = xp.sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2))
-    x38 = 32.0*eps**0.5
-    x39 = xp.where(first_error < x38, first_error, x38)
-    error_a = x39
+    x236 = c_1_a*pose_2_1 - pose_1_1*s_1_a
+    x238 = pose_3_1*sine_1
+    axes_a_2_1 = cosine_1*x236 + x238
+    x241 = c_1_a*pose_2_2 - pose_1_2*s_1_a
+    x243 = pose_3_2*sine_1
+    axes_a_2_2 = cosine_1*x241 + x243
+    x246 = c_1_a*pose_2_3 - pose_1_3*s_1_a
+    x248 = pose_3_3*sine_1
+    axes_a_2_3 = cosine_1*x246 + x248
+    x249 = cosine_1*pose_3_1
+    axes_a_3_1 = x249 - sine_1*x236
+    x251 = cosine_1*pose_3_2
+    axes_a_3_2 = x251 - sine_1*x241
+    axes_a_3_3 = x119 - sine_1*x246
+    h_a = xp.sqrt(axes_a_3_1*axes_a_3_1 + axes_a_3_2*axes_a_3_2)
+    x258 = 32.0*eps**0.5
+    error_a = xp.where(first_error < x258, first_error, x258)
     bend_a_denominator = xp.abs(axes_a_3_3) + 1.0
-    x40 = cosine_4 - cosine_5
-    x41 = cosine_4 + cosine_5
-    bend_a_apart = xp.where(axes_a_3_3 >= 0.0, x40, x41)
-    bend_a_product = xp.where(axes_a_3_3 >= 0.0, x9, -x9)
-    x42 = (bend_a_apart*bend_a_apart)
-    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x42
-    bend_a_rounding = x26*(h_a + x42)
+    x261 = cosine_4 + cosine_5
+    x262 = 0.0 <= axes_a_3_3
+    x263 = cosine_4 - cosine_5
+    bend_a_apart = xp.where(x262, x263, x261)
+    x264 = -x120
+    bend_a_product = xp.where(x262, x120, x264)
+    x265 = bend_a_apart*bend_a_apart
+    bend_a_gram = h_a*h_a*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x265
+    bend_a_rounding = x178*(x265 + h_a)
     bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0*h_a)
-    bend_a_exists = bend_a_gram >= -bend_a_tolerance
-    bend_a_free = (bend_a_exists) & (h_a <= 4.0*error_a + x221)
-    bend_a_any = (bend_a_exists) & (h_a <= x221)
-    bend_a_double = (bend_a_gram <= bend_a_tolerance) & (~(bend_a_free))
-    del first_c_a, first_free_c_first, first_free_s_first, first_s_a, centre_3, side_a, x31, x33, x35, x38, bend_a_apart, bend_a_denominator, bend_a_product, x42, error_a, bend_a_tolerance
-    bend_a_q = xp.where(bend_a_gram > 0.015625*bend_a_rounding, xp.sqrt(bend_a_gram), 0.0)
-    bend_a_along = x9 - axes_a_3_3
-    bend_a_size = xp.sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q))
-    x43 = xp.where(x225 < 0.0, -1.0, 1.0)
-    bend_a_scale = x43*xp.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
+    bend_a_exists = -bend_a_tolerance <= bend_a_gram
+    x276 = 4096.0*eps
+    x278 = x276 + 4.0*error_a
+    bend_a_free = bend_a_exists & (h_a <= x278)
+    bend_a_any = bend_a_exists & (h_a <= x276)
+    bend_a_double = (bend_a_gram <= bend_a_tolerance) & (~bend_a_free)
+    bend_a_q = xp.where(0.015625*bend_a_rounding < bend_a_gram, xp.sqrt(bend_a_gram), 0.0)
+    bend_a_along = x120 - axes_a_3_3
+    bend_a_size = xp.sqrt(bend_a_along*bend_a_along + bend_a_q*bend_a_q)
+    x290 = xp.where(x125 < 0.0, -1.0, 1.0)
+    bend_a_scale = x290*xp.where(0.0 < bend_a_size, 1.0/bend_a_size, 1.0)
+    del centre_3, side_a, x236, x241, x246, x258, x262, bend_a_apart, bend_a_denominator, bend_a_product, x265, bend_a_tolerance, bend_a_gram, bend_a_rounding, x125, bend_a_size
     bend_a_c = bend_a_along*bend_a_scale
     bend_a_s = bend_a_q*bend_a_scale
-    bend_a_two = (bend_a_exists) & (~((bend_a_any) | (bend_a_double)))
-    x44 = spare*(x26 + x39)
-    off_a = x44
-    x45 = bend_a_s*sine_4
-    x46 = axes_a_3_1*x45
-    x47 = cosine_4*sine_5
-    x48 = cosine_5*sine_4
-    x49 = bend_a_c*x48 + x47
-    sixth_aa_dot = axes_a_3_2*x49 + x46
-    x50 = axes_a_3_2*x45
-    x51 = axes_a_3_1*x49
-    sixth_aa_cross = x51 - x50
-    sixth_aa_size = xp.sqrt((sixth_aa_cross*sixth_aa_cross) + (sixth_aa_dot*sixth_aa_dot))
-    sixth_aa_scale = xp.where(sixth_aa_size > 0.0, 1.0/sixth_aa_size, 1.0)
+    bend_a_two = bend_a_exists & (~(bend_a_any | bend_a_double))
+    off_a = spare*(x178 + error_a)
+    x297 = bend_a_s*sine_4
+    x298 = axes_a_3_1*x297
+    x299 = cosine_5*sine_4
+    x301 = cosine_4*sine_5
+    x302 = bend_a_c*x299 + x301
+    x303 = axes_a_3_2*x302
+    sixth_aa_dot = x298 + x303
+    x304 = axes_a_3_1*x302
+    x305 = axes_a_3_2*x297
+    sixth_aa_cross = x304 - x305
+    sixth_aa_size = xp.sqrt(sixth_aa_cross*sixth_aa_cross + sixth_aa_dot*sixth_aa_dot)
+    sixth_aa_scale = xp.where(0.0 < sixth_aa_size, 1.0/sixth_aa_size, 1.0)
     sixth_aa_c = xp.where(bend_a_any, 1.0, sixth_aa_dot*sixth_aa_scale)
     sixth_aa_s = xp.where(bend_a_any, 0.0, sixth_aa_cross*sixth_aa_scale)
-    x52 = bend_a_s*sine_5
-    x53 = axes_a_1_3*x52
-    x54 = bend_a_s*cosine_5
-    x55 = bend_a_c*sixth_aa_c - sixth_aa_s*x54
-    x56 = -bend_a_c*sixth_aa_s - sixth_aa_c*x54
-    c_zero_aa = axes_a_1_1*x55 + axes_a_1_2*x56 + x53
-    x57 = axes_a_2_3*x52
-    del bend_a_gram, bend_a_rounding, x225, bend_a_size, bend_a_along, bend_a_q, bend_a_scale, x45, axes_a_3_1, sixth_aa_size, sixth_aa_dot, sixth_aa_cross, sixth_aa_scale, axes_a_1_3, axes_a_2_3, x52
-    s_zero_aa = axes_a_2_1*x55 + axes_a_2_2*x56 + x57
-    x58 = offset_5*sine_4
-    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x58
-    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x58
-    x59 = 2.0*hand_aa_1
-    x60 = end_a_1*x59
-    x61 = 2.0*hand_aa_2
-    x62 = end_a_2*x61
-    x63 = -x60 - x62
-    x64 = end_a_1*x61 - end_a_2*x59
-    turn_aa_square = (x63*x63) + (x64*x64)
+    x314 = bend_a_s*cosine_5
+    x316 = bend_a_c*sixth_aa_c - x314*sixth_aa_s
+    x320 = bend_a_c*sixth_aa_s + x314*sixth_aa_c
+    x322 = bend_a_s*sine_5
+    x323 = axes_a_1_3*x322
+    c_zero_aa = axes_a_1_1*x316 + x323 - axes_a_1_2*x320
+    x327 = axes_a_2_3*x322
+    s_zero_aa = axes_a_2_1*x316 + x327 - axes_a_2_2*x320
+    del bend_a_along, bend_a_q, bend_a_scale, axes_a_3_1, x302, axes_a_3_2, x297, sixth_aa_size, sixth_aa_dot, sixth_aa_cross, sixth_aa_scale, axes_a_1_3, axes_a_2_3, x322, x316, x320
+    x330 = offset_5*sine_4
+    hand_aa_1 = a_4*c_zero_aa + x330*s_zero_aa
+    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x330
+    x334 = 2.0*end_a_1
+    x336 = 2.0*end_a_2
+    x338 = x334*hand_aa_1 + x336*hand_aa_2
+    x342 = x334*hand_aa_2 - x336*hand_aa_1
+    turn_aa_square = x338*x338 + x342*x342
     turn_aa_amplitude = xp.sqrt(turn_aa_square)
-    turn_aa_per_square = xp.where(turn_aa_square > 0.0, 1.0/turn_aa_square, 1.0)
-    x66 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
-    x67 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x66
-    turn_aa_serves = (turn_aa_square <= 0.0) | (xp.abs(x60 + x62 - x67) <= width)
-    turn_aa_at = xp.where(turn_aa_amplitude < -x67, turn_aa_amplitude, xp.where(turn_aa_amplitude < x67, -turn_aa_amplitude, -x67))
-    x69 = (turn_aa_at*turn_aa_at)
-    turn_aa_rest = xp.where(turn_aa_square > x69, xp.sqrt(turn_aa_square - x69), 0.0)
-    turn_aa_c_first = xp.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x63 - turn_aa_rest*x64))
-    turn_aa_s_first = xp.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x64 + turn_aa_rest*x63))
-    del x55, x56, x59, x61, x60, x62, turn_aa_amplitude, x67, turn_aa_square, x69, turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x63, x64
+    turn_aa_per_square = xp.where(0.0 < turn_aa_square, 1.0/turn_aa_square, 1.0)
+    x351 = end_a_1*end_a_1 + end_a_2*end_a_2
+    x353 = x351 + (hand_aa_1*hand_aa_1 + hand_aa_2*hand_aa_2)
+    turn_aa_serves = (turn_aa_square <= 0.0) | (xp.abs(x353 - x338 - square) <= width)
+    x358 = square - x353
+    turn_aa_at = xp.where(turn_aa_amplitude < x358, turn_aa_amplitude, xp.where(turn_aa_amplitude < -x358, -turn_aa_amplitude, x358))
+    x364 = turn_aa_at*turn_aa_at
+    turn_aa_rest = xp.where(x364 < turn_aa_square, xp.sqrt(turn_aa_square - x364), 0.0)
+    turn_aa_c_first = xp.where(turn_aa_serves, 1.0, -turn_aa_per_square*(turn_aa_at*x338 + turn_aa_rest*x342))
+    turn_aa_s_first = xp.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x342 - turn_aa_rest*x338))
     c_turn_aa = xp.where(bend_a_any, turn_aa_c_first, 1.0)
     s_turn_aa = xp.where(bend_a_any, turn_aa_s_first, 0.0)
     c_6_aa = xp.where(bend_a_any, c_turn_aa, sixth_aa_c)
-    s_6_aa = xp.where(bend_a_any, xp.where(axes_a_3_3 > 0.0, -s_turn_aa, s_turn_aa), sixth_aa_s)
+    x377 = 0.0 < axes_a_3_3
+    s_6_aa = xp.where(bend_a_any, xp.where(x377, -s_turn_aa, s_turn_aa), sixth_aa_s)
+    del x353, turn_aa_amplitude, x358, turn_aa_square, x364, turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x338, x342, turn_aa_c_first, turn_aa_s_first, sixth_aa_c, axes_a_3_3, sixth_aa_s
     c_234_aa = c_turn_aa*c_zero_aa - s_turn_aa*s_zero_aa
     s_234_aa = c_turn_aa*s_zero_aa + c_zero_aa*s_turn_aa
     corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
     corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
-    x71 = x4 + xp.abs(x58)
-    x72 = first_error + x26
-    x73 = xp.where(spare > 0.0, x71*xp.where(bend_a_any, 0.0, x72*xp.where(h_a > 0.0, 1.0/h_a, 1.0)), spare)
-    more_aa = x73
-    triangle_aa_side = xp.sqrt((corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2))
-    x74 = 2.0*off_a
-    x75 = (spare*spare)
-    x76 = x26*x75
-    triangle_aa_area = triangle_aa_side*x74 + x76
-    x77 = 2.0*x2*x3
-    del turn_aa_c_first, turn_aa_s_first, sixth_aa_c, sixth_aa_s, c_zero_aa, s_zero_aa, c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa, x4, first_error, h_a, off_a, x2, x3
-    triangle_aa_3_r = x77
-    x78 = square - (triangle_aa_side*triangle_aa_side)
-    x79 = xp.abs(x78)
-    triangle_aa_3_room = triangle_aa_3_r - x79
-    x223 = x221*x75
-    triangle_aa_3_free = (triangle_aa_3_r <= x223) & (x79 <= x223)
-    triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~(triangle_aa_3_free))
-    triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -2.0*more_aa*triangle_aa_side - triangle_aa_area) & (triangle_aa_3_r > 0.0))
-    triangle_aa_3_q = xp.where(triangle_aa_3_room > 0.015625*triangle_aa_area, xp.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0)
-    triangle_aa_3_size = triangle_aa_3_r*xp.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78))
-    triangle_aa_3_scale = xp.where(triangle_aa_3_size > 0.0, 1.0/triangle_aa_3_size, 1.0)
-    x80 = 2.0*x5
-    x81 = triangle_aa_3_scale*x80
-    x82 = xp.where(triangle_aa_3_free, 1.0, -x78*x81)
-    triangle_aa_3_c_a = x82
-    x83 = triangle_aa_3_q*x81
-    triangle_aa_3_s_a = xp.where(triangle_aa_3_free, 0.0, x83)
-    triangle_aa_3_c_b = x82
-    triangle_aa_3_s_b = xp.where(triangle_aa_3_free, 0.0, -x83)
-    triangle_aa_3_two = (triangle_aa_3_exists) & (~((triangle_aa_3_double) | (triangle_aa_3_free)))
-    triangle_aa_any = xp.abs(corner_aa_1) + xp.abs(corner_aa_2) <= x222
+    x390 = 0.0 < spare
+    x392 = x71 + xp.abs(x330)
+    x393 = x178 + first_error
+    more_aa = xp.where(x390, x392*xp.where(bend_a_any, 0.0, x393*xp.where(0.0 < h_a, 1.0/h_a, 1.0)), spare)
+    triangle_aa_side = xp.sqrt(corner_aa_1*corner_aa_1 + corner_aa_2*corner_aa_2)
+    x403 = spare*spare
+    x404 = x178*x403
+    x405 = 2.0*off_a
+    triangle_aa_area = x404 + x405*triangle_aa_side
+    triangle_aa_3_r = 2.0*x69*x70
+    x409 = square - triangle_aa_side*triangle_aa_side
+    x410 = xp.abs(x409)
+    triangle_aa_3_room = triangle_aa_3_r - x410
+    x411 = x276*x403
+    x412 = triangle_aa_3_r <= x411
+    triangle_aa_3_free = x412 & (x410 <= x411)
+    triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~triangle_aa_3_free)
+    x421 = 0.0 < triangle_aa_3_r
+    triangle_aa_3_exists = triangle_aa_3_free | ((-(2.0*triangle_aa_side*more_aa + triangle_aa_area) <= triangle_aa_3_room) & x421)
+    triangle_aa_3_q = xp.where(0.015625*triangle_aa_area < triangle_aa_3_room, xp.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x410)), 0.0)
+    del c_zero_aa, s_zero_aa, c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa, x71, first_error, h_a, off_a, x69, x70, x403, triangle_aa_side, triangle_aa_3_room, triangle_aa_area, x410
+    triangle_aa_3_size = triangle_aa_3_r*xp.sqrt(triangle_aa_3_q*triangle_aa_3_q + x409*x409)
+    triangle_aa_3_scale = xp.where(0.0 < triangle_aa_3_size, 1.0/triangle_aa_3_size, 1.0)
+    x435 = 2.0*triangle_aa_3_scale*x111
+    triangle_aa_3_c_a = xp.where(triangle_aa_3_free, 1.0, -x435*x409)
+    x438 = x435*triangle_aa_3_q
+    triangle_aa_3_s_a = xp.where(triangle_aa_3_free, 0.0, x438)
+    triangle_aa_3_s_b = xp.where(triangle_aa_3_free, 0.0, -x438)
+    triangle_aa_3_two = triangle_aa_3_exists & (~(triangle_aa_3_double | triangle_aa_3_free))
+    triangle_aa_any = xp.abs(corner_aa_1) + xp.abs(corner_aa_2) <= x175
     triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
     triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
-    triangle_aa_2_a_dot = corner_aa_1*triangle_aa_arm_a_1 + corner_aa_2*triangle_aa_arm_a_2
-    triangle_aa_2_a_cross = corner_aa_2*triangle_aa_arm_a_1 - corner_aa_1*triangle_aa_arm_a_2
-    del x75, more_aa, triangle_aa_side, triangle_aa_3_room, triangle_aa_area, x79, triangle_aa_3_r, triangle_aa_3_size, x5, triangle_aa_3_scale, x78, triangle_aa_3_q, x81, x82, x83, triangle_aa_arm_a_1, triangle_aa_arm_a_2
-    triangle_aa_2_a_size = xp.sqrt((triangle_aa_2_a_cross*triangle_aa_2_a_cross) + (triangle_aa_2_a_dot*triangle_aa_2_a_dot))
-    triangle_aa_2_a_scale = xp.where(triangle_aa_2_a_size > 0.0, 1.0/triangle_aa_2_a_size, 1.0)
+    x446 = corner_aa_1*triangle_aa_arm_a_1
+    triangle_aa_2_a_dot = x446 + corner_aa_2*triangle_aa_arm_a_2
+    x449 = corner_aa_2*triangle_aa_arm_a_1
+    triangle_aa_2_a_cross = x449 - corner_aa_1*triangle_aa_arm_a_2
+    triangle_aa_2_a_size = xp.sqrt(triangle_aa_2_a_cross*triangle_aa_2_a_cross + triangle_aa_2_a_dot*triangle_aa_2_a_dot)
+    triangle_aa_2_a_scale = xp.where(0.0 < triangle_aa_2_a_size, 1.0/triangle_aa_2_a_size, 1.0)
     triangle_aa_2_a_c = xp.where(triangle_aa_any, 1.0, triangle_aa_2_a_dot*triangle_aa_2_a_scale)
     triangle_aa_2_a_s = xp.where(triangle_aa_any, 0.0, triangle_aa_2_a_cross*triangle_aa_2_a_scale)
-    triangle_aa_arm_b_1 = a_2 + a_3*triangle_aa_3_c_b
     triangle_aa_arm_b_2 = a_3*triangle_aa_3_s_b
-    triangle_aa_2_b_dot = corner_aa_1*triangle_aa_arm_b_1 + corner_aa_2*triangle_aa_arm_b_2
-    triangle_aa_2_b_cross = corner_aa_2*triangle_aa_arm_b_1 - corner_aa_1*triangle_aa_arm_b_2
-    triangle_aa_2_b_size = xp.sqrt((triangle_aa_2_b_cross*triangle_aa_2_b_cross) + (triangle_aa_2_b_dot*triangle_aa_2_b_dot))
-    triangle_aa_2_b_scale = xp.where(triangle_aa_2_b_size > 0.0, 1.0/triangle_aa_2_b_size, 1.0)
+    triangle_aa_2_b_dot = x446 + corner_aa_2*triangle_aa_arm_b_2
+    triangle_aa_2_b_cross = x449 - corner_aa_1*triangle_aa_arm_b_2
+    del triangle_aa_3_size, triangle_aa_3_scale, x409, triangle_aa_3_q, x435, x438, triangle_aa_arm_a_1, triangle_aa_arm_a_2, triangle_aa_2_a_size, triangle_aa_2_a_dot, triangle_aa_2_a_cross, triangle_aa_2_a_scale, corner_aa_2, x446, corner_aa_1, triangle_aa_arm_b_2, x449
+    triangle_aa_2_b_size = xp.sqrt(triangle_aa_2_b_cross*triangle_aa_2_b_cross + triangle_aa_2_b_dot*triangle_aa_2_b_dot)
+    triangle_aa_2_b_scale = xp.where(0.0 < triangle_aa_2_b_size, 1.0/triangle_aa_2_b_size, 1.0)
     triangle_aa_2_b_c = xp.where(triangle_aa_any, 1.0, triangle_aa_2_b_dot*triangle_aa_2_b_scale)
     triangle_aa_2_b_s = xp.where(triangle_aa_any, 0.0, triangle_aa_2_b_cross*triangle_aa_2_b_scale)
     c_23_aaa = triangle_aa_2_a_c*triangle_aa_3_c_a - triangle_aa_2_a_s*triangle_aa_3_s_a
     s_23_aaa = triangle_aa_2_a_c*triangle_aa_3_s_a + triangle_aa_2_a_s*triangle_aa_3_c_a
     c_4_aaa = c_234_aa*c_23_aaa + s_234_aa*s_23_aaa
     s_4_aaa = c_23_aaa*s_234_aa - c_234_aa*s_23_aaa
-    c_23_aab = triangle_aa_2_b_c*triangle_aa_3_c_b - triangle_aa_2_b_s*triangle_aa_3_s_b
-    s_23_aab = triangle_aa_2_b_c*triangle_aa_3_s_b + triangle_aa_2_b_s*triangle_aa_3_c_b
+    c_23_aab = triangle_aa_2_b_c*triangle_aa_3_c_a - triangle_aa_2_b_s*triangle_aa_3_s_b
+    s_23_aab = triangle_aa_2_b_c*triangle_aa_3_s_b + triangle_aa_2_b_s*triangle_aa_3_c_a
     c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
     s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
-    del triangle_aa_2_a_size, triangle_aa_2_a_dot, triangle_aa_2_a_cross, triangle_aa_2_a_scale, corner_aa_1, corner_aa_2, triangle_aa_arm_b_1, triangle_aa_arm_b_2, triangle_aa_2_b_size, triangle_aa_2_b_dot, triangle_aa_2_b_cross, triangle_aa_2_b_scale, c_23_aaa, s_23_aaa, c_234_aa, c_23_aab, s_234_aa, s_23_aab
-    sixth_ab_dot = axes_a_3_2*x49 - x46
-    sixth_ab_cross = x50 + x51
-    sixth_ab_size = xp.sqrt((sixth_ab_cross*sixth_ab_cross) + (sixth_ab_dot*sixth_ab_dot))
-    sixth_ab_scale = xp.where(sixth_ab_size > 0.0, 1.0/sixth_ab_size, 1.0)
+    sixth_ab_dot = x303 - x298
+    sixth_ab_cross = x304 + x305
+    sixth_ab_size = xp.sqrt(sixth_ab_cross*sixth_ab_cross + sixth_ab_dot*sixth_ab_dot)
+    sixth_ab_scale = xp.where(0.0 < sixth_ab_size, 1.0/sixth_ab_size, 1.0)
     sixth_ab_c = xp.where(bend_a_any, 1.0, sixth_ab_dot*sixth_ab_scale)
+    del triangle_aa_2_b_size, triangle_aa_2_b_dot, triangle_aa_2_b_cross, triangle_aa_2_b_scale, c_23_aaa, s_23_aaa, c_234_aa, c_23_aab, s_234_aa, s_23_aab, x298, x303, x304, x305, sixth_ab_size, sixth_ab_dot
     sixth_ab_s = xp.where(bend_a_any, 0.0, sixth_ab_cross*sixth_ab_scale)
-    x84 = bend_a_c*sixth_ab_c + sixth_ab_s*x54
-    x85 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
-    c_zero_ab = axes_a_1_1*x84 + axes_a_1_2*x85 - x53
-    s_zero_ab = axes_a_2_1*x84 + axes_a_2_2*x85 - x57
-    del axes_a_3_2, x46, x49, x50, x51, sixth_ab_size, sixth_ab_dot, sixth_ab_cross, sixth_ab_scale, x54, axes_a_1_1, axes_a_1_2, x53, axes_a_2_1, axes_a_2_2, x57, x84, x85
-    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x58
-    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x58
-    x86 = 2.0*hand_ab_1
-    x87 = end_a_1*x86
-    x88 = 2.0*hand_ab_2
-    x89 = end_a_2*x88
-    x90 = -x87 - x89
-    x91 = (x90*x90)
-    x92 = end_a_1*x88 - end_a_2*x86
-    x93 = (x92*x92)
-    turn_ab_square = x91 + x93
+    x491 = bend_a_c*sixth_ab_c + x314*sixth_ab_s
+    x495 = x314*sixth_ab_c - bend_a_c*sixth_ab_s
+    c_zero_ab = axes_a_1_1*x491 + axes_a_1_2*x495 - x323
+    s_zero_ab = axes_a_2_1*x491 + axes_a_2_2*x495 - x327
+    hand_ab_1 = a_4*c_zero_ab + x330*s_zero_ab
+    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x330
+    x507 = x334*hand_ab_1 + x336*hand_ab_2
+    x508 = x507*x507
+    x511 = x334*hand_ab_2 - x336*hand_ab_1
+    x512 = x511*x511
+    turn_ab_square = x508 + x512
     turn_ab_amplitude = xp.sqrt(turn_ab_square)
-    turn_ab_per_square = xp.where(turn_ab_square > 0.0, 1.0/turn_ab_square, 1.0)
-    x95 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x66
-    turn_ab_serves = (turn_ab_square <= 0.0) | (xp.abs(x87 + x89 - x95) <= width)
-    turn_ab_at = xp.where(turn_ab_amplitude < -x95, turn_ab_amplitude, xp.where(turn_ab_amplitude < x95, -turn_ab_amplitude, -x95))
-    x97 = (turn_ab_at*turn_ab_at)
-    turn_ab_rest = xp.where(turn_ab_square > x97, xp.sqrt(turn_ab_square - x97), 0.0)
-    turn_ab_c_first = xp.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x90 - turn_ab_rest*x92))
-    turn_ab_s_first = xp.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x92 + turn_ab_rest*x90))
-    x98 = turn_ab_per_square*x92*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
-    x99 = turn_ab_per_square*(x91 - x93)
-    turn_ab_c_second = turn_ab_c_first*x99 + turn_ab_s_first*x98
-    turn_ab_s_second = turn_ab_c_first*x98 - turn_ab_s_first*x99
-    del x86, x88, x66, x87, x89, turn_ab_square, x97, turn_ab_at, turn_ab_rest, turn_ab_serves, x90, x92, turn_ab_per_square, x91, x93, turn_ab_c_first, turn_ab_s_first, x98, x99
-    turn_ab_split = (turn_ab_amplitude - x95 > width) & (turn_ab_amplitude + x95 > width)
+    turn_ab_per_square = xp.where(0.0 < turn_ab_square, 1.0/turn_ab_square, 1.0)
+    x519 = x351 + (hand_ab_1*hand_ab_1 + hand_ab_2*hand_ab_2)
+    turn_ab_serves = (turn_ab_square <= 0.0) | (xp.abs(x519 - x507 - square) <= width)
+    x524 = square - x519
+    turn_ab_at = xp.where(turn_ab_amplitude < x524, turn_ab_amplitude, xp.where(turn_ab_amplitude < -x524, -turn_ab_amplitude, x524))
+    x530 = turn_ab_at*turn_ab_at
+    turn_ab_rest = xp.where(x530 < turn_ab_square, xp.sqrt(turn_ab_square - x530), 0.0)
+    del sixth_ab_cross, sixth_ab_scale, x314, axes_a_1_1, axes_a_1_2, x323, axes_a_2_1, axes_a_2_2, x327, x491, x495, x334, x336, x351, x519, turn_ab_square, x530
+    turn_ab_c_first = xp.where(turn_ab_serves, 1.0, -turn_ab_per_square*(turn_ab_at*x507 + turn_ab_rest*x511))
+    turn_ab_s_first = xp.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x511 - turn_ab_rest*x507))
+    x543 = x508 - x512
+    x544 = turn_ab_c_first*turn_ab_per_square
+    x551 = turn_ab_per_square*turn_ab_s_first
+    x552 = (4.0*(end_a_1*hand_ab_1) + 4.0*(end_a_2*hand_ab_2))*x511
+    turn_ab_c_second = x544*x543 - x551*x552
+    turn_ab_s_second = -(x544*x552 + x551*x543)
+    turn_ab_split = (width < x524 + turn_ab_amplitude) & (width < turn_ab_amplitude - x524)
+    del turn_ab_at, turn_ab_rest, turn_ab_serves, x507, x508, x512, turn_ab_c_first, turn_ab_per_square, turn_ab_s_first, x511, x543, x544, x551, x552, turn_ab_amplitude, x524
     c_turn_ab = xp.where(bend_a_any, turn_ab_c_second, 1.0)
     s_turn_ab = xp.where(bend_a_any, turn_ab_s_second, 0.0)
     c_6_ab = xp.where(bend_a_any, c_turn_ab, sixth_ab_c)
-    s_6_ab = xp.where(bend_a_any, xp.where(axes_a_3_3 > 0.0, -s_turn_ab, s_turn_ab), sixth_ab_s)
-    bend_more_ab = (bend_a_two) | ((bend_a_any) & (turn_ab_split))
+    s_6_ab = xp.where(bend_a_any, xp.where(x377, -s_turn_ab, s_turn_ab), sixth_ab_s)
+    bend_more_ab = bend_a_two | (bend_a_any & turn_ab_split)
     c_234_ab = c_turn_ab*c_zero_ab - s_turn_ab*s_zero_ab
     s_234_ab = c_turn_ab*s_zero_ab + c_zero_ab*s_turn_ab
     corner_ab_1 = end_a_1 + hand_ab_2*s_turn_ab - c_turn_ab*hand_ab_1
     corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
-    del turn_ab_amplitude, x95, turn_ab_c_second, turn_ab_s_second, sixth_ab_c, axes_a_3_3, sixth_ab_s, bend_a_any, bend_a_two, turn_ab_split, c_zero_ab, s_zero_ab, end_a_1, c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
-    more_ab = x73
-    triangle_ab_side = xp.sqrt((corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2))
-    triangle_ab_area = triangle_ab_side*x74 + x76
-    triangle_ab_3_r = x77
-    x100 = square - (triangle_ab_side*triangle_ab_side)
-    x101 = xp.abs(x100)
-    triangle_ab_3_room = triangle_ab_3_r - x101
-    triangle_ab_3_free = (triangle_ab_3_r <= x223) & (x101 <= x223)
-    triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~(triangle_ab_3_free))
-    triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -2.0*more_ab*triangle_ab_side - triangle_ab_area) & (triangle_ab_3_r > 0.0))
-    triangle_ab_3_q = xp.where(triangle_ab_3_room > 0.015625*triangle_ab_area, xp.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0)
-    triangle_ab_3_size = triangle_ab_3_r*xp.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100))
-    triangle_ab_3_scale = xp.where(triangle_ab_3_size > 0.0, 1.0/triangle_ab_3_size, 1.0)
-    x102 = triangle_ab_3_scale*x80
-    x103 = xp.where(triangle_ab_3_free, 1.0, -x100*x102)
-    triangle_ab_3_c_a = x103
-    x104 = triangle_ab_3_q*x102
-    triangle_ab_3_s_a = xp.where(triangle_ab_3_free, 0.0, x104)
-    triangle_ab_3_c_b = x103
-    triangle_ab_3_s_b = xp.where(triangle_ab_3_free, 0.0, -x104)
-    triangle_ab_3_two = (triangle_ab_3_exists) & (~((triangle_ab_3_double) | (triangle_ab_3_free)))
-    triangle_ab_any = xp.abs(corner_ab_1) + xp.abs(corner_ab_2) <= x222
+    del turn_ab_c_second, turn_ab_s_second, sixth_ab_c, sixth_ab_s, x377, bend_a_any, bend_a_two, turn_ab_split, c_zero_ab, s_zero_ab, end_a_1, c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
+    triangle_ab_side = xp.sqrt(corner_ab_1*corner_ab_1 + corner_ab_2*corner_ab_2)
+    triangle_ab_area = x404 + x405*triangle_ab_side
+    x579 = square - triangle_ab_side*triangle_ab_side
+    x580 = xp.abs(x579)
+    triangle_ab_3_room = triangle_aa_3_r - x580
+    triangle_ab_3_free = x412 & (x580 <= x411)
+    triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~triangle_ab_3_free)
+    triangle_ab_3_exists = triangle_ab_3_free | ((-(2.0*triangle_ab_side*more_aa + triangle_ab_area) <= triangle_ab_3_room) & x421)
+    triangle_ab_3_q = xp.where(0.015625*triangle_ab_area < triangle_ab_3_room, xp.sqrt(triangle_ab_3_room*(triangle_aa_3_r + x580)), 0.0)
+    triangle_ab_3_size = triangle_aa_3_r*xp.sqrt(triangle_ab_3_q*triangle_ab_3_q + x579*x579)
+    triangle_ab_3_scale = xp.where(0.0 < triangle_ab_3_size, 1.0/triangle_ab_3_size, 1.0)
+    x602 = 2.0*triangle_ab_3_scale*x111
+    triangle_ab_3_c_a = xp.where(triangle_ab_3_free, 1.0, -x602*x579)
+    x605 = x602*triangle_ab_3_q
+    triangle_ab_3_s_a = xp.where(triangle_ab_3_free, 0.0, x605)
+    triangle_ab_3_s_b = xp.where(triangle_ab_3_free, 0.0, -x605)
+    triangle_ab_3_two = triangle_ab_3_exists & (~(triangle_ab_3_double | triangle_ab_3_free))
+    triangle_ab_any = xp.abs(corner_ab_1) + xp.abs(corner_ab_2) <= x175
     triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
     triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
-    triangle_ab_2_a_dot = corner_ab_1*triangle_ab_arm_a_1 + corner_ab_2*triangle_ab_arm_a_2
-    triangle_ab_2_a_cross = corner_ab_2*triangle_ab_arm_a_1 - corner_ab_1*triangle_ab_arm_a_2
-    del x73, x74, more_ab, triangle_ab_side, triangle_ab_3_room, triangle_ab_area, x101, triangle_ab_3_r, triangle_ab_3_size, triangle_ab_3_scale, x100, triangle_ab_3_q, x102, x103, x104, triangle_ab_arm_a_1, triangle_ab_arm_a_2
-    triangle_ab_2_a_size = xp.sqrt((triangle_ab_2_a_cross*triangle_ab_2_a_cross) + (triangle_ab_2_a_dot*triangle_ab_2_a_dot))
-    triangle_ab_2_a_scale = xp.where(triangle_ab_2_a_size > 0.0, 1.0/triangle_ab_2_a_size, 1.0)
+    x613 = corner_ab_1*triangle_ab_arm_a_1
+    triangle_ab_2_a_dot = x613 + corner_ab_2*triangle_ab_arm_a_2
+    x616 = corner_ab_2*triangle_ab_arm_a_1
+    triangle_ab_2_a_cross = x616 - corner_ab_1*triangle_ab_arm_a_2
+    triangle_ab_2_a_size = xp.sqrt(triangle_ab_2_a_cross*triangle_ab_2_a_cross + triangle_ab_2_a_dot*triangle_ab_2_a_dot)
+    triangle_ab_2_a_scale = xp.where(0.0 < triangle_ab_2_a_size, 1.0/triangle_ab_2_a_size, 1.0)
     triangle_ab_2_a_c = xp.where(triangle_ab_any, 1.0, triangle_ab_2_a_dot*triangle_ab_2_a_scale)
     triangle_ab_2_a_s = xp.where(triangle_ab_any, 0.0, triangle_ab_2_a_cross*triangle_ab_2_a_scale)
-    triangle_ab_arm_b_1 = a_2 + a_3*triangle_ab_3_c_b
+    del more_aa, triangle_ab_side, triangle_ab_3_room, triangle_ab_area, x580, triangle_ab_3_size, triangle_ab_3_scale, x579, triangle_ab_3_q, x602, x605, triangle_ab_arm_a_1, triangle_ab_arm_a_2, triangle_ab_2_a_size, triangle_ab_2_a_dot, triangle_ab_2_a_cross, triangle_ab_2_a_scale
     triangle_ab_arm_b_2 = a_3*triangle_ab_3_s_b
-    triangle_ab_2_b_dot = corner_ab_1*triangle_ab_arm_b_1 + corner_ab_2*triangle_ab_arm_b_2
-    triangle_ab_2_b_cross = corner_ab_2*triangle_ab_arm_b_1 - corner_ab_1*triangle_ab_arm_b_2
-    triangle_ab_2_b_size = xp.sqrt((triangle_ab_2_b_cross*triangle_ab_2_b_cross) + (triangle_ab_2_b_dot*triangle_ab_2_b_dot))
-    triangle_ab_2_b_scale = xp.where(triangle_ab_2_b_size > 0.0, 1.0/triangle_ab_2_b_size, 1.0)
+    triangle_ab_2_b_dot = x613 + corner_ab_2*triangle_ab_arm_b_2
+    triangle_ab_2_b_cross = x616 - corner_ab_1*triangle_ab_arm_b_2
+    triangle_ab_2_b_size = xp.sqrt(triangle_ab_2_b_cross*triangle_ab_2_b_cross + triangle_ab_2_b_dot*triangle_ab_2_b_dot)
+    triangle_ab_2_b_scale = xp.where(0.0 < triangle_ab_2_b_size, 1.0/triangle_ab_2_b_size, 1.0)
     triangle_ab_2_b_c = xp.where(triangle_ab_any, 1.0, triangle_ab_2_b_dot*triangle_ab_2_b_scale)
     triangle_ab_2_b_s = xp.where(triangle_ab_any, 0.0, triangle_ab_2_b_cross*triangle_ab_2_b_scale)
     c_23_aba = triangle_ab_2_a_c*triangle_ab_3_c_a - triangle_ab_2_a_s*triangle_ab_3_s_a
     s_23_aba = triangle_ab_2_a_c*triangle_ab_3_s_a + triangle_ab_2_a_s*triangle_ab_3_c_a
     c_4_aba = c_234_ab*c_23_aba + s_234_ab*s_23_aba
     s_4_aba = c_23_aba*s_234_ab - c_234_ab*s_23_aba
-    c_23_abb = triangle_ab_2_b_c*triangle_ab_3_c_b - triangle_ab_2_b_s*triangle_ab_3_s_b
-    s_23_abb = triangle_ab_2_b_c*triangle_ab_3_s_b + triangle_ab_2_b_s*triangle_ab_3_c_b
+    c_23_abb = triangle_ab_2_b_c*triangle_ab_3_c_a - triangle_ab_2_b_s*triangle_ab_3_s_b
+    s_23_abb = triangle_ab_2_b_c*triangle_ab_3_s_b + triangle_ab_2_b_s*triangle_ab_3_c_a
     c_4_abb = c_234_ab*c_23_abb + s_234_ab*s_23_abb
     s_4_abb = c_23_abb*s_234_ab - c_234_ab*s_23_abb
-    del triangle_ab_2_a_size, triangle_ab_2_a_dot, triangle_ab_2_a_cross, triangle_ab_2_a_scale, corner_ab_1, corner_ab_2, triangle_ab_arm_b_1, triangle_ab_arm_b_2, triangle_ab_2_b_size, triangle_ab_2_b_dot, triangle_ab_2_b_cross, triangle_ab_2_b_scale, c_23_aba, s_23_aba, c_234_ab, c_23_abb, s_234_ab, s_23_abb
     c_1_b = xp.where(first_free, first_free_c_second, first_c_b)
+    del corner_ab_2, x613, corner_ab_1, triangle_ab_arm_b_2, x616, triangle_ab_2_b_size, triangle_ab_2_b_dot, triangle_ab_2_b_cross, triangle_ab_2_b_scale, c_23_aba, s_23_aba, c_234_ab, c_23_abb, s_234_ab, s_23_abb, first_c_b, first_free_c_second
     s_1_b = xp.where(first_free, first_free_s_second, first_s_b)
-    first_more = (first_two) | ((first_free) & (first_free_split))
+    first_more = first_two | (first_free & first_free_split)
     side_b = c_1_b*centre_2 - centre_1*s_1_b
     end_b_1 = c_1_b*centre_1 + centre_2*s_1_b - a_1
-    end_b_2 = cosine_1*side_b + x29
+    end_b_2 = x226 + cosine_1*side_b
     axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
     axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
     axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
-    x105 = c_1_b*pose_2_1 - pose_1_1*s_1_b
-    axes_b_2_1 = cosine_1*x105 + x30
-    x106 = c_1_b*pose_2_2 - pose_1_2*s_1_b
-    axes_b_2_2 = cosine_1*x106 + x32
-    x107 = c_1_b*pose_2_3 - pose_1_3*s_1_b
-    axes_b_2_3 = cosine_1*x107 + x34
-    axes_b_3_1 = x36 - sine_1*x105
-    axes_b_3_2 = x37 - sine_1*x106
-    del first_c_b, first_free_c_second, first_free_s_second, first_s_b, first_free_split, first_two, centre_1, centre_2, side_b, x29, x30, x32, x34, x105, x36, x106, x37
-    axes_b_3_3 = x8 - sine_1*x107
-    h_b = xp.sqrt((axes_b_3_1*axes_b_3_1) + (axes_b_3_2*axes_b_3_2))
-    error_b = x39
+    x664 = c_1_b*pose_2_1 - pose_1_1*s_1_b
+    axes_b_2_1 = cosine_1*x664 + x238
+    x668 = c_1_b*pose_2_2 - pose_1_2*s_1_b
+    axes_b_2_2 = cosine_1*x668 + x243
+    x672 = c_1_b*pose_2_3 - pose_1_3*s_1_b
+    axes_b_2_3 = cosine_1*x672 + x248
+    axes_b_3_1 = x249 - sine_1*x664
+    axes_b_3_2 = x251 - sine_1*x668
+    axes_b_3_3 = x119 - sine_1*x672
+    del first_free_s_second, first_s_b, first_free_split, first_two, centre_1, centre_2, side_b, x226, x238, x243, x248, x249, x664, x251, x668, x119, x672
+    h_b = xp.sqrt(axes_b_3_1*axes_b_3_1 + axes_b_3_2*axes_b_3_2)
     bend_b_denominator = xp.abs(axes_b_3_3) + 1.0
-    bend_b_apart = xp.where(axes_b_3_3 >= 0.0, x40, x41)
-    bend_b_product = xp.where(axes_b_3_3 >= 0.0, x9, -x9)
-    x108 = (bend_b_apart*bend_b_apart)
-    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x108
-    bend_b_rounding = x26*(h_b + x108)
-    bend_b_tolerance = bend_b_rounding + error_b*(error_b + 2.0*h_b)
-    bend_b_exists = bend_b_gram >= -bend_b_tolerance
-    bend_b_free = (bend_b_exists) & (h_b <= 4.0*error_b + x221)
-    bend_b_any = (bend_b_exists) & (h_b <= x221)
-    bend_b_double = (bend_b_gram <= bend_b_tolerance) & (~(bend_b_free))
-    bend_b_q = xp.where(bend_b_gram > 0.015625*bend_b_rounding, xp.sqrt(bend_b_gram), 0.0)
-    bend_b_along = x9 - axes_b_3_3
-    del x107, x8, x39, x40, x41, bend_b_apart, bend_b_denominator, bend_b_product, x108, x26, error_b, x221, bend_b_tolerance, bend_b_gram, bend_b_rounding, x9
-    bend_b_size = xp.sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q))
-    bend_b_scale = x43*xp.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
+    x681 = 0.0 <= axes_b_3_3
+    bend_b_apart = xp.where(x681, x263, x261)
+    bend_b_product = xp.where(x681, x120, x264)
+    x682 = bend_b_apart*bend_b_apart
+    bend_b_gram = h_b*h_b*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x682
+    bend_b_rounding = x178*(x682 + h_b)
+    bend_b_tolerance = bend_b_rounding + error_a*(error_a + 2.0*h_b)
+    bend_b_exists = -bend_b_tolerance <= bend_b_gram
+    bend_b_free = bend_b_exists & (h_b <= x278)
+    bend_b_any = bend_b_exists & (h_b <= x276)
+    bend_b_double = (bend_b_gram <= bend_b_tolerance) & (~bend_b_free)
+    bend_b_q = xp.where(0.015625*bend_b_rounding < bend_b_gram, xp.sqrt(bend_b_gram), 0.0)
+    bend_b_along = x120 - axes_b_3_3
+    del x261, x263, x264, x681, bend_b_apart, bend_b_denominator, bend_b_product, x178, x682, error_a, x278, x276, bend_b_tolerance, bend_b_gram, bend_b_rounding, x120
+    bend_b_size = xp.sqrt(bend_b_along*bend_b_along + bend_b_q*bend_b_q)
+    bend_b_scale = x290*xp.where(0.0 < bend_b_size, 1.0/bend_b_size, 1.0)
     bend_b_c = bend_b_along*bend_b_scale
     bend_b_s = bend_b_q*bend_b_scale
-    bend_b_two = (bend_b_exists) & (~((bend_b_any) | (bend_b_double)))
-    off_b = x44
-    x109 = bend_b_s*sine_4
-    x110 = axes_b_3_1*x109
-    x111 = bend_b_c*x48 + x47
-    sixth_ba_dot = axes_b_3_2*x111 + x110
-    x112 = axes_b_3_2*x109
-    x113 = axes_b_3_1*x111
-    sixth_ba_cross = x113 - x112
-    sixth_ba_size = xp.sqrt((sixth_ba_cross*sixth_ba_cross) + (sixth_ba_dot*sixth_ba_dot))
-    sixth_ba_scale = xp.where(sixth_ba_size > 0.0, 1.0/sixth_ba_size, 1.0)
+    bend_b_two = bend_b_exists & (~(bend_b_any | bend_b_double))
+    x708 = bend_b_s*sine_4
+    x709 = axes_b_3_1*x708
+    x711 = bend_b_c*x299 + x301
+    x712 = axes_b_3_2*x711
+    sixth_ba_dot = x709 + x712
+    x713 = axes_b_3_1*x711
+    x714 = axes_b_3_2*x708
+    sixth_ba_cross = x713 - x714
+    sixth_ba_size = xp.sqrt(sixth_ba_cross*sixth_ba_cross + sixth_ba_dot*sixth_ba_dot)
+    sixth_ba_scale = xp.where(0.0 < sixth_ba_size, 1.0/sixth_ba_size, 1.0)
     sixth_ba_c = xp.where(bend_b_any, 1.0, sixth_ba_dot*sixth_ba_scale)
     sixth_ba_s = xp.where(bend_b_any, 0.0, sixth_ba_cross*sixth_ba_scale)
-    x114 = bend_b_s*sine_5
-    x115 = axes_b_1_3*x114
-    x116 = bend_b_s*cosine_5
-    x117 = bend_b_c*sixth_ba_c - sixth_ba_s*x116
-    x118 = -bend_b_c*sixth_ba_s - sixth_ba_c*x116
-    c_zero_ba = axes_b_1_1*x117 + axes_b_1_2*x118 + x115
-    x119 = axes_b_2_3*x114
-    del bend_b_size, x43, bend_b_along, bend_b_q, bend_b_scale, x44, x47, x48, x109, axes_b_3_1, sixth_ba_size, sixth_ba_dot, sixth_ba_cross, sixth_ba_scale, axes_b_1_3, axes_b_2_3, x114
-    s_zero_ba = axes_b_2_1*x117 + axes_b_2_2*x118 + x119
-    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x58
-    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x58
-    x120 = 2.0*hand_ba_1
-    x121 = end_b_1*x120
-    x122 = 2.0*hand_ba_2
-    x123 = end_b_2*x122
-    x124 = -x121 - x123
-    x125 = end_b_1*x122 - end_b_2*x120
-    turn_ba_square = (x124*x124) + (x125*x125)
+    x723 = bend_b_s*cosine_5
+    x725 = bend_b_c*sixth_ba_c - x723*sixth_ba_s
+    x729 = bend_b_c*sixth_ba_s + x723*sixth_ba_c
+    x731 = bend_b_s*sine_5
+    x732 = axes_b_1_3*x731
+    del bend_b_size, x290, bend_b_along, bend_b_q, bend_b_scale, x299, x301, axes_b_3_1, x711, axes_b_3_2, x708, sixth_ba_size, sixth_ba_dot, sixth_ba_cross, sixth_ba_scale, axes_b_1_3
+    c_zero_ba = axes_b_1_1*x725 + x732 - axes_b_1_2*x729
+    x736 = axes_b_2_3*x731
+    s_zero_ba = axes_b_2_1*x725 + x736 - axes_b_2_2*x729
+    hand_ba_1 = a_4*c_zero_ba + x330*s_zero_ba
+    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x330
+    x742 = 2.0*end_b_1
+    x744 = 2.0*end_b_2
+    x746 = x742*hand_ba_1 + x744*hand_ba_2
+    x750 = x742*hand_ba_2 - x744*hand_ba_1
+    turn_ba_square = x746*x746 + x750*x750
     turn_ba_amplitude = xp.sqrt(turn_ba_square)
-    turn_ba_per_square = xp.where(turn_ba_square > 0.0, 1.0/turn_ba_square, 1.0)
-    x126 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
-    x127 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x126
-    turn_ba_serves = (turn_ba_square <= 0.0) | (xp.abs(x121 + x123 - x127) <= width)
-    turn_ba_at = xp.where(turn_ba_amplitude < -x127, turn_ba_amplitude, xp.where(turn_ba_amplitude < x127, -turn_ba_amplitude, -x127))
-    x129 = (turn_ba_at*turn_ba_at)
-    turn_ba_rest = xp.where(turn_ba_square > x129, xp.sqrt(turn_ba_square - x129), 0.0)
-    turn_ba_c_first = xp.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x124 - turn_ba_rest*x125))
-    turn_ba_s_first = xp.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x125 + turn_ba_rest*x124))
-    del x117, x118, x120, x122, x121, x123, turn_ba_amplitude, x127, turn_ba_square, x129, turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x124, x125
+    turn_ba_per_square = xp.where(0.0 < turn_ba_square, 1.0/turn_ba_square, 1.0)
+    x759 = end_b_1*end_b_1 + end_b_2*end_b_2
+    x761 = x759 + (hand_ba_1*hand_ba_1 + hand_ba_2*hand_ba_2)
+    turn_ba_serves = (turn_ba_square <= 0.0) | (xp.abs(x761 - x746 - square) <= width)
+    x766 = square - x761
+    turn_ba_at = xp.where(turn_ba_amplitude < x766, turn_ba_amplitude, xp.where(turn_ba_amplitude < -x766, -turn_ba_amplitude, x766))
+    x772 = turn_ba_at*turn_ba_at
+    turn_ba_rest = xp.where(x772 < turn_ba_square, xp.sqrt(turn_ba_square - x772), 0.0)
+    turn_ba_c_first = xp.where(turn_ba_serves, 1.0, -turn_ba_per_square*(turn_ba_at*x746 + turn_ba_rest*x750))
+    turn_ba_s_first = xp.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x750 - turn_ba_rest*x746))
     c_turn_ba = xp.where(bend_b_any, turn_ba_c_first, 1.0)
+    del axes_b_2_3, x731, x725, x729, x761, turn_ba_amplitude, x766, turn_ba_square, x772, turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x746, x750, turn_ba_c_first
     s_turn_ba = xp.where(bend_b_any, turn_ba_s_first, 0.0)
     c_6_ba = xp.where(bend_b_any, c_turn_ba, sixth_ba_c)
-    s_6_ba = xp.where(bend_b_any, xp.where(axes_b_3_3 > 0.0, -s_turn_ba, s_turn_ba), sixth_ba_s)
+    x785 = 0.0 < axes_b_3_3
+    s_6_ba = xp.where(bend_b_any, xp.where(x785, -s_turn_ba, s_turn_ba), sixth_ba_s)
     c_234_ba = c_turn_ba*c_zero_ba - s_turn_ba*s_zero_ba
     s_234_ba = c_turn_ba*s_zero_ba + c_zero_ba*s_turn_ba
     corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
     corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
-    x131 = xp.where(spare > 0.0, x71*xp.where(bend_b_any, 0.0, x72*xp.where(h_b > 0.0, 1.0/h_b, 1.0)), spare)
-    more_ba = x131
-    triangle_ba_side = xp.sqrt((corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2))
-    x132 = 2.0*off_b
-    triangle_ba_area = triangle_ba_side*x132 + x76
-    triangle_ba_3_r = x77
-    x133 = square - (triangle_ba_side*triangle_ba_side)
-    x134 = xp.abs(x133)
-    triangle_ba_3_room = triangle_ba_3_r - x134
-    triangle_ba_3_free = (triangle_ba_3_r <= x223) & (x134 <= x223)
-    triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~(triangle_ba_3_free))
-    triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -2.0*more_ba*triangle_ba_side - triangle_ba_area) & (triangle_ba_3_r > 0.0))
-    del turn_ba_c_first, turn_ba_s_first, sixth_ba_c, sixth_ba_s, c_zero_ba, s_zero_ba, c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba, h_b, spare, x71, x72, off_b, more_ba, triangle_ba_side
-    triangle_ba_3_q = xp.where(triangle_ba_3_room > 0.015625*triangle_ba_area, xp.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0)
-    triangle_ba_3_size = triangle_ba_3_r*xp.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133))
-    triangle_ba_3_scale = xp.where(triangle_ba_3_size > 0.0, 1.0/triangle_ba_3_size, 1.0)
-    x135 = triangle_ba_3_scale*x80
-    x136 = xp.where(triangle_ba_3_free, 1.0, -x133*x135)
-    triangle_ba_3_c_a = x136
-    x137 = triangle_ba_3_q*x135
-    triangle_ba_3_s_a = xp.where(triangle_ba_3_free, 0.0, x137)
-    triangle_ba_3_c_b = x136
-    triangle_ba_3_s_b = xp.where(triangle_ba_3_free, 0.0, -x137)
-    triangle_ba_3_two = (triangle_ba_3_exists) & (~((triangle_ba_3_double) | (triangle_ba_3_free)))
-    triangle_ba_any = xp.abs(corner_ba_1) + xp.abs(corner_ba_2) <= x222
+    more_ba = xp.where(x390, x392*xp.where(bend_b_any, 0.0, x393*xp.where(0.0 < h_b, 1.0/h_b, 1.0)), spare)
+    triangle_ba_side = xp.sqrt(corner_ba_1*corner_ba_1 + corner_ba_2*corner_ba_2)
+    triangle_ba_area = x404 + x405*triangle_ba_side
+    x809 = square - triangle_ba_side*triangle_ba_side
+    x810 = xp.abs(x809)
+    triangle_ba_3_room = triangle_aa_3_r - x810
+    triangle_ba_3_free = x412 & (x810 <= x411)
+    triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~triangle_ba_3_free)
+    triangle_ba_3_exists = triangle_ba_3_free | ((-(2.0*triangle_ba_side*more_ba + triangle_ba_area) <= triangle_ba_3_room) & x421)
+    del turn_ba_s_first, sixth_ba_c, axes_b_3_3, sixth_ba_s, c_zero_ba, s_zero_ba, c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba, h_b, spare, x390, x392, x393, triangle_ba_side
+    triangle_ba_3_q = xp.where(0.015625*triangle_ba_area < triangle_ba_3_room, xp.sqrt(triangle_ba_3_room*(triangle_aa_3_r + x810)), 0.0)
+    triangle_ba_3_size = triangle_aa_3_r*xp.sqrt(triangle_ba_3_q*triangle_ba_3_q + x809*x809)
+    triangle_ba_3_scale = xp.where(0.0 < triangle_ba_3_size, 1.0/triangle_ba_3_size, 1.0)
+    x832 = 2.0*triangle_ba_3_scale*x111
+    triangle_ba_3_c_a = xp.where(triangle_ba_3_free, 1.0, -x832*x809)
+    x835 = x832*triangle_ba_3_q
+    triangle_ba_3_s_a = xp.where(triangle_ba_3_free, 0.0, x835)
+    triangle_ba_3_s_b = xp.where(triangle_ba_3_free, 0.0, -x835)
+    triangle_ba_3_two = triangle_ba_3_exists & (~(triangle_ba_3_double | triangle_ba_3_free))
+    triangle_ba_any = xp.abs(corner_ba_1) + xp.abs(corner_ba_2) <= x175
     triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
     triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
-    triangle_ba_2_a_dot = corner_ba_1*triangle_ba_arm_a_1 + corner_ba_2*triangle_ba_arm_a_2
-    triangle_ba_2_a_cross = corner_ba_2*triangle_ba_arm_a_1 - corner_ba_1*triangle_ba_arm_a_2
-    triangle_ba_2_a_size = xp.sqrt((triangle_ba_2_a_cross*triangle_ba_2_a_cross) + (triangle_ba_2_a_dot*triangle_ba_2_a_dot))
-    triangle_ba_2_a_scale = xp.where(triangle_ba_2_a_size > 0.0, 1.0/triangle_ba_2_a_size, 1.0)
+    x843 = corner_ba_1*triangle_ba_arm_a_1
+    triangle_ba_2_a_dot = x843 + corner_ba_2*triangle_ba_arm_a_2
+    x846 = corner_ba_2*triangle_ba_arm_a_1
+    triangle_ba_2_a_cross = x846 - corner_ba_1*triangle_ba_arm_a_2
+    triangle_ba_2_a_size = xp.sqrt(triangle_ba_2_a_cross*triangle_ba_2_a_cross + triangle_ba_2_a_dot*triangle_ba_2_a_dot)
+    triangle_ba_2_a_scale = xp.where(0.0 < triangle_ba_2_a_size, 1.0/triangle_ba_2_a_size, 1.0)
     triangle_ba_2_a_c = xp.where(triangle_ba_any, 1.0, triangle_ba_2_a_dot*triangle_ba_2_a_scale)
     triangle_ba_2_a_s = xp.where(triangle_ba_any, 0.0, triangle_ba_2_a_cross*triangle_ba_2_a_scale)
-    del triangle_ba_3_room, triangle_ba_area, x134, triangle_ba_3_r, triangle_ba_3_size, triangle_ba_3_scale, x133, triangle_ba_3_q, x135, x136, x137, triangle_ba_arm_a_1, triangle_ba_arm_a_2, triangle_ba_2_a_size, triangle_ba_2_a_dot, triangle_ba_2_a_cross, triangle_ba_2_a_scale
-    triangle_ba_arm_b_1 = a_2 + a_3*triangle_ba_3_c_b
     triangle_ba_arm_b_2 = a_3*triangle_ba_3_s_b
-    triangle_ba_2_b_dot = corner_ba_1*triangle_ba_arm_b_1 + corner_ba_2*triangle_ba_arm_b_2
-    triangle_ba_2_b_cross = corner_ba_2*triangle_ba_arm_b_1 - corner_ba_1*triangle_ba_arm_b_2
-    triangle_ba_2_b_size = xp.sqrt((triangle_ba_2_b_cross*triangle_ba_2_b_cross) + (triangle_ba_2_b_dot*triangle_ba_2_b_dot))
-    triangle_ba_2_b_scale = xp.where(triangle_ba_2_b_size > 0.0, 1.0/triangle_ba_2_b_size, 1.0)
+    triangle_ba_2_b_dot = x843 + corner_ba_2*triangle_ba_arm_b_2
+    del triangle_ba_3_room, triangle_ba_area, x810, triangle_ba_3_size, triangle_ba_3_scale, x809, triangle_ba_3_q, x832, x835, triangle_ba_arm_a_1, triangle_ba_arm_a_2, triangle_ba_2_a_size, triangle_ba_2_a_dot, triangle_ba_2_a_cross, triangle_ba_2_a_scale, corner_ba_2, x843
+    triangle_ba_2_b_cross = x846 - corner_ba_1*triangle_ba_arm_b_2
+    triangle_ba_2_b_size = xp.sqrt(triangle_ba_2_b_cross*triangle_ba_2_b_cross + triangle_ba_2_b_dot*triangle_ba_2_b_dot)
+    triangle_ba_2_b_scale = xp.where(0.0 < triangle_ba_2_b_size, 1.0/triangle_ba_2_b_size, 1.0)
     triangle_ba_2_b_c = xp.where(triangle_ba_any, 1.0, triangle_ba_2_b_dot*triangle_ba_2_b_scale)
     triangle_ba_2_b_s = xp.where(triangle_ba_any, 0.0, triangle_ba_2_b_cross*triangle_ba_2_b_scale)
     c_23_baa = triangle_ba_2_a_c*triangle_ba_3_c_a - triangle_ba_2_a_s*triangle_ba_3_s_a
     s_23_baa = triangle_ba_2_a_c*triangle_ba_3_s_a + triangle_ba_2_a_s*triangle_ba_3_c_a
     c_4_baa = c_234_ba*c_23_baa + s_234_ba*s_23_baa
     s_4_baa = c_23_baa*s_234_ba - c_234_ba*s_23_baa
-    c_23_bab = triangle_ba_2_b_c*triangle_ba_3_c_b - triangle_ba_2_b_s*triangle_ba_3_s_b
-    s_23_bab = triangle_ba_2_b_c*triangle_ba_3_s_b + triangle_ba_2_b_s*triangle_ba_3_c_b
+    c_23_bab = triangle_ba_2_b_c*triangle_ba_3_c_a - triangle_ba_2_b_s*triangle_ba_3_s_b
+    s_23_bab = triangle_ba_2_b_c*triangle_ba_3_s_b + triangle_ba_2_b_s*triangle_ba_3_c_a
     c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
     s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
-    sixth_bb_dot = axes_b_3_2*x111 - x110
-    del corner_ba_1, corner_ba_2, triangle_ba_arm_b_1, triangle_ba_arm_b_2, triangle_ba_2_b_size, triangle_ba_2_b_dot, triangle_ba_2_b_cross, triangle_ba_2_b_scale, c_23_baa, s_23_baa, c_234_ba, c_23_bab, s_234_ba, s_23_bab, axes_b_3_2, x110, x111
-    sixth_bb_cross = x112 + x113
-    sixth_bb_size = xp.sqrt((sixth_bb_cross*sixth_bb_cross) + (sixth_bb_dot*sixth_bb_dot))
-    sixth_bb_scale = xp.where(sixth_bb_size > 0.0, 1.0/sixth_bb_size, 1.0)
+    sixth_bb_dot = x712 - x709
+    sixth_bb_cross = x713 + x714
+    del corner_ba_1, triangle_ba_arm_b_2, x846, triangle_ba_2_b_size, triangle_ba_2_b_dot, triangle_ba_2_b_cross, triangle_ba_2_b_scale, c_23_baa, s_23_baa, c_234_ba, c_23_bab, s_234_ba, s_23_bab, x709, x712, x713, x714
+    sixth_bb_size = xp.sqrt(sixth_bb_cross*sixth_bb_cross + sixth_bb_dot*sixth_bb_dot)
+    sixth_bb_scale = xp.where(0.0 < sixth_bb_size, 1.0/sixth_bb_size, 1.0)
     sixth_bb_c = xp.where(bend_b_any, 1.0, sixth_bb_dot*sixth_bb_scale)
     sixth_bb_s = xp.where(bend_b_any, 0.0, sixth_bb_cross*sixth_bb_scale)
-    x138 = bend_b_c*sixth_bb_c + sixth_bb_s*x116
-    x139 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
-    c_zero_bb = axes_b_1_1*x138 + axes_b_1_2*x139 - x115
-    s_zero_bb = axes_b_2_1*x138 + axes_b_2_2*x139 - x119
-    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x58
-    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x58
-    del x112, x113, sixth_bb_size, sixth_bb_dot, sixth_bb_cross, sixth_bb_scale, x116, axes_b_1_1, axes_b_1_2, x115, axes_b_2_1, axes_b_2_2, x119, x138, x139, x58
-    x140 = 2.0*hand_bb_1
-    x141 = end_b_1*x140
-    x142 = 2.0*hand_bb_2
-    x143 = end_b_2*x142
-    x144 = -x141 - x143
-    x145 = (x144*x144)
-    x146 = end_b_1*x142 - end_b_2*x140
-    x147 = (x146*x146)
-    turn_bb_square = x145 + x147
+    x888 = bend_b_c*sixth_bb_c + x723*sixth_bb_s
+    x892 = x723*sixth_bb_c - bend_b_c*sixth_bb_s
+    c_zero_bb = axes_b_1_1*x888 + axes_b_1_2*x892 - x732
+    s_zero_bb = axes_b_2_1*x888 + axes_b_2_2*x892 - x736
+    hand_bb_1 = a_4*c_zero_bb + x330*s_zero_bb
+    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x330
+    x904 = x742*hand_bb_1 + x744*hand_bb_2
+    x905 = x904*x904
+    x908 = x742*hand_bb_2 - x744*hand_bb_1
+    del sixth_bb_size, sixth_bb_dot, sixth_bb_cross, sixth_bb_scale, x723, axes_b_1_1, axes_b_1_2, x732, axes_b_2_1, axes_b_2_2, x736, x888, x892, x330, x742, x744
+    x909 = x908*x908
+    turn_bb_square = x905 + x909
     turn_bb_amplitude = xp.sqrt(turn_bb_square)
-    turn_bb_per_square = xp.where(turn_bb_square > 0.0, 1.0/turn_bb_square, 1.0)
-    x149 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x126
-    turn_bb_serves = (turn_bb_square <= 0.0) | (xp.abs(x141 + x143 - x149) <= width)
-    turn_bb_at = xp.where(turn_bb_amplitude < -x149, turn_bb_amplitude, xp.where(turn_bb_amplitude < x149, -turn_bb_amplitude, -x149))
-    x151 = (turn_bb_at*turn_bb_at)
-    turn_bb_rest = xp.where(turn_bb_square > x151, xp.sqrt(turn_bb_square - x151), 0.0)
-    turn_bb_c_first = xp.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x144 - turn_bb_rest*x146))
-    turn_bb_s_first = xp.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x146 + turn_bb_rest*x144))
-    x152 = turn_bb_per_square*x146*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
-    x153 = turn_bb_per_square*(x145 - x147)
-    turn_bb_c_second = turn_bb_c_first*x153 + turn_bb_s_first*x152
-    turn_bb_s_second = turn_bb_c_first*x152 - turn_bb_s_first*x153
-    del x140, x142, x126, x141, x143, turn_bb_square, x151, turn_bb_at, turn_bb_rest, turn_bb_serves, x144, x146, turn_bb_per_square, x145, x147, turn_bb_c_first, turn_bb_s_first, x152, x153
-    turn_bb_split = (turn_bb_amplitude - x149 > width) & (turn_bb_amplitude + x149 > width)
+    turn_bb_per_square = xp.where(0.0 < turn_bb_square, 1.0/turn_bb_square, 1.0)
+    x916 = x759 + (hand_bb_1*hand_bb_1 + hand_bb_2*hand_bb_2)
+    turn_bb_serves = (turn_bb_square <= 0.0) | (xp.abs(x916 - x904 - square) <= width)
+    x921 = square - x916
+    turn_bb_at = xp.where(turn_bb_amplitude < x921, turn_bb_amplitude, xp.where(turn_bb_amplitude < -x921, -turn_bb_amplitude, x921))
+    x927 = turn_bb_at*turn_bb_at
+    turn_bb_rest = xp.where(x927 < turn_bb_square, xp.sqrt(turn_bb_square - x927), 0.0)
+    turn_bb_c_first = xp.where(turn_bb_serves, 1.0, -turn_bb_per_square*(turn_bb_at*x904 + turn_bb_rest*x908))
+    turn_bb_s_first = xp.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x908 - turn_bb_rest*x904))
+    x940 = x905 - x909
+    x941 = turn_bb_c_first*turn_bb_per_square
+    x948 = turn_bb_per_square*turn_bb_s_first
+    x949 = (4.0*(end_b_1*hand_bb_1) + 4.0*(end_b_2*hand_bb_2))*x908
+    turn_bb_c_second = x941*x940 - x948*x949
+    turn_bb_s_second = -(x941*x949 + x948*x940)
+    del x759, x916, turn_bb_square, x927, turn_bb_at, turn_bb_rest, turn_bb_serves, x904, x905, x909, turn_bb_c_first, turn_bb_per_square, turn_bb_s_first, x908, x940, x941, x948, x949
+    turn_bb_split = (width < x921 + turn_bb_amplitude) & (width < turn_bb_amplitude - x921)
     c_turn_bb = xp.where(bend_b_any, turn_bb_c_second, 1.0)
     s_turn_bb = xp.where(bend_b_any, turn_bb_s_second, 0.0)
     c_6_bb = xp.where(bend_b_any, c_turn_bb, sixth_bb_c)
-    s_6_bb = xp.where(bend_b_any, xp.where(axes_b_3_3 > 0.0, -s_turn_bb, s_turn_bb), sixth_bb_s)
-    bend_more_bb = (bend_b_two) | ((bend_b_any) & (turn_bb_split))
+    s_6_bb = xp.where(bend_b_any, xp.where(x785, -s_turn_bb, s_turn_bb), sixth_bb_s)
+    bend_more_bb = bend_b_two | (bend_b_any & turn_bb_split)
     c_234_bb = c_turn_bb*c_zero_bb - s_turn_bb*s_zero_bb
     s_234_bb = c_turn_bb*s_zero_bb + c_zero_bb*s_turn_bb
     corner_bb_1 = end_b_1 + hand_bb_2*s_turn_bb - c_turn_bb*hand_bb_1
     corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
-    del turn_bb_amplitude, width, x149, turn_bb_c_second, turn_bb_s_second, sixth_bb_c, axes_b_3_3, sixth_bb_s, bend_b_any, bend_b_two, turn_bb_split, c_zero_bb, s_zero_bb, end_b_1, c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
-    more_bb = x131
-    triangle_bb_side = xp.sqrt((corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2))
-    triangle_bb_area = triangle_bb_side*x132 + x76
-    triangle_bb_3_r = x77
-    x154 = square - (triangle_bb_side*triangle_bb_side)
-    x155 = xp.abs(x154)
-    triangle_bb_3_room = triangle_bb_3_r - x155
-    triangle_bb_3_free = (triangle_bb_3_r <= x223) & (x155 <= x223)
-    triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~(triangle_bb_3_free))
-    triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -2.0*more_bb*triangle_bb_side - triangle_bb_area) & (triangle_bb_3_r > 0.0))
-    triangle_bb_3_q = xp.where(triangle_bb_3_room > 0.015625*triangle_bb_area, xp.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0)
-    triangle_bb_3_size = triangle_bb_3_r*xp.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154))
-    triangle_bb_3_scale = xp.where(triangle_bb_3_size > 0.0, 1.0/triangle_bb_3_size, 1.0)
-    x156 = triangle_bb_3_scale*x80
-    x157 = xp.where(triangle_bb_3_free, 1.0, -x154*x156)
-    del x131, x132, x76, x77, square, x223, more_bb, triangle_bb_side, triangle_bb_3_room, triangle_bb_area, x155, triangle_bb_3_r, triangle_bb_3_size, triangle_bb_3_scale, x80, x154
-    triangle_bb_3_c_a = x157
-    x158 = triangle_bb_3_q*x156
-    triangle_bb_3_s_a = xp.where(triangle_bb_3_free, 0.0, x158)
-    triangle_bb_3_c_b = x157
-    triangle_bb_3_s_b = xp.where(triangle_bb_3_free, 0.0, -x158)
-    triangle_bb_3_two = (triangle_bb_3_exists) & (~((triangle_bb_3_double) | (triangle_bb_3_free)))
-    triangle_bb_any = xp.abs(corner_bb_1) + xp.abs(corner_bb_2) <= x222
+    del turn_bb_amplitude, width, x921, turn_bb_c_second, turn_bb_s_second, sixth_bb_c, sixth_bb_s, x785, bend_b_any, bend_b_two, turn_bb_split, c_zero_bb, s_zero_bb, end_b_1, c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
+    triangle_bb_side = xp.sqrt(corner_bb_1*corner_bb_1 + corner_bb_2*corner_bb_2)
+    triangle_bb_area = x404 + x405*triangle_bb_side
+    x976 = square - triangle_bb_side*triangle_bb_side
+    x977 = xp.abs(x976)
+    triangle_bb_3_room = triangle_aa_3_r - x977
+    triangle_bb_3_free = x412 & (x977 <= x411)
+    triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~triangle_bb_3_free)
+    triangle_bb_3_exists = triangle_bb_3_free | ((-(2.0*triangle_bb_side*more_ba + triangle_bb_area) <= triangle_bb_3_room) & x421)
+    triangle_bb_3_q = xp.where(0.015625*triangle_bb_area < triangle_bb_3_room, xp.sqrt(triangle_bb_3_room*(triangle_aa_3_r + x977)), 0.0)
+    triangle_bb_3_size = triangle_aa_3_r*xp.sqrt(triangle_bb_3_q*triangle_bb_3_q + x976*x976)
+    triangle_bb_3_scale = xp.where(0.0 < triangle_bb_3_size, 1.0/triangle_bb_3_size, 1.0)
+    x999 = 2.0*triangle_bb_3_scale*x111
+    triangle_bb_3_c_a = xp.where(triangle_bb_3_free, 1.0, -x999*x976)
+    del x404, x405, square, x411, x412, more_ba, triangle_bb_side, x421, triangle_bb_3_room, triangle_bb_area, x977, triangle_aa_3_r, triangle_bb_3_size, triangle_bb_3_scale, x111, x976
+    x1002 = x999*triangle_bb_3_q
+    triangle_bb_3_s_a = xp.where(triangle_bb_3_free, 0.0, x1002)
+    triangle_bb_3_s_b = xp.where(triangle_bb_3_free, 0.0, -x1002)
+    triangle_bb_3_two = triangle_bb_3_exists & (~(triangle_bb_3_double | triangle_bb_3_free))
+    triangle_bb_any = xp.abs(corner_bb_1) + xp.abs(corner_bb_2) <= x175
     triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
     triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
-    triangle_bb_2_a_dot = corner_bb_1*triangle_bb_arm_a_1 + corner_bb_2*triangle_bb_arm_a_2
-    triangle_bb_2_a_cross = corner_bb_2*triangle_bb_arm_a_1 - corner_bb_1*triangle_bb_arm_a_2
-    triangle_bb_2_a_size = xp.sqrt((triangle_bb_2_a_cross*triangle_bb_2_a_cross) + (triangle_bb_2_a_dot*triangle_bb_2_a_dot))
-    triangle_bb_2_a_scale = xp.where(triangle_bb_2_a_size > 0.0, 1.0/triangle_bb_2_a_size, 1.0)
+    x1010 = corner_bb_1*triangle_bb_arm_a_1
+    triangle_bb_2_a_dot = x1010 + corner_bb_2*triangle_bb_arm_a_2
+    x1013 = corner_bb_2*triangle_bb_arm_a_1
+    triangle_bb_2_a_cross = x1013 - corner_bb_1*triangle_bb_arm_a_2
+    triangle_bb_2_a_size = xp.sqrt(triangle_bb_2_a_cross*triangle_bb_2_a_cross + triangle_bb_2_a_dot*triangle_bb_2_a_dot)
+    triangle_bb_2_a_scale = xp.where(0.0 < triangle_bb_2_a_size, 1.0/triangle_bb_2_a_size, 1.0)
     triangle_bb_2_a_c = xp.where(triangle_bb_any, 1.0, triangle_bb_2_a_dot*triangle_bb_2_a_scale)
     triangle_bb_2_a_s = xp.where(triangle_bb_any, 0.0, triangle_bb_2_a_cross*triangle_bb_2_a_scale)
-    triangle_bb_arm_b_1 = a_2 + a_3*triangle_bb_3_c_b
     triangle_bb_arm_b_2 = a_3*triangle_bb_3_s_b
-    triangle_bb_2_b_dot = corner_bb_1*triangle_bb_arm_b_1 + corner_bb_2*triangle_bb_arm_b_2
-    triangle_bb_2_b_cross = corner_bb_2*triangle_bb_arm_b_1 - corner_bb_1*triangle_bb_arm_b_2
-    triangle_bb_2_b_size = xp.sqrt((triangle_bb_2_b_cross*triangle_bb_2_b_cross) + (triangle_bb_2_b_dot*triangle_bb_2_b_dot))
-    triangle_bb_2_b_scale = xp.where(triangle_bb_2_b_size > 0.0, 1.0/triangle_bb_2_b_size, 1.0)
-    del triangle_bb_3_q, x156, x157, x158, x222, triangle_bb_arm_a_1, triangle_bb_arm_a_2, triangle_bb_2_a_size, triangle_bb_2_a_dot, triangle_bb_2_a_cross, triangle_bb_2_a_scale, corner_bb_1, corner_bb_2, triangle_bb_arm_b_1, triangle_bb_arm_b_2, triangle_bb_2_b_size
+    triangle_bb_2_b_dot = x1010 + corner_bb_2*triangle_bb_arm_b_2
+    triangle_bb_2_b_cross = x1013 - corner_bb_1*triangle_bb_arm_b_2
+    triangle_bb_2_b_size = xp.sqrt(triangle_bb_2_b_cross*triangle_bb_2_b_cross + triangle_bb_2_b_dot*triangle_bb_2_b_dot)
+    triangle_bb_2_b_scale = xp.where(0.0 < triangle_bb_2_b_size, 1.0/triangle_bb_2_b_size, 1.0)
+    del triangle_bb_3_q, x999, x1002, x175, triangle_bb_arm_a_1, triangle_bb_arm_a_2, triangle_bb_2_a_size, triangle_bb_2_a_dot, triangle_bb_2_a_cross, triangle_bb_2_a_scale, corner_bb_2, x1010, corner_bb_1, triangle_bb_arm_b_2, x1013, triangle_bb_2_b_size
     triangle_bb_2_b_c = xp.where(triangle_bb_any, 1.0, triangle_bb_2_b_dot*triangle_bb_2_b_scale)
     triangle_bb_2_b_s = xp.where(triangle_bb_any, 0.0, triangle_bb_2_b_cross*triangle_bb_2_b_scale)
     c_23_bba = triangle_bb_2_a_c*triangle_bb_3_c_a - triangle_bb_2_a_s*triangle_bb_3_s_a
     s_23_bba = triangle_bb_2_a_c*triangle_bb_3_s_a + triangle_bb_2_a_s*triangle_bb_3_c_a
     c_4_bba = c_234_bb*c_23_bba + s_234_bb*s_23_bba
     s_4_bba = c_23_bba*s_234_bb - c_234_bb*s_23_bba
-    c_23_bbb = triangle_bb_2_b_c*triangle_bb_3_c_b - triangle_bb_2_b_s*triangle_bb_3_s_b
-    s_23_bbb = triangle_bb_2_b_c*triangle_bb_3_s_b + triangle_bb_2_b_s*triangle_bb_3_c_b
+    c_23_bbb = triangle_bb_2_b_c*triangle_bb_3_c_a - triangle_bb_2_b_s*triangle_bb_3_s_b
+    s_23_bbb = triangle_bb_2_b_c*triangle_bb_3_s_b + triangle_bb_2_b_s*triangle_bb_3_c_a
     c_4_bbb = c_234_bb*c_23_bbb + s_234_bb*s_23_bbb
     s_4_bbb = c_23_bbb*s_234_bb - c_234_bb*s_23_bbb
-    there_1 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_exists)
-    x159 = xp.atan2(s_1_a, c_1_a)
-    angle_1_1 = x159
+    x1046 = first_exists & near
+    x1047 = bend_a_exists & x1046
+    there_1 = x1047 & triangle_aa_3_exists
+    angle_1_1 = xp.atan2(s_1_a, c_1_a)
     angle_1_2 = xp.atan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
+    del triangle_bb_2_b_dot, triangle_bb_2_b_cross, triangle_bb_2_b_scale, c_23_bba, s_23_bba, c_234_bb, c_23_bbb, s_234_bb, s_23_bbb, first_exists, bend_a_exists, triangle_aa_3_exists, c_1_a, s_1_a, triangle_aa_2_a_c, triangle_aa_2_a_s
     angle_1_3 = xp.atan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
-    del triangle_bb_2_b_dot, triangle_bb_2_b_cross, triangle_bb_2_b_scale, c_23_bba, s_23_bba, c_234_bb, c_23_bbb, s_234_bb, s_23_bbb, triangle_aa_3_exists, c_1_a, s_1_a, triangle_aa_2_a_c, triangle_aa_2_a_s, triangle_aa_3_c_a, triangle_aa_3_s_a
     angle_1_4 = xp.atan2(s_4_aaa, c_4_aaa)
-    x160 = xp.atan2(bend_a_s, bend_a_c)
-    angle_1_5 = x160
-    x161 = xp.atan2(s_6_aa, c_6_aa)
-    angle_1_6 = x161
-    x162 = xp.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, xp.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
-    code_1 = x162
-    there_2 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_two)
-    angle_2_1 = x159
+    angle_1_5 = xp.atan2(bend_a_s, bend_a_c)
+    angle_1_6 = xp.atan2(s_6_aa, c_6_aa)
+    x1048 = bend_a_double | first_double
+    x1051 = bend_a_free | first_free
+    code_1 = xp.where(x1051 | triangle_aa_3_free | triangle_aa_any, 2.0, xp.where(x1048 | triangle_aa_3_double, 1.0, 0.0))
+    there_2 = x1047 & triangle_aa_3_two
     angle_2_2 = xp.atan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
-    angle_2_3 = xp.atan2(triangle_aa_3_s_b, triangle_aa_3_c_b)
+    angle_2_3 = xp.atan2(triangle_aa_3_s_b, triangle_aa_3_c_a)
+    del triangle_aa_3_s_a, c_4_aaa, s_4_aaa, c_6_aa, s_6_aa, bend_a_double, bend_a_free, triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any, triangle_aa_3_two, x1047, triangle_aa_2_b_c, triangle_aa_2_b_s, triangle_aa_3_c_a, triangle_aa_3_s_b
     angle_2_4 = xp.atan2(s_4_aab, c_4_aab)
-    angle_2_5 = x160
-    del c_4_aaa, s_4_aaa, c_6_aa, s_6_aa, triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any, bend_a_exists, triangle_aa_3_two, triangle_aa_2_b_c, triangle_aa_2_b_s, triangle_aa_3_c_b, triangle_aa_3_s_b, c_4_aab, s_4_aab, x160
-    angle_2_6 = x161
-    code_2 = x162
-    there_3 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_exists)
-    angle_3_1 = x159
+    x1054 = bend_more_ab & x1046
+    there_3 = x1054 & triangle_ab_3_exists
     angle_3_2 = xp.atan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
     angle_3_3 = xp.atan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
     angle_3_4 = xp.atan2(s_4_aba, c_4_aba)
-    x163 = xp.atan2(-bend_a_s, bend_a_c)
-    angle_3_5 = x163
-    x164 = xp.atan2(s_6_ab, c_6_ab)
-    angle_3_6 = x164
-    x165 = xp.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, xp.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
-    del x161, x162, triangle_ab_3_exists, triangle_ab_2_a_c, triangle_ab_2_a_s, triangle_ab_3_c_a, triangle_ab_3_s_a, c_4_aba, s_4_aba, bend_a_c, bend_a_s, c_6_ab, s_6_ab, bend_a_double, bend_a_free, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any
-    code_3 = x165
-    there_4 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_two)
-    angle_4_1 = x159
+    angle_3_5 = xp.atan2(-bend_a_s, bend_a_c)
+    angle_3_6 = xp.atan2(s_6_ab, c_6_ab)
+    code_3 = xp.where(x1051 | triangle_ab_3_free | triangle_ab_any, 2.0, xp.where(x1048 | triangle_ab_3_double, 1.0, 0.0))
+    del c_4_aab, s_4_aab, bend_more_ab, x1046, triangle_ab_3_exists, triangle_ab_2_a_c, triangle_ab_2_a_s, triangle_ab_3_s_a, c_4_aba, s_4_aba, bend_a_c, bend_a_s, c_6_ab, s_6_ab, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any, x1048, x1051
+    there_4 = x1054 & triangle_ab_3_two
     angle_4_2 = xp.atan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
-    angle_4_3 = xp.atan2(triangle_ab_3_s_b, triangle_ab_3_c_b)
+    angle_4_3 = xp.atan2(triangle_ab_3_s_b, triangle_ab_3_c_a)
     angle_4_4 = xp.atan2(s_4_abb, c_4_abb)
-    angle_4_5 = x163
-    angle_4_6 = x164
-    code_4 = x165
-    there_5 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_exists)
-    x166 = xp.atan2(s_1_b, c_1_b)
-    del bend_more_ab, first_exists, triangle_ab_3_two, x159, triangle_ab_2_b_c, triangle_ab_2_b_s, triangle_ab_3_c_b, triangle_ab_3_s_b, c_4_abb, s_4_abb, x163, x164, x165, triangle_ba_3_exists, c_1_b, s_1_b
-    angle_5_1 = x166
+    x1060 = first_more & near
+    x1061 = bend_b_exists & x1060
+    there_5 = x1061 & triangle_ba_3_exists
+    angle_5_1 = xp.atan2(s_1_b, c_1_b)
     angle_5_2 = xp.atan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
+    del triangle_ab_3_two, x1054, triangle_ab_2_b_c, triangle_ab_2_b_s, triangle_ab_3_c_a, triangle_ab_3_s_b, c_4_abb, s_4_abb, first_more, near, bend_b_exists, triangle_ba_3_exists, c_1_b, s_1_b, triangle_ba_2_a_c, triangle_ba_2_a_s
     angle_5_3 = xp.atan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
     angle_5_4 = xp.atan2(s_4_baa, c_4_baa)
-    x167 = xp.atan2(bend_b_s, bend_b_c)
-    angle_5_5 = x167
-    x168 = xp.atan2(s_6_ba, c_6_ba)
-    angle_5_6 = x168
-    x169 = xp.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, xp.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
-    code_5 = x169
-    there_6 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_two)
-    angle_6_1 = x166
+    angle_5_5 = xp.atan2(bend_b_s, bend_b_c)
+    angle_5_6 = xp.atan2(s_6_ba, c_6_ba)
+    x1062 = bend_b_double | first_double
+    x1065 = bend_b_free | first_free
+    code_5 = xp.where(x1065 | triangle_ba_3_free | triangle_ba_any, 2.0, xp.where(x1062 | triangle_ba_3_double, 1.0, 0.0))
+    there_6 = x1061 & triangle_ba_3_two
     angle_6_2 = xp.atan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
-    angle_6_3 = xp.atan2(triangle_ba_3_s_b, triangle_ba_3_c_b)
-    del triangle_ba_2_a_c, triangle_ba_2_a_s, triangle_ba_3_c_a, triangle_ba_3_s_a, c_4_baa, s_4_baa, c_6_ba, s_6_ba, triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any, bend_b_exists, triangle_ba_3_two, triangle_ba_2_b_c, triangle_ba_2_b_s, triangle_ba_3_c_b, triangle_ba_3_s_b
+    del triangle_ba_3_s_a, c_4_baa, s_4_baa, c_6_ba, s_6_ba, bend_b_double, first_double, bend_b_free, first_free, triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any, triangle_ba_3_two, x1061, triangle_ba_2_b_c, triangle_ba_2_b_s
+    angle_6_3 = xp.atan2(triangle_ba_3_s_b, triangle_ba_3_c_a)
     angle_6_4 = xp.atan2(s_4_bab, c_4_bab)
-    angle_6_5 = x167
-    angle_6_6 = x168
-    code_6 = x169
-    there_7 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_exists)
-    angle_7_1 = x166
+    x1068 = bend_more_bb & x1060
+    there_7 = x1068 & triangle_bb_3_exists
     angle_7_2 = xp.atan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
     angle_7_3 = xp.atan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
     angle_7_4 = xp.atan2(s_4_bba, c_4_bba)
-    x170 = xp.atan2(-bend_b_s, bend_b_c)
-    angle_7_5 = x170
-    x171 = xp.atan2(s_6_bb, c_6_bb)
-    del c_4_bab, s_4_bab, x167, x168, x169, triangle_bb_3_exists, triangle_bb_2_a_c, triangle_bb_2_a_s, triangle_bb_3_c_a, triangle_bb_3_s_a, c_4_bba, s_4_bba, bend_b_c, bend_b_s, c_6_bb, s_6_bb
-    angle_7_6 = x171
-    x172 = xp.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, xp.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
-    code_7 = x172
-    there_8 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_two)
-    angle_8_1 = x166
+    angle_7_5 = xp.atan2(-bend_b_s, bend_b_c)
+    angle_7_6 = xp.atan2(s_6_bb, c_6_bb)
+    del triangle_ba_3_c_a, triangle_ba_3_s_b, c_4_bab, s_4_bab, bend_more_bb, x1060, triangle_bb_3_exists, triangle_bb_2_a_c, triangle_bb_2_a_s, triangle_bb_3_s_a, c_4_bba, s_4_bba, bend_b_c, bend_b_s, c_6_bb, s_6_bb
+    code_7 = xp.where(x1065 | triangle_bb_3_free | triangle_bb_any, 2.0, xp.where(x1062 | triangle_bb_3_double, 1.0, 0.0))
+    there_8 = x1068 & triangle_bb_3_two
     angle_8_2 = xp.atan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
-    angle_8_3 = xp.atan2(triangle_bb_3_s_b, triangle_bb_3_c_b)
-    del bend_b_double, bend_b_free, first_double, first_free, triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any, bend_more_bb, first_more, near, triangle_bb_3_two, x166, triangle_bb_2_b_c, triangle_bb_2_b_s, triangle_bb_3_c_b, triangle_bb_3_s_b
+    angle_8_3 = xp.atan2(triangle_bb_3_s_b, triangle_bb_3_c_a)
     angle_8_4 = xp.atan2(s_4_bbb, c_4_bbb)
-    angle_8_5 = x170
-    angle_8_6 = x171
-    code_8 = x172
-    x173 = xp.where(there_1, 0.0, 1.0)
-    holes_1 = x173
-    x174 = x173 + xp.where(there_2, 0.0, 1.0)
-    holes_2 = x174
-    x175 = x174 + xp.where(there_3, 0.0, 1.0)
-    holes_3 = x175
-    x176 = x175 + xp.where(there_4, 0.0, 1.0)
-    holes_4 = x176
-    x177 = x176 + xp.where(there_5, 0.0, 1.0)
-    holes_5 = x177
-    x178 = x177 + xp.where(there_6, 0.0, 1.0)
-    holes_6 = x178
-    holes_7 = x178 + xp.where(there_7, 0.0, 1.0)
-    moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
-    moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
-    moves_1_3 = (there_4) & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
-    moves_1_4 = (there_5) & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
-    moves_1_5 = (there_6) & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
-    moves_1_6 = (there_7) & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
-    moves_1_7 = (there_8) & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
-    there_1_0 = (moves_1_1) | (there_1)
-    row_1_0_1 = xp.where(moves_1_1, code_2, code_1)
-    x227 = -3.141592653589793
-    x179 = xp.where(angle_2_1 > x227, angle_2_1, 3.141592653589793)
-    row_1_0_2 = xp.where(moves_1_1, x179, xp.where(angle_1_1 > x227, angle_1_1, 3.141592653589793))
-    del c_4_bbb, s_4_bbb, x170, x171, x172, x173, x174, x175, x176, x177, x178, holes_1, there_1, code_1, angle_2_1, angle_1_1
-    x180 = xp.where(angle_2_2 > x227, angle_2_2, 3.141592653589793)
-    row_1_0_3 = xp.where(moves_1_1, x180, xp.where(angle_1_2 > x227, angle_1_2, 3.141592653589793))
-    x181 = xp.where(angle_2_3 > x227, angle_2_3, 3.141592653589793)
-    row_1_0_4 = xp.where(moves_1_1, x181, xp.where(angle_1_3 > x227, angle_1_3, 3.141592653589793))
-    x182 = xp.where(angle_2_4 > x227, angle_2_4, 3.141592653589793)
-    row_1_0_5 = xp.where(moves_1_1, x182, xp.where(angle_1_4 > x227, angle_1_4, 3.141592653589793))
-    x183 = xp.where(angle_2_5 > x227, angle_2_5, 3.141592653589793)
-    row_1_0_6 = xp.where(moves_1_1, x183, xp.where(angle_1_5 > x227, angle_1_5, 3.141592653589793))
-    x184 = xp.where(angle_2_6 > x227, angle_2_6, 3.141592653589793)
-    row_1_0_7 = xp.where(moves_1_1, x184, xp.where(angle_1_6 > x227, angle_1_6, 3.141592653589793))
-    there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
-    row_1_1_1 = xp.where(moves_1_2, code_3, code_2)
-    x185 = xp.where(angle_3_1 > x227, angle_3_1, 3.141592653589793)
-    row_1_1_2 = xp.where(moves_1_2, x185, x179)
-    x186 = xp.where(angle_3_2 > x227, angle_3_2, 3.141592653589793)
-    del angle_2_2, angle_1_2, angle_2_3, angle_1_3, angle_2_4, angle_1_4, angle_2_5, angle_1_5, angle_2_6, angle_1_6, moves_1_1, there_2, code_2, angle_3_1, x179, angle_3_2
-    row_1_1_3 = xp.where(moves_1_2, x186, x180)
-    x187 = xp.where(angle_3_3 > x227, angle_3_3, 3.141592653589793)
-    row_1_1_4 = xp.where(moves_1_2, x187, x181)
-    x188 = xp.where(angle_3_4 > x227, angle_3_4, 3.141592653589793)
-    row_1_1_5 = xp.where(moves_1_2, x188, x182)
-    x189 = xp.where(angle_3_5 > x227, angle_3_5, 3.141592653589793)
-    row_1_1_6 = xp.where(moves_1_2, x189, x183)
-    x190 = xp.where(angle_3_6 > x227, angle_3_6, 3.141592653589793)
-    row_1_1_7 = xp.where(moves_1_2, x190, x184)
-    there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
+    holes_1 = xp.where(there_1, 0.0, 1.0)
+    holes_2 = holes_1 + xp.where(there_2, 0.0, 1.0)
+    x1075 = xp.where(there_3, 0.0, 1.0)
+    holes_3 = holes_2 + x1075
+    holes_4 = holes_2 + (x1075 + xp.where(there_4, 0.0, 1.0))
+    x1078 = xp.where(there_5, 0.0, 1.0)
+    holes_5 = holes_4 + x1078
+    holes_6 = holes_4 + (x1078 + xp.where(there_6, 0.0, 1.0))
+    holes_7 = holes_6 + xp.where(there_7, 0.0, 1.0)
+    moves_1_1 = there_2 & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
+    del triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any, x1062, x1065, triangle_bb_3_two, x1068, triangle_bb_2_b_c, triangle_bb_2_b_s, triangle_bb_3_c_a, triangle_bb_3_s_b, c_4_bbb, s_4_bbb, x1075, x1078, holes_1
+    moves_1_2 = there_3 & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
+    moves_1_3 = there_4 & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
+    moves_1_4 = there_5 & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
+    moves_1_5 = there_6 & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
+    moves_1_6 = there_7 & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
+    moves_1_7 = there_8 & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
+    there_1_0 = moves_1_1 | there_1
+    row_1_0_1 = xp.where(moves_1_1, code_1, code_1)
+    x1131 = -3.141592653589793
+    x1133 = xp.where(x1131 < angle_1_1, angle_1_1, 3.141592653589793)
+    row_1_0_2 = xp.where(moves_1_1, x1133, x1133)
+    x1137 = xp.where(x1131 < angle_2_2, angle_2_2, 3.141592653589793)
+    row_1_0_3 = xp.where(moves_1_1, x1137, xp.where(x1131 < angle_1_2, angle_1_2, 3.141592653589793))
+    x1141 = xp.where(x1131 < angle_2_3, angle_2_3, 3.141592653589793)
+    row_1_0_4 = xp.where(moves_1_1, x1141, xp.where(x1131 < angle_1_3, angle_1_3, 3.141592653589793))
+    x1145 = xp.where(x1131 < angle_2_4, angle_2_4, 3.141592653589793)
+    row_1_0_5 = xp.where(moves_1_1, x1145, xp.where(x1131 < angle_1_4, angle_1_4, 3.141592653589793))
+    x1147 = xp.where(x1131 < angle_1_5, angle_1_5, 3.141592653589793)
+    row_1_0_6 = xp.where(moves_1_1, x1147, x1147)
+    x1149 = xp.where(x1131 < angle_1_6, angle_1_6, 3.141592653589793)
+    row_1_0_7 = xp.where(moves_1_1, x1149, x1149)
+    there_1_1 = moves_1_2 | (there_2 & (~moves_1_1))
+    row_1_1_1 = xp.where(moves_1_2, code_3, code_1)
+    row_1_1_2 = xp.where(moves_1_2, x1133, x1133)
+    x1153 = xp.where(x1131 < angle_3_2, angle_3_2, 3.141592653589793)
+    row_1_1_3 = xp.where(moves_1_2, x1153, x1137)
+    x1155 = xp.where(x1131 < angle_3_3, angle_3_3, 3.141592653589793)
+    del there_1, angle_1_1, angle_2_2, angle_1_2, angle_2_3, angle_1_3, angle_2_4, angle_1_4, angle_1_5, angle_1_6, moves_1_1, there_2, code_1, angle_3_2, x1137, angle_3_3
+    row_1_1_4 = xp.where(moves_1_2, x1155, x1141)
+    x1157 = xp.where(x1131 < angle_3_4, angle_3_4, 3.141592653589793)
+    row_1_1_5 = xp.where(moves_1_2, x1157, x1145)
+    x1159 = xp.where(x1131 < angle_3_5, angle_3_5, 3.141592653589793)
+    row_1_1_6 = xp.where(moves_1_2, x1159, x1147)
+    x1161 = xp.where(x1131 < angle_3_6, angle_3_6, 3.141592653589793)
+    row_1_1_7 = xp.where(moves_1_2, x1161, x1149)
+    there_1_2 = moves_1_3 | (there_3 & (~moves_1_2))
     row_1_2_0 = xp.where(moves_1_3, holes_3 - 1.0, holes_2)
-    row_1_2_1 = xp.where(moves_1_3, code_4, code_3)
-    x191 = xp.where(angle_4_1 > x227, angle_4_1, 3.141592653589793)
-    row_1_2_2 = xp.where(moves_1_3, x191, x185)
-    x192 = xp.where(angle_4_2 > x227, angle_4_2, 3.141592653589793)
-    del x180, angle_3_3, x181, angle_3_4, x182, angle_3_5, x183, angle_3_6, x184, moves_1_2, there_3, holes_2, code_3, angle_4_1, x185, angle_4_2
-    row_1_2_3 = xp.where(moves_1_3, x192, x186)
-    x193 = xp.where(angle_4_3 > x227, angle_4_3, 3.141592653589793)
-    row_1_2_4 = xp.where(moves_1_3, x193, x187)
-    x194 = xp.where(angle_4_4 > x227, angle_4_4, 3.141592653589793)
-    row_1_2_5 = xp.where(moves_1_3, x194, x188)
-    x195 = xp.where(angle_4_5 > x227, angle_4_5, 3.141592653589793)
-    row_1_2_6 = xp.where(moves_1_3, x195, x189)
-    x196 = xp.where(angle_4_6 > x227, angle_4_6, 3.141592653589793)
-    row_1_2_7 = xp.where(moves_1_3, x196, x190)
-    there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
+    row_1_2_1 = xp.where(moves_1_3, code_3, code_3)
+    row_1_2_2 = xp.where(moves_1_3, x1133, x1133)
+    x1166 = xp.where(x1131 < angle_4_2, angle_4_2, 3.141592653589793)
+    row_1_2_3 = xp.where(moves_1_3, x1166, x1153)
+    x1168 = xp.where(x1131 < angle_4_3, angle_4_3, 3.141592653589793)
+    row_1_2_4 = xp.where(moves_1_3, x1168, x1155)
+    x1170 = xp.where(x1131 < angle_4_4, angle_4_4, 3.141592653589793)
+    row_1_2_5 = xp.where(moves_1_3, x1170, x1157)
+    del x1141, angle_3_4, x1145, angle_3_5, x1147, angle_3_6, x1149, moves_1_2, there_3, holes_2, angle_4_2, x1153, angle_4_3, x1155, angle_4_4, x1157
+    row_1_2_6 = xp.where(moves_1_3, x1159, x1159)
+    row_1_2_7 = xp.where(moves_1_3, x1161, x1161)
+    there_1_3 = moves_1_4 | (there_4 & (~moves_1_3))
     row_1_3_0 = xp.where(moves_1_4, holes_4 - 1.0, holes_3)
-    row_1_3_1 = xp.where(moves_1_4, code_5, code_4)
-    x197 = xp.where(angle_5_1 > x227, angle_5_1, 3.141592653589793)
-    row_1_3_2 = xp.where(moves_1_4, x197, x191)
-    x198 = xp.where(angle_5_2 > x227, angle_5_2, 3.141592653589793)
-    del x186, angle_4_3, x187, angle_4_4, x188, angle_4_5, x189, angle_4_6, x190, moves_1_3, there_4, holes_3, code_4, angle_5_1, x191, angle_5_2
-    row_1_3_3 = xp.where(moves_1_4, x198, x192)
-    x199 = xp.where(angle_5_3 > x227, angle_5_3, 3.141592653589793)
-    row_1_3_4 = xp.where(moves_1_4, x199, x193)
-    x200 = xp.where(angle_5_4 > x227, angle_5_4, 3.141592653589793)
-    row_1_3_5 = xp.where(moves_1_4, x200, x194)
-    x201 = xp.where(angle_5_5 > x227, angle_5_5, 3.141592653589793)
-    row_1_3_6 = xp.where(moves_1_4, x201, x195)
-    x202 = xp.where(angle_5_6 > x227, angle_5_6, 3.141592653589793)
-    row_1_3_7 = xp.where(moves_1_4, x202, x196)
-    there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
+    row_1_3_1 = xp.where(moves_1_4, code_5, code_3)
+    x1175 = xp.where(x1131 < angle_5_1, angle_5_1, 3.141592653589793)
+    row_1_3_2 = xp.where(moves_1_4, x1175, x1133)
+    x1177 = xp.where(x1131 < angle_5_2, angle_5_2, 3.141592653589793)
+    row_1_3_3 = xp.where(moves_1_4, x1177, x1166)
+    x1179 = xp.where(x1131 < angle_5_3, angle_5_3, 3.141592653589793)
+    row_1_3_4 = xp.where(moves_1_4, x1179, x1168)
+    x1181 = xp.where(x1131 < angle_5_4, angle_5_4, 3.141592653589793)
+    row_1_3_5 = xp.where(moves_1_4, x1181, x1170)
+    x1183 = xp.where(x1131 < angle_5_5, angle_5_5, 3.141592653589793)
+    row_1_3_6 = xp.where(moves_1_4, x1183, x1159)
+    x1185 = xp.where(x1131 < angle_5_6, angle_5_6, 3.141592653589793)
+    row_1_3_7 = xp.where(moves_1_4, x1185, x1161)
+    del moves_1_3, there_4, holes_3, code_3, angle_5_1, x1133, angle_5_2, x1166, angle_5_3, x1168, angle_5_4, x1170, angle_5_5, x1159, angle_5_6, x1161
+    there_1_4 = moves_1_5 | (there_5 & (~moves_1_4))
     row_1_4_0 = xp.where(moves_1_5, holes_5 - 1.0, holes_4)
-    row_1_4_1 = xp.where(moves_1_5, code_6, code_5)
-    x203 = xp.where(angle_6_1 > x227, angle_6_1, 3.141592653589793)
-    row_1_4_2 = xp.where(moves_1_5, x203, x197)
-    x204 = xp.where(angle_6_2 > x227, angle_6_2, 3.141592653589793)
-    del x192, angle_5_3, x193, angle_5_4, x194, angle_5_5, x195, angle_5_6, x196, moves_1_4, there_5, holes_4, code_5, angle_6_1, x197, angle_6_2
-    row_1_4_3 = xp.where(moves_1_5, x204, x198)
-    x205 = xp.where(angle_6_3 > x227, angle_6_3, 3.141592653589793)
-    row_1_4_4 = xp.where(moves_1_5, x205, x199)
-    x206 = xp.where(angle_6_4 > x227, angle_6_4, 3.141592653589793)
-    row_1_4_5 = xp.where(moves_1_5, x206, x200)
-    x207 = xp.where(angle_6_5 > x227, angle_6_5, 3.141592653589793)
-    row_1_4_6 = xp.where(moves_1_5, x207, x201)
-    x208 = xp.where(angle_6_6 > x227, angle_6_6, 3.141592653589793)
-    row_1_4_7 = xp.where(moves_1_5, x208, x202)
-    there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
+    row_1_4_1 = xp.where(moves_1_5, code_5, code_5)
+    row_1_4_2 = xp.where(moves_1_5, x1175, x1175)
+    x1190 = xp.where(x1131 < angle_6_2, angle_6_2, 3.141592653589793)
+    row_1_4_3 = xp.where(moves_1_5, x1190, x1177)
+    x1192 = xp.where(x1131 < angle_6_3, angle_6_3, 3.141592653589793)
+    row_1_4_4 = xp.where(moves_1_5, x1192, x1179)
+    x1194 = xp.where(x1131 < angle_6_4, angle_6_4, 3.141592653589793)
+    row_1_4_5 = xp.where(moves_1_5, x1194, x1181)
+    row_1_4_6 = xp.where(moves_1_5, x1183, x1183)
+    row_1_4_7 = xp.where(moves_1_5, x1185, x1185)
+    there_1_5 = moves_1_6 | (there_6 & (~moves_1_5))
     row_1_5_0 = xp.where(moves_1_6, holes_6 - 1.0, holes_5)
-    row_1_5_1 = xp.where(moves_1_6, code_7, code_6)
-    x209 = xp.where(angle_7_1 > x227, angle_7_1, 3.141592653589793)
-    row_1_5_2 = xp.where(moves_1_6, x209, x203)
-    x210 = xp.where(angle_7_2 > x227, angle_7_2, 3.141592653589793)
-    del x198, angle_6_3, x199, angle_6_4, x200, angle_6_5, x201, angle_6_6, x202, moves_1_5, there_6, holes_5, code_6, angle_7_1, x203, angle_7_2
-    row_1_5_3 = xp.where(moves_1_6, x210, x204)
-    x211 = xp.where(angle_7_3 > x227, angle_7_3, 3.141592653589793)
-    row_1_5_4 = xp.where(moves_1_6, x211, x205)
-    x212 = xp.where(angle_7_4 > x227, angle_7_4, 3.141592653589793)
-    row_1_5_5 = xp.where(moves_1_6, x212, x206)
-    x213 = xp.where(angle_7_5 > x227, angle_7_5, 3.141592653589793)
-    row_1_5_6 = xp.where(moves_1_6, x213, x207)
-    x214 = xp.where(angle_7_6 > x227, angle_7_6, 3.141592653589793)
-    row_1_5_7 = xp.where(moves_1_6, x214, x208)
-    there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
+    row_1_5_1 = xp.where(moves_1_6, code_7, code_5)
+    row_1_5_2 = xp.where(moves_1_6, x1175, x1175)
+    x1199 = xp.where(x1131 < angle_7_2, angle_7_2, 3.141592653589793)
+    row_1_5_3 = xp.where(moves_1_6, x1199, x1190)
+    x1201 = xp.where(x1131 < angle_7_3, angle_7_3, 3.141592653589793)
+    del moves_1_4, there_5, holes_4, angle_6_2, x1177, angle_6_3, x1179, angle_6_4, x1181, moves_1_5, there_6, holes_5, code_5, angle_7_2, x1190, angle_7_3
+    row_1_5_4 = xp.where(moves_1_6, x1201, x1192)
+    x1203 = xp.where(x1131 < angle_7_4, angle_7_4, 3.141592653589793)
+    row_1_5_5 = xp.where(moves_1_6, x1203, x1194)
+    x1205 = xp.where(x1131 < angle_7_5, angle_7_5, 3.141592653589793)
+    row_1_5_6 = xp.where(moves_1_6, x1205, x1183)
+    x1207 = xp.where(x1131 < angle_7_6, angle_7_6, 3.141592653589793)
+    row_1_5_7 = xp.where(moves_1_6, x1207, x1185)
+    there_1_6 = moves_1_7 | (there_7 & (~moves_1_6))
     row_1_6_0 = xp.where(moves_1_7, holes_7 - 1.0, holes_6)
-    row_1_6_1 = xp.where(moves_1_7, code_8, code_7)
-    x215 = xp.where(angle_8_1 > x227, angle_8_1, 3.141592653589793)
-    row_1_6_2 = xp.where(moves_1_7, x215, x209)
-    x216 = xp.where(angle_8_2 > x227, angle_8_2, 3.141592653589793)
-    del x204, angle_7_3, x205, angle_7_4, x206, angle_7_5, x207, angle_7_6, x208, moves_1_6, there_7, holes_6, code_7, angle_8_1, x209, angle_8_2
-    row_1_6_3 = xp.where(moves_1_7, x216, x210)
-    x217 = xp.where(angle_8_3 > x227, angle_8_3, 3.141592653589793)
-    row_1_6_4 = xp.where(moves_1_7, x217, x211)
-    x218 = xp.where(angle_8_4 > x227, angle_8_4, 3.141592653589793)
-    row_1_6_5 = xp.where(moves_1_7, x218, x212)
-    x219 = xp.where(angle_8_5 > x227, angle_8_5, 3.141592653589793)
-    row_1_6_6 = xp.where(moves_1_7, x219, x213)
-    x220 = xp.where(angle_8_6 > x227, angle_8_6, 3.141592653589793)
-    row_1_6_7 = xp.where(moves_1_7, x220, x214)
-    there_1_7 = (there_8) & (~(moves_1_7))
-    moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
-    moves_2_3 = (there_1_3) & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
-    moves_2_4 = (there_1_4) & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
-    moves_2_5 = (there_1_5) & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
-    moves_2_6 = (there_1_6) & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
-    moves_2_7 = (there_1_7) & ((holes_7 == 2.0) | (holes_7 == 6.0))
-    there_2_0 = (moves_2_2) | (there_1_0)
+    row_1_6_1 = xp.where(moves_1_7, code_7, code_7)
+    row_1_6_2 = xp.where(moves_1_7, x1175, x1175)
+    x1212 = xp.where(x1131 < angle_8_2, angle_8_2, 3.141592653589793)
+    row_1_6_3 = xp.where(moves_1_7, x1212, x1199)
+    x1214 = xp.where(x1131 < angle_8_3, angle_8_3, 3.141592653589793)
+    row_1_6_4 = xp.where(moves_1_7, x1214, x1201)
+    x1216 = xp.where(x1131 < angle_8_4, angle_8_4, 3.141592653589793)
+    del x1192, angle_7_4, x1194, angle_7_5, x1183, angle_7_6, x1185, moves_1_6, there_7, holes_6, angle_8_2, x1199, angle_8_3, x1201, angle_8_4, x1131
+    row_1_6_5 = xp.where(moves_1_7, x1216, x1203)
+    row_1_6_6 = xp.where(moves_1_7, x1205, x1205)
+    row_1_6_7 = xp.where(moves_1_7, x1207, x1207)
+    there_1_7 = there_8 & (~moves_1_7)
+    moves_2_2 = there_1_2 & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
+    moves_2_3 = there_1_3 & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
+    moves_2_4 = there_1_4 & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
+    moves_2_5 = there_1_5 & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
+    moves_2_6 = there_1_6 & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
+    moves_2_7 = there_1_7 & ((holes_7 == 2.0) | (holes_7 == 6.0))
+    there_2_0 = moves_2_2 | there_1_0
     row_2_0_1 = xp.where(moves_2_2, row_1_2_1, row_1_0_1)
-    del x210, angle_8_3, x211, angle_8_4, x212, angle_8_5, x213, angle_8_6, x227, x214, moves_1_7, there_8, row_1_2_0, row_1_3_0, there_1_0, row_1_0_1
     row_2_0_2 = xp.where(moves_2_2, row_1_2_2, row_1_0_2)
     row_2_0_3 = xp.where(moves_2_2, row_1_2_3, row_1_0_3)
     row_2_0_4 = xp.where(moves_2_2, row_1_2_4, row_1_0_4)
     row_2_0_5 = xp.where(moves_2_2, row_1_2_5, row_1_0_5)
     row_2_0_6 = xp.where(moves_2_2, row_1_2_6, row_1_0_6)
     row_2_0_7 = xp.where(moves_2_2, row_1_2_7, row_1_0_7)
-    there_2_1 = (moves_2_3) | (there_1_1)
+    there_2_1 = moves_2_3 | there_1_1
     row_2_1_1 = xp.where(moves_2_3, row_1_3_1, row_1_1_1)
     row_2_1_2 = xp.where(moves_2_3, row_1_3_2, row_1_1_2)
+    del x1203, moves_1_7, there_8, row_1_2_0, row_1_3_0, there_1_0, row_1_0_1, row_1_0_2, row_1_0_3, row_1_0_4, row_1_0_5, row_1_0_6, row_1_0_7, there_1_1, row_1_1_1, row_1_1_2
     row_2_1_3 = xp.where(moves_2_3, row_1_3_3, row_1_1_3)
     row_2_1_4 = xp.where(moves_2_3, row_1_3_4, row_1_1_4)
     row_2_1_5 = xp.where(moves_2_3, row_1_3_5, row_1_1_5)
     row_2_1_6 = xp.where(moves_2_3, row_1_3_6, row_1_1_6)
     row_2_1_7 = xp.where(moves_2_3, row_1_3_7, row_1_1_7)
-    there_2_2 = (moves_2_4) | ((there_1_2) & (~(moves_2_2)))
-    del row_1_0_2, row_1_0_3, row_1_0_4, row_1_0_5, row_1_0_6, row_1_0_7, there_1_1, row_1_1_1, row_1_1_2, row_1_1_3, row_1_1_4, row_1_1_5, row_1_1_6, row_1_1_7, moves_2_2, there_1_2
+    there_2_2 = moves_2_4 | (there_1_2 & (~moves_2_2))
     row_2_2_1 = xp.where(moves_2_4, row_1_4_1, row_1_2_1)
     row_2_2_2 = xp.where(moves_2_4, row_1_4_2, row_1_2_2)
     row_2_2_3 = xp.where(moves_2_4, row_1_4_3, row_1_2_3)
@@ -1949,7 +1903,8 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     row_2_2_5 = xp.where(moves_2_4, row_1_4_5, row_1_2_5)
     row_2_2_6 = xp.where(moves_2_4, row_1_4_6, row_1_2_6)
     row_2_2_7 = xp.where(moves_2_4, row_1_4_7, row_1_2_7)
-    there_2_3 = (moves_2_5) | ((there_1_3) & (~(moves_2_3)))
+    there_2_3 = moves_2_5 | (there_1_3 & (~moves_2_3))
+    del row_1_1_3, row_1_1_4, row_1_1_5, row_1_1_6, row_1_1_7, moves_2_2, there_1_2, row_1_2_1, row_1_2_2, row_1_2_3, row_1_2_4, row_1_2_5, row_1_2_6, row_1_2_7, moves_2_3, there_1_3
     row_2_3_1 = xp.where(moves_2_5, row_1_5_1, row_1_3_1)
     row_2_3_2 = xp.where(moves_2_5, row_1_5_2, row_1_3_2)
     row_2_3_3 = xp.where(moves_2_5, row_1_5_3, row_1_3_3)
@@ -1957,8 +1912,7 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     row_2_3_5 = xp.where(moves_2_5, row_1_5_5, row_1_3_5)
     row_2_3_6 = xp.where(moves_2_5, row_1_5_6, row_1_3_6)
     row_2_3_7 = xp.where(moves_2_5, row_1_5_7, row_1_3_7)
-    del row_1_2_1, row_1_2_2, row_1_2_3, row_1_2_4, row_1_2_5, row_1_2_6, row_1_2_7, moves_2_3, there_1_3, row_1_3_1, row_1_3_2, row_1_3_3, row_1_3_4, row_1_3_5, row_1_3_6, row_1_3_7
-    there_2_4 = (moves_2_6) | ((there_1_4) & (~(moves_2_4)))
+    there_2_4 = moves_2_6 | (there_1_4 & (~moves_2_4))
     row_2_4_0 = xp.where(moves_2_6, row_1_6_0 - 2.0, row_1_4_0)
     row_2_4_1 = xp.where(moves_2_6, row_1_6_1, row_1_4_1)
     row_2_4_2 = xp.where(moves_2_6, row_1_6_2, row_1_4_2)
@@ -1966,67 +1920,68 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     row_2_4_4 = xp.where(moves_2_6, row_1_6_4, row_1_4_4)
     row_2_4_5 = xp.where(moves_2_6, row_1_6_5, row_1_4_5)
     row_2_4_6 = xp.where(moves_2_6, row_1_6_6, row_1_4_6)
+    del row_1_3_1, row_1_3_2, row_1_3_3, row_1_3_4, row_1_3_5, row_1_3_6, row_1_3_7, moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6
     row_2_4_7 = xp.where(moves_2_6, row_1_6_7, row_1_4_7)
-    there_2_5 = (moves_2_7) | ((there_1_5) & (~(moves_2_5)))
+    there_2_5 = moves_2_7 | (there_1_5 & (~moves_2_5))
     row_2_5_0 = xp.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
-    row_2_5_1 = xp.where(moves_2_7, code_8, row_1_5_1)
-    row_2_5_2 = xp.where(moves_2_7, x215, row_1_5_2)
-    row_2_5_3 = xp.where(moves_2_7, x216, row_1_5_3)
-    del moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6, row_1_4_7, moves_2_5, there_1_5, row_1_5_0, row_1_5_1, row_1_5_2, row_1_5_3
-    row_2_5_4 = xp.where(moves_2_7, x217, row_1_5_4)
-    row_2_5_5 = xp.where(moves_2_7, x218, row_1_5_5)
-    row_2_5_6 = xp.where(moves_2_7, x219, row_1_5_6)
-    row_2_5_7 = xp.where(moves_2_7, x220, row_1_5_7)
-    there_2_6 = (there_1_6) & (~(moves_2_6))
-    there_2_7 = (there_1_7) & (~(moves_2_7))
-    moves_4_4 = (there_2_4) & (row_2_4_0 == 4.0)
-    moves_4_5 = (there_2_5) & (row_2_5_0 == 4.0)
-    moves_4_6 = (there_2_6) & (row_1_6_0 == 4.0)
-    moves_4_7 = (there_2_7) & (holes_7 == 4.0)
-    there_4_0 = (moves_4_4) | (there_2_0)
+    row_2_5_1 = xp.where(moves_2_7, code_7, row_1_5_1)
+    row_2_5_2 = xp.where(moves_2_7, x1175, row_1_5_2)
+    row_2_5_3 = xp.where(moves_2_7, x1212, row_1_5_3)
+    row_2_5_4 = xp.where(moves_2_7, x1214, row_1_5_4)
+    row_2_5_5 = xp.where(moves_2_7, x1216, row_1_5_5)
+    row_2_5_6 = xp.where(moves_2_7, x1205, row_1_5_6)
+    row_2_5_7 = xp.where(moves_2_7, x1207, row_1_5_7)
+    there_2_6 = there_1_6 & (~moves_2_6)
+    there_2_7 = there_1_7 & (~moves_2_7)
+    moves_4_4 = there_2_4 & (row_2_4_0 == 4.0)
+    del row_1_4_7, moves_2_5, there_1_5, row_1_5_0, row_1_5_1, row_1_5_2, row_1_5_3, row_1_5_4, row_1_5_5, row_1_5_6, row_1_5_7, moves_2_6, there_1_6, moves_2_7, there_1_7, row_2_4_0
+    moves_4_5 = there_2_5 & (row_2_5_0 == 4.0)
+    moves_4_6 = there_2_6 & (row_1_6_0 == 4.0)
+    moves_4_7 = there_2_7 & (holes_7 == 4.0)
+    there_4_0 = moves_4_4 | there_2_0
     row_4_0_1 = xp.where(moves_4_4, row_2_4_1, row_2_0_1)
     row_4_0_2 = xp.where(moves_4_4, row_2_4_2, row_2_0_2)
     row_4_0_3 = xp.where(moves_4_4, row_2_4_3, row_2_0_3)
-    del row_1_5_4, row_1_5_5, row_1_5_6, row_1_5_7, moves_2_6, there_1_6, moves_2_7, there_1_7, row_2_4_0, row_2_5_0, row_1_6_0, holes_7, there_2_0, row_2_0_1, row_2_0_2, row_2_0_3
     row_4_0_4 = xp.where(moves_4_4, row_2_4_4, row_2_0_4)
     row_4_0_5 = xp.where(moves_4_4, row_2_4_5, row_2_0_5)
     row_4_0_6 = xp.where(moves_4_4, row_2_4_6, row_2_0_6)
     row_4_0_7 = xp.where(moves_4_4, row_2_4_7, row_2_0_7)
-    there_4_1 = (moves_4_5) | (there_2_1)
+    there_4_1 = moves_4_5 | there_2_1
     row_4_1_1 = xp.where(moves_4_5, row_2_5_1, row_2_1_1)
     row_4_1_2 = xp.where(moves_4_5, row_2_5_2, row_2_1_2)
     row_4_1_3 = xp.where(moves_4_5, row_2_5_3, row_2_1_3)
     row_4_1_4 = xp.where(moves_4_5, row_2_5_4, row_2_1_4)
+    del row_2_5_0, row_1_6_0, holes_7, there_2_0, row_2_0_1, row_2_0_2, row_2_0_3, row_2_0_4, row_2_0_5, row_2_0_6, row_2_0_7, there_2_1, row_2_1_1, row_2_1_2, row_2_1_3, row_2_1_4
     row_4_1_5 = xp.where(moves_4_5, row_2_5_5, row_2_1_5)
     row_4_1_6 = xp.where(moves_4_5, row_2_5_6, row_2_1_6)
     row_4_1_7 = xp.where(moves_4_5, row_2_5_7, row_2_1_7)
-    there_4_2 = (moves_4_6) | (there_2_2)
+    there_4_2 = moves_4_6 | there_2_2
     row_4_2_1 = xp.where(moves_4_6, row_1_6_1, row_2_2_1)
     row_4_2_2 = xp.where(moves_4_6, row_1_6_2, row_2_2_2)
     row_4_2_3 = xp.where(moves_4_6, row_1_6_3, row_2_2_3)
-    del row_2_0_4, row_2_0_5, row_2_0_6, row_2_0_7, there_2_1, row_2_1_1, row_2_1_2, row_2_1_3, row_2_1_4, row_2_1_5, row_2_1_6, row_2_1_7, there_2_2, row_2_2_1, row_2_2_2, row_2_2_3
     row_4_2_4 = xp.where(moves_4_6, row_1_6_4, row_2_2_4)
     row_4_2_5 = xp.where(moves_4_6, row_1_6_5, row_2_2_5)
     row_4_2_6 = xp.where(moves_4_6, row_1_6_6, row_2_2_6)
     row_4_2_7 = xp.where(moves_4_6, row_1_6_7, row_2_2_7)
-    there_4_3 = (moves_4_7) | (there_2_3)
-    row_4_3_1 = xp.where(moves_4_7, code_8, row_2_3_1)
-    row_4_3_2 = xp.where(moves_4_7, x215, row_2_3_2)
-    row_4_3_3 = xp.where(moves_4_7, x216, row_2_3_3)
-    row_4_3_4 = xp.where(moves_4_7, x217, row_2_3_4)
-    row_4_3_5 = xp.where(moves_4_7, x218, row_2_3_5)
-    row_4_3_6 = xp.where(moves_4_7, x219, row_2_3_6)
-    row_4_3_7 = xp.where(moves_4_7, x220, row_2_3_7)
-    there_4_4 = (there_2_4) & (~(moves_4_4))
-    there_4_5 = (there_2_5) & (~(moves_4_5))
-    del row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4, row_2_3_5, row_2_3_6, row_2_3_7, moves_4_4, there_2_4, moves_4_5, there_2_5
-    there_4_6 = (there_2_6) & (~(moves_4_6))
-    there_4_7 = (there_2_7) & (~(moves_4_7))
+    there_4_3 = moves_4_7 | there_2_3
+    row_4_3_1 = xp.where(moves_4_7, code_7, row_2_3_1)
+    row_4_3_2 = xp.where(moves_4_7, x1175, row_2_3_2)
+    row_4_3_3 = xp.where(moves_4_7, x1212, row_2_3_3)
+    row_4_3_4 = xp.where(moves_4_7, x1214, row_2_3_4)
+    del row_2_1_5, row_2_1_6, row_2_1_7, there_2_2, row_2_2_1, row_2_2_2, row_2_2_3, row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4
+    row_4_3_5 = xp.where(moves_4_7, x1216, row_2_3_5)
+    row_4_3_6 = xp.where(moves_4_7, x1205, row_2_3_6)
+    row_4_3_7 = xp.where(moves_4_7, x1207, row_2_3_7)
+    there_4_4 = there_2_4 & (~moves_4_4)
+    there_4_5 = there_2_5 & (~moves_4_5)
+    there_4_6 = there_2_6 & (~moves_4_6)
+    there_4_7 = there_2_7 & (~moves_4_7)
     angles_1_1 = xp.where(there_4_0, row_4_0_2, xp.nan)
     angles_1_2 = xp.where(there_4_0, row_4_0_3, xp.nan)
     angles_1_3 = xp.where(there_4_0, row_4_0_4, xp.nan)
     angles_1_4 = xp.where(there_4_0, row_4_0_5, xp.nan)
     angles_1_5 = xp.where(there_4_0, row_4_0_6, xp.nan)
+    del row_2_3_5, row_2_3_6, row_2_3_7, moves_4_4, there_2_4, moves_4_5, there_2_5, moves_4_6, there_2_6, moves_4_7, there_2_7, row_4_0_2, row_4_0_3, row_4_0_4, row_4_0_5, row_4_0_6
     angles_1_6 = xp.where(there_4_0, row_4_0_7, xp.nan)
     angles_2_1 = xp.where(there_4_1, row_4_1_2, xp.nan)
     angles_2_2 = xp.where(there_4_1, row_4_1_3, xp.nan)
@@ -2034,7 +1989,6 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     angles_2_4 = xp.where(there_4_1, row_4_1_5, xp.nan)
     angles_2_5 = xp.where(there_4_1, row_4_1_6, xp.nan)
     angles_2_6 = xp.where(there_4_1, row_4_1_7, xp.nan)
-    del moves_4_6, there_2_6, moves_4_7, there_2_7, row_4_0_2, row_4_0_3, row_4_0_4, row_4_0_5, row_4_0_6, row_4_0_7, row_4_1_2, row_4_1_3, row_4_1_4, row_4_1_5, row_4_1_6, row_4_1_7
     angles_3_1 = xp.where(there_4_2, row_4_2_2, xp.nan)
     angles_3_2 = xp.where(there_4_2, row_4_2_3, xp.nan)
     angles_3_3 = xp.where(there_4_2, row_4_2_4, xp.nan)
@@ -2044,6 +1998,7 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     angles_4_1 = xp.where(there_4_3, row_4_3_2, xp.nan)
     angles_4_2 = xp.where(there_4_3, row_4_3_3, xp.nan)
     angles_4_3 = xp.where(there_4_3, row_4_3_4, xp.nan)
+    del row_4_0_7, row_4_1_2, row_4_1_3, row_4_1_4, row_4_1_5, row_4_1_6, row_4_1_7, row_4_2_2, row_4_2_3, row_4_2_4, row_4_2_5, row_4_2_6, row_4_2_7, row_4_3_2, row_4_3_3, row_4_3_4
     angles_4_4 = xp.where(there_4_3, row_4_3_5, xp.nan)
     angles_4_5 = xp.where(there_4_3, row_4_3_6, xp.nan)
     angles_4_6 = xp.where(there_4_3, row_4_3_7, xp.nan)
@@ -2051,7 +2006,6 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     angles_5_2 = xp.where(there_4_4, row_2_4_3, xp.nan)
     angles_5_3 = xp.where(there_4_4, row_2_4_4, xp.nan)
     angles_5_4 = xp.where(there_4_4, row_2_4_5, xp.nan)
-    del row_4_2_2, row_4_2_3, row_4_2_4, row_4_2_5, row_4_2_6, row_4_2_7, row_4_3_2, row_4_3_3, row_4_3_4, row_4_3_5, row_4_3_6, row_4_3_7, row_2_4_2, row_2_4_3, row_2_4_4, row_2_4_5
     angles_5_5 = xp.where(there_4_4, row_2_4_6, xp.nan)
     angles_5_6 = xp.where(there_4_4, row_2_4_7, xp.nan)
     angles_6_1 = xp.where(there_4_5, row_2_5_2, xp.nan)
@@ -2061,27 +2015,28 @@ def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1
     angles_6_5 = xp.where(there_4_5, row_2_5_6, xp.nan)
     angles_6_6 = xp.where(there_4_5, row_2_5_7, xp.nan)
     angles_7_1 = xp.where(there_4_6, row_1_6_2, xp.nan)
+    del row_4_3_5, row_4_3_6, row_4_3_7, row_2_4_2, row_2_4_3, row_2_4_4, row_2_4_5, row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2
     angles_7_2 = xp.where(there_4_6, row_1_6_3, xp.nan)
     angles_7_3 = xp.where(there_4_6, row_1_6_4, xp.nan)
     angles_7_4 = xp.where(there_4_6, row_1_6_5, xp.nan)
     angles_7_5 = xp.where(there_4_6, row_1_6_6, xp.nan)
     angles_7_6 = xp.where(there_4_6, row_1_6_7, xp.nan)
-    angles_8_1 = xp.where(there_4_7, x215, xp.nan)
-    angles_8_2 = xp.where(there_4_7, x216, xp.nan)
-    del row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2, row_1_6_3, row_1_6_4, row_1_6_5, row_1_6_6, row_1_6_7, x215, x216
-    angles_8_3 = xp.where(there_4_7, x217, xp.nan)
-    angles_8_4 = xp.where(there_4_7, x218, xp.nan)
-    angles_8_5 = xp.where(there_4_7, x219, xp.nan)
-    angles_8_6 = xp.where(there_4_7, x220, xp.nan)
-    status_1 = xp.where(~(good), 5.0, xp.where(~(there_4_0), 3.0, row_4_0_1))
-    status_2 = xp.where(~(good), 5.0, xp.where(~(there_4_1), 3.0, row_4_1_1))
-    status_3 = xp.where(~(good), 5.0, xp.where(~(there_4_2), 3.0, row_4_2_1))
-    status_4 = xp.where(~(good), 5.0, xp.where(~(there_4_3), 3.0, row_4_3_1))
-    status_5 = xp.where(~(good), 5.0, xp.where(~(there_4_4), 3.0, row_2_4_1))
-    status_6 = xp.where(~(good), 5.0, xp.where(~(there_4_5), 3.0, row_2_5_1))
-    del x217, x218, x219, x220, row_4_0_1, there_4_0, row_4_1_1, there_4_1, row_4_2_1, there_4_2, row_4_3_1, there_4_3, row_2_4_1, there_4_4, row_2_5_1, there_4_5
-    status_7 = xp.where(~(good), 5.0, xp.where(~(there_4_6), 3.0, row_1_6_1))
-    status_8 = xp.where(~(good), 5.0, xp.where(~(there_4_7), 3.0, code_8))
+    angles_8_1 = xp.where(there_4_7, x1175, xp.nan)
+    angles_8_2 = xp.where(there_4_7, x1212, xp.nan)
+    angles_8_3 = xp.where(there_4_7, x1214, xp.nan)
+    angles_8_4 = xp.where(there_4_7, x1216, xp.nan)
+    angles_8_5 = xp.where(there_4_7, x1205, xp.nan)
+    angles_8_6 = xp.where(there_4_7, x1207, xp.nan)
+    x1258 = ~good
+    status_1 = xp.where(x1258, 5.0, xp.where(~there_4_0, 3.0, row_4_0_1))
+    status_2 = xp.where(x1258, 5.0, xp.where(~there_4_1, 3.0, row_4_1_1))
+    del row_1_6_3, row_1_6_4, row_1_6_5, row_1_6_6, row_1_6_7, x1175, x1212, x1214, x1216, x1205, x1207, good, row_4_0_1, there_4_0, row_4_1_1, there_4_1
+    status_3 = xp.where(x1258, 5.0, xp.where(~there_4_2, 3.0, row_4_2_1))
+    status_4 = xp.where(x1258, 5.0, xp.where(~there_4_3, 3.0, row_4_3_1))
+    status_5 = xp.where(x1258, 5.0, xp.where(~there_4_4, 3.0, row_2_4_1))
+    status_6 = xp.where(x1258, 5.0, xp.where(~there_4_5, 3.0, row_2_5_1))
+    status_7 = xp.where(x1258, 5.0, xp.where(~there_4_6, 3.0, row_1_6_1))
+    status_8 = xp.where(x1258, 5.0, xp.where(~there_4_7, 3.0, code_7))
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
@@ -2126,39 +2081,37 @@ def robot_pair_456(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_pair_456(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 18 add, 46 mul
-    x0 = cosine_3*offset_4 + offset_3
-    x1 = cosine_2*x0
-    x2 = 2.0*offset_2
-    x3 = offset_1 + offset_6*pose_3_3 - pose_3_4
-    equations_1_1_1 = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3))
-    x4 = 2.0*a_2
-    x5 = offset_4*sine_3
-    equations_1_1_2 = a_3*x4 - sine_2*x2*x5
-    x6 = 2.0*a_3
-    equations_1_1_3 = offset_2*sine_2*x6 + x4*x5
-    equations_1_2_1 = a_1*x4
-    x7 = a_1*x6
-    equations_1_2_2 = x7
-    x8 = 2.0*a_1
-    x9 = x5*x8
-    equations_1_2_3 = x9
-    x10 = sine_2*x0
-    equations_1_3_1 = x10*x8
-    equations_1_3_2 = cosine_2*x9
-    equations_1_3_3 = -cosine_2*x7
-    equations_2_1_1 = cosine_1*offset_2 + cosine_1*x1 + x3
-    x11 = cosine_1*sine_2
-    equations_2_1_2 = -x11*x5
-    equations_2_1_3 = a_3*x11
-    equations_2_2_1 = -sine_1*x10
-    x12 = sine_1*x5
-    equations_2_2_2 = -cosine_2*x12
-    x13 = a_3*sine_1
-    equations_2_2_3 = cosine_2*x13
+    # 18 add, 50 mul
+    x4 = cosine_3*offset_4 + offset_3
+    x14 = pose_1_4 - offset_6*pose_1_3
+    x17 = pose_2_4 - offset_6*pose_2_3
+    x21 = pose_3_4 - offset_1 - offset_6*pose_3_3
+    x26 = a_1*a_1 + a_2*a_2 + a_3*a_3 + 2.0*cosine_2*offset_2*x4 + offset_2*offset_2
+    x22 = x21*x21
+    equations_1_1_1 = x26 + offset_4*offset_4*(sine_3*sine_3) + x4*x4 - x14*x14 - x17*x17 - x22
+    x31 = 2.0*a_3
+    x33 = offset_4*sine_3
+    equations_1_1_2 = x31*a_2 - 2.0*offset_2*x33*sine_2
+    equations_1_1_3 = 2.0*a_2*x33 + x31*(offset_2*sine_2)
+    x41 = 2.0*a_1
+    equations_1_2_1 = x41*a_2
+    equations_1_2_2 = x41*a_3
+    equations_1_2_3 = x41*x33
+    x42 = sine_2*x4
+    equations_1_3_1 = x41*x42
+    equations_1_3_2 = equations_1_2_3*cosine_2
+    x43 = a_3*cosine_2
+    equations_1_3_3 = -x41*x43
+    equations_2_1_1 = cosine_1*(cosine_2*x4) + cosine_1*offset_2 - x21
+    x49 = cosine_1*sine_2
+    equations_2_1_2 = -x49*x33
+    equations_2_1_3 = a_3*x49
+    equations_2_2_1 = -sine_1*x42
+    equations_2_2_2 = -cosine_2*sine_1*x33
+    equations_2_2_3 = x43*sine_1
     equations_2_3_1 = a_2*sine_1
-    equations_2_3_2 = x13
-    equations_2_3_3 = x12
+    equations_2_3_2 = a_3*sine_1
+    equations_2_3_3 = x33*sine_1
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
@@ -2203,46 +2156,49 @@ def robot_pair_234(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_pair_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 35 add, 70 mul
-    x0 = pose_1_3*pose_1_4
-    x1 = pose_2_3*pose_2_4
-    x2 = cosine_1*offset_2
-    x3 = offset_1 - pose_3_4
-    x4 = x2 + x3
-    x5 = cosine_4*offset_4 + offset_5
-    equations_1_1_1 = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5
-    x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4
-    equations_1_1_2 = -sine_5*x6
-    x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4
-    equations_1_1_3 = sine_5*x7
-    x8 = offset_2*sine_1
-    x9 = a_1*pose_1_3 - pose_2_3*x8
-    equations_1_2_1 = cosine_5*x9
-    x10 = a_1*pose_1_2 - pose_2_2*x8
-    equations_1_2_2 = sine_5*x10
-    x11 = a_1*pose_1_1 - pose_2_1*x8
-    equations_1_2_3 = sine_5*x11
-    x12 = a_1*pose_2_3 + pose_1_3*x8
-    equations_1_3_1 = cosine_5*x12
-    x13 = a_1*pose_2_2 + pose_1_2*x8
-    equations_1_3_2 = sine_5*x13
-    x14 = a_1*pose_2_1 + pose_1_1*x8
-    equations_1_3_3 = sine_5*x14
-    x15 = (offset_2*offset_2)
-    x17 = 2.0*offset_6
-    equations_2_1_1 = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + 2.0*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5)
-    x18 = 2.0*a_5
-    equations_2_1_2 = x18*x7
-    equations_2_1_3 = x18*x6
-    x19 = 2.0*a_1
-    x20 = 2.0*x8
-    equations_2_2_1 = pose_2_4*x20 + x17*x9 - pose_1_4*x19
-    equations_2_2_2 = x11*x18
-    equations_2_2_3 = -x10*x18
-    equations_2_3_1 = 2.0*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19
-    del x0, x1, x15, x2, x3, x4, x5, x7, x6, x8, x17, x9, x11, x10, x12, x19, x20
-    equations_2_3_2 = x14*x18
-    equations_2_3_3 = -x13*x18
+    # 34 add, 69 mul
+    x2 = pose_2_3*pose_2_4
+    x3 = cosine_1*offset_2
+    x4 = offset_1 - pose_3_4
+    x5 = x3 + x4
+    x7 = pose_3_3*x5 - pose_1_3*pose_1_4
+    x11 = cosine_4*offset_4 + offset_5
+    equations_1_1_1 = x11 + cosine_5*(offset_6 + x7 - x2)
+    x16 = pose_3_2*x5 - pose_1_2*pose_1_4 - pose_2_2*pose_2_4
+    equations_1_1_2 = sine_5*x16
+    x21 = pose_3_1*x5 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4
+    equations_1_1_3 = sine_5*x21
+    x23 = offset_2*sine_1
+    x25 = a_1*pose_1_3 - x23*pose_2_3
+    equations_1_2_1 = cosine_5*x25
+    x28 = a_1*pose_1_2 - x23*pose_2_2
+    equations_1_2_2 = sine_5*x28
+    x31 = a_1*pose_1_1 - x23*pose_2_1
+    equations_1_2_3 = sine_5*x31
+    x34 = a_1*pose_2_3 + x23*pose_1_3
+    equations_1_3_1 = cosine_5*x34
+    x37 = a_1*pose_2_2 + x23*pose_1_2
+    equations_1_3_2 = sine_5*x37
+    x40 = a_1*pose_2_1 + x23*pose_1_1
+    equations_1_3_3 = sine_5*x40
+    x45 = offset_2*offset_2
+    x56 = 2.0*offset_6
+    x50 = x45*(sine_1*sine_1)
+    x54 = offset_6*offset_6
+    x66 = a_1*a_1 + a_5*a_5 + cosine_1*cosine_1*x45 + 2.0*x3*x4 + x50 + x54
+    x71 = x66 + x56*(x7 - x2) + pose_1_4*pose_1_4 + pose_2_4*pose_2_4 + x4*x4 - a_4*a_4
+    equations_2_1_1 = x71 - offset_4*offset_4*(sine_4*sine_4) - x11*x11
+    x73 = 2.0*a_5
+    equations_2_1_2 = x73*x21
+    equations_2_1_3 = -x73*x16
+    x75 = 2.0*a_1
+    equations_2_2_1 = 2.0*pose_2_4*x23 + x56*x25 - x75*pose_1_4
+    equations_2_2_2 = x73*x31
+    equations_2_2_3 = -x73*x28
+    del x5, x3, x45, x50, x54, x2, x4, x66, x7, x11, x71, x21, x16, x25, x31, x28
+    equations_2_3_1 = x56*x34 - x75*pose_2_4 - 2.0*pose_1_4*x23
+    equations_2_3_2 = x73*x40
+    equations_2_3_3 = -x73*x37
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
@@ -2289,30 +2245,30 @@ def robot_pair_parallel_234(pose, a, cosine, sine, offset, *, out=None):
 def _robot_pair_parallel_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
     # 9 add, 29 mul
     x0 = cosine_1*pose_3_3
-    equations_1_1_1 = cosine_5*x0 - cosine_4
-    x1 = cosine_1*sine_5
-    equations_1_1_2 = pose_3_2*x1
-    equations_1_1_3 = pose_3_1*x1
-    x2 = cosine_5*sine_1
-    equations_1_2_1 = -pose_2_3*x2
-    x3 = sine_1*sine_5
-    equations_1_2_2 = -pose_2_2*x3
-    equations_1_2_3 = -pose_2_1*x3
-    equations_1_3_1 = pose_1_3*x2
-    equations_1_3_2 = pose_1_2*x3
-    equations_1_3_3 = pose_1_1*x3
-    equations_2_1_1 = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0
-    x4 = a_5*cosine_1
-    equations_2_1_2 = -pose_3_1*x4
-    equations_2_1_3 = pose_3_2*x4
-    x5 = offset_6*sine_1
-    equations_2_2_1 = pose_2_3*x5 - pose_2_4*sine_1
-    x6 = a_5*sine_1
-    equations_2_2_2 = pose_2_1*x6
-    equations_2_2_3 = -pose_2_2*x6
-    equations_2_3_1 = pose_1_4*sine_1 - pose_1_3*x5
-    equations_2_3_2 = -pose_1_1*x6
-    equations_2_3_3 = pose_1_2*x6
+    equations_1_1_1 = x0*cosine_5 - cosine_4
+    x2 = cosine_1*pose_3_2
+    equations_1_1_2 = x2*sine_5
+    x3 = cosine_1*pose_3_1
+    equations_1_1_3 = x3*sine_5
+    x4 = cosine_5*sine_1
+    equations_1_2_1 = -x4*pose_2_3
+    x6 = sine_1*sine_5
+    equations_1_2_2 = -pose_2_2*x6
+    equations_1_2_3 = -pose_2_1*x6
+    equations_1_3_1 = x4*pose_1_3
+    equations_1_3_2 = pose_1_2*x6
+    equations_1_3_3 = pose_1_1*x6
+    equations_2_1_1 = cosine_1*(pose_3_4 - offset_1) - x0*offset_6 - cosine_4*offset_5 - offset_2 - offset_3 - offset_4
+    equations_2_1_2 = -a_5*x3
+    equations_2_1_3 = a_5*x2
+    x18 = offset_6*sine_1
+    equations_2_2_1 = x18*pose_2_3 - pose_2_4*sine_1
+    x21 = a_5*sine_1
+    equations_2_2_2 = x21*pose_2_1
+    equations_2_2_3 = -x21*pose_2_2
+    equations_2_3_1 = pose_1_4*sine_1 - x18*pose_1_3
+    equations_2_3_2 = -x21*pose_1_1
+    equations_2_3_3 = x21*pose_1_2
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
@@ -2358,31 +2314,28 @@ def robot_pair_parallel_123(pose, a, cosine, sine, offset, *, out=None):
 
 def _robot_pair_parallel_123(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
     # 9 add, 26 mul
-    equations_1_1_1 = cosine_4*cosine_5*pose_3_3 - cosine_3
-    x0 = cosine_4*sine_5
-    equations_1_1_2 = pose_3_2*x0
-    equations_1_1_3 = pose_3_1*x0
-    x1 = pose_3_3*sine_5
-    equations_1_2_1 = -sine_4*x1
-    x2 = pose_3_2*sine_4
-    equations_1_2_2 = cosine_5*x2
-    x3 = pose_3_1*sine_4
-    equations_1_2_3 = cosine_5*x3
-    equations_1_3_1 = 0.0
-    equations_1_3_2 = x3
-    equations_1_3_3 = -x2
-    equations_2_1_1 = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4
-    equations_2_1_2 = a_5*pose_3_1 + offset_5*pose_3_2*sine_5
-    equations_2_1_3 = offset_5*pose_3_1*sine_5 - a_5*pose_3_2
-    equations_2_2_1 = 0.0
-    x4 = a_4*pose_3_1
-    equations_2_2_2 = x4
-    x5 = a_4*pose_3_2
-    equations_2_2_3 = -x5
-    equations_2_3_1 = a_4*x1
-    equations_2_3_2 = -cosine_5*x5
-    equations_2_3_3 = -cosine_5*x4
-    return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
+    x0 = cosine_5*pose_3_3
+    equations_1_1_1 = cosine_4*x0 - cosine_3
+    x2 = cosine_4*sine_5
+    equations_1_1_2 = x2*pose_3_2
+    equations_1_1_3 = x2*pose_3_1
+    x3 = pose_3_3*sine_5
+    equations_1_2_1 = -x3*sine_4
+    equations_1_2_2 = cosine_5*pose_3_2*sine_4
+    equations_1_2_3 = cosine_5*pose_3_1*sine_4
+    equations_1_3_2 = pose_3_1*sine_4
+    equations_1_3_3 = -pose_3_2*sine_4
+    equations_2_1_1 = cosine_3*offset_4 + x0*offset_5 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4
+    x17 = offset_5*sine_5
+    equations_2_1_2 = a_5*pose_3_1 + x17*pose_3_2
+    equations_2_1_3 = x17*pose_3_1 - a_5*pose_3_2
+    equations_2_2_2 = a_4*pose_3_1
+    x21 = a_4*pose_3_2
+    equations_2_2_3 = -x21
+    equations_2_3_1 = a_4*x3
+    equations_2_3_2 = -x21*cosine_5
+    equations_2_3_3 = -equations_2_2_2*cosine_5
+    return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, 0.0, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, 0.0, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
 robot_pair_parallel_123.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"

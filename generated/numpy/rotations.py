@@ -60,21 +60,23 @@ def rotate(rho, theta, *, out=None):
 
 
 def _rotate(xp, rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
-    # 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale
+    # 18 add, 32 mul, 1 div, 3 abs, 1 power_of_two_scale
     factor = _power_of_two_scale(0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0)
-    x0 = 0.5*factor
-    turn_1 = theta_1*x0
-    turn_2 = theta_2*x0
-    turn_3 = theta_3*x0
-    divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3)
+    x9 = 0.5*factor
+    turn_1 = x9*theta_1
+    turn_2 = x9*theta_2
+    turn_3 = x9*theta_3
+    divisor = factor*factor + turn_1*turn_1 + turn_2*turn_2 + turn_3*turn_3
     inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3
     inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1
     inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2
-    x1 = 1.0/divisor
-    x2 = 2.0*turn_3
-    rotated_1 = rho_1 + x1*(2.0*inner_3*turn_2 - inner_2*x2)
-    rotated_2 = rho_2 + x1*(inner_1*x2 - 2.0*inner_3*turn_1)
-    rotated_3 = rho_3 + x1*(2.0*inner_2*turn_1 - 2.0*inner_1*turn_2)
+    x28 = 1.0/divisor
+    x29 = 2.0*inner_2
+    x31 = 2.0*inner_3
+    rotated_1 = rho_1 + x28*(x31*turn_2 - x29*turn_3)
+    x35 = 2.0*inner_1
+    rotated_2 = rho_2 + x28*(x35*turn_3 - x31*turn_1)
+    rotated_3 = rho_3 + x28*(x29*turn_1 - x35*turn_2)
     return (rotated_1, rotated_2, rotated_3)
 
 
@@ -116,36 +118,37 @@ def _rodrigues_vector_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, la
     # 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
     axis_size = 0.25*xp.abs(axis_1) + 0.25*xp.abs(axis_2) + 0.25*xp.abs(axis_3)
-    x0 = _power_of_two_scale(axis_size)
-    axis_scaled_1 = axis_1*x0
-    axis_scaled_2 = axis_2*x0
-    axis_scaled_3 = axis_3*x0
-    axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
-    x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
-    axis_unit_1 = axis_scaled_1*x1
-    axis_unit_2 = axis_scaled_2*x1
-    axis_unit_3 = axis_scaled_3*x1
-    axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
-    x2 = xp.cos(half_angle)
-    quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
-    w = quaternion_sign*x2
-    x3 = quaternion_sign*xp.sin(half_angle)
-    v_1 = axis_unit_1*x3
-    v_2 = axis_unit_2*x3
-    v_3 = axis_unit_3*x3
-    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
+    x7 = _power_of_two_scale(axis_size)
+    axis_scaled_1 = axis_1*x7
+    axis_scaled_2 = axis_2*x7
+    axis_scaled_3 = axis_3*x7
+    axis_length = xp.sqrt(axis_scaled_1*axis_scaled_1 + axis_scaled_2*axis_scaled_2 + axis_scaled_3*axis_scaled_3)
+    x15 = xp.where(0.0 < axis_length, 1.0/axis_length, 1.0)
+    axis_unit_1 = axis_scaled_1*x15
+    axis_unit_2 = axis_scaled_2*x15
+    axis_unit_3 = axis_scaled_3*x15
+    axis_deviation = xp.abs(axis_1*axis_1 + axis_2*axis_2 + axis_3*axis_3 - 1.0)
+    x22 = xp.cos(half_angle)
+    quaternion_sign = xp.where(x22 < 0.0, -1.0, 1.0)
+    w = quaternion_sign*x22
+    x25 = quaternion_sign*xp.sin(half_angle)
+    v_1 = axis_unit_1*x25
+    v_2 = axis_unit_2*x25
+    v_3 = axis_unit_3*x25
+    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (0.0 < axis_size)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del x0, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x1, x2, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x3, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x4 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
-    theta_1 = xp.where(good, v_1*x4, xp.nan)
-    theta_2 = xp.where(good, v_2*x4, xp.nan)
-    theta_3 = xp.where(good, v_3*x4, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (theta_1, theta_2, theta_3, status)
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    del x7, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x15, x22, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x25, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    x47 = 2.0*xp.where(0.25*eps < w, 1.0/w, 4.0/eps)
+    theta_1 = xp.where(good, x47*v_1, xp.nan)
+    theta_2 = xp.where(good, x47*v_2, xp.nan)
+    theta_3 = xp.where(good, x47*v_3, xp.nan)
+    x57 = xp.where(16.0*eps < axis_deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    status_value = xp.where(~good, 4.0, x57)
+    return (theta_1, theta_2, theta_3, status_value)
 
 
 rodrigues_vector_from_axis_angle.signature = "(3),()->(3),()"
@@ -183,55 +186,57 @@ def matrix_from_axis_angle(axis, angle, *, out=None):
 
 
 def _matrix_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest):
-    # 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
+    # 22 add, 43 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
     axis_size = 0.25*xp.abs(axis_1) + 0.25*xp.abs(axis_2) + 0.25*xp.abs(axis_3)
-    x0 = _power_of_two_scale(axis_size)
-    axis_scaled_1 = axis_1*x0
-    axis_scaled_2 = axis_2*x0
-    axis_scaled_3 = axis_3*x0
-    axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
-    x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
-    axis_unit_1 = axis_scaled_1*x1
-    axis_unit_2 = axis_scaled_2*x1
-    axis_unit_3 = axis_scaled_3*x1
-    axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
-    x2 = xp.cos(half_angle)
-    quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
-    w = quaternion_sign*x2
-    x3 = quaternion_sign*xp.sin(half_angle)
-    v_1 = axis_unit_1*x3
-    v_2 = axis_unit_2*x3
-    v_3 = axis_unit_3*x3
-    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
+    x7 = _power_of_two_scale(axis_size)
+    axis_scaled_1 = axis_1*x7
+    axis_scaled_2 = axis_2*x7
+    axis_scaled_3 = axis_3*x7
+    axis_length = xp.sqrt(axis_scaled_1*axis_scaled_1 + axis_scaled_2*axis_scaled_2 + axis_scaled_3*axis_scaled_3)
+    x15 = xp.where(0.0 < axis_length, 1.0/axis_length, 1.0)
+    axis_unit_1 = axis_scaled_1*x15
+    axis_unit_2 = axis_scaled_2*x15
+    axis_unit_3 = axis_scaled_3*x15
+    axis_deviation = xp.abs(axis_1*axis_1 + axis_2*axis_2 + axis_3*axis_3 - 1.0)
+    x22 = xp.cos(half_angle)
+    quaternion_sign = xp.where(x22 < 0.0, -1.0, 1.0)
+    w = quaternion_sign*x22
+    x25 = quaternion_sign*xp.sin(half_angle)
+    v_1 = axis_unit_1*x25
+    v_2 = axis_unit_2*x25
+    v_3 = axis_unit_3*x25
+    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (0.0 < axis_size)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del x0, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x1, x2, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x3, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x4 = 2.0*(v_2*v_2)
-    x5 = 2.0*(v_3*v_3) - 1.0
-    matrix_1_1 = xp.where(good, -x4 - x5, xp.nan)
-    x6 = 2.0*v_2
-    x7 = v_1*x6
-    x8 = 2.0*v_3
-    x9 = w*x8
-    matrix_1_2 = xp.where(good, x7 - x9, xp.nan)
-    x10 = v_1*x8
-    x11 = w*x6
-    matrix_1_3 = xp.where(good, x10 + x11, xp.nan)
-    matrix_2_1 = xp.where(good, x7 + x9, xp.nan)
-    x12 = 2.0*(v_1*v_1)
-    matrix_2_2 = xp.where(good, -x12 - x5, xp.nan)
-    x13 = 2.0*v_1*w
-    matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x13, xp.nan)
-    matrix_3_1 = xp.where(good, x10 - x11, xp.nan)
-    matrix_3_2 = xp.where(good, v_2*x8 + x13, xp.nan)
-    matrix_3_3 = xp.where(good, 1.0 - x12 - x4, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del x6, x7, x9, x5, v_1, v_3, x10, x11, v_2, x13, x8, x12, x4, axis_deviation, good, sine, w
-    return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    del x7, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x15, x22, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x25, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    x43 = 2.0*(v_2*v_2)
+    x45 = 2.0*(v_3*v_3)
+    matrix_1_1 = xp.where(good, 1.0 - x43 - x45, xp.nan)
+    x48 = 2.0*v_1
+    x49 = x48*v_2
+    x50 = 2.0*w
+    x51 = x50*v_3
+    matrix_1_2 = xp.where(good, x49 - x51, xp.nan)
+    x53 = x48*v_3
+    x54 = x50*v_2
+    matrix_1_3 = xp.where(good, x53 + x54, xp.nan)
+    matrix_2_1 = xp.where(good, x49 + x51, xp.nan)
+    x59 = 1.0 - 2.0*(v_1*v_1)
+    matrix_2_2 = xp.where(good, x59 - x45, xp.nan)
+    x61 = x50*v_1
+    x63 = 2.0*v_2*v_3
+    matrix_2_3 = xp.where(good, x63 - x61, xp.nan)
+    matrix_3_1 = xp.where(good, x53 - x54, xp.nan)
+    matrix_3_2 = xp.where(good, x61 + x63, xp.nan)
+    matrix_3_3 = xp.where(good, x59 - x43, xp.nan)
+    x74 = xp.where(16.0*eps < axis_deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    del x48, x49, x51, x45, v_1, x50, v_2, v_3, x53, x54, x61, x63, x43, x59, axis_deviation, sine, w
+    status_value = xp.where(~good, 4.0, x74)
+    return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status_value)
 
 
 matrix_from_axis_angle.signature = "(3),()->(3,3),()"
@@ -272,36 +277,37 @@ def _quaternion_from_axis_angle(xp, axis_1, axis_2, axis_3, angle, eps, largest)
     # 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
     axis_size = 0.25*xp.abs(axis_1) + 0.25*xp.abs(axis_2) + 0.25*xp.abs(axis_3)
-    x0 = _power_of_two_scale(axis_size)
-    axis_scaled_1 = axis_1*x0
-    axis_scaled_2 = axis_2*x0
-    axis_scaled_3 = axis_3*x0
-    axis_length = xp.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
-    x1 = xp.where(axis_length > 0.0, 1.0/axis_length, 1.0)
-    axis_unit_1 = axis_scaled_1*x1
-    axis_unit_2 = axis_scaled_2*x1
-    axis_unit_3 = axis_scaled_3*x1
-    axis_deviation = xp.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
-    x2 = xp.cos(half_angle)
-    quaternion_sign = xp.where(x2 < 0.0, -1.0, 1.0)
-    w = quaternion_sign*x2
-    x3 = quaternion_sign*xp.sin(half_angle)
-    v_1 = axis_unit_1*x3
-    v_2 = axis_unit_2*x3
-    v_3 = axis_unit_3*x3
-    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (axis_size > 0.0)
+    x7 = _power_of_two_scale(axis_size)
+    axis_scaled_1 = axis_1*x7
+    axis_scaled_2 = axis_2*x7
+    axis_scaled_3 = axis_3*x7
+    axis_length = xp.sqrt(axis_scaled_1*axis_scaled_1 + axis_scaled_2*axis_scaled_2 + axis_scaled_3*axis_scaled_3)
+    x15 = xp.where(0.0 < axis_length, 1.0/axis_length, 1.0)
+    axis_unit_1 = axis_scaled_1*x15
+    axis_unit_2 = axis_scaled_2*x15
+    axis_unit_3 = axis_scaled_3*x15
+    axis_deviation = xp.abs(axis_1*axis_1 + axis_2*axis_2 + axis_3*axis_3 - 1.0)
+    x22 = xp.cos(half_angle)
+    quaternion_sign = xp.where(x22 < 0.0, -1.0, 1.0)
+    w = quaternion_sign*x22
+    x25 = quaternion_sign*xp.sin(half_angle)
+    v_1 = axis_unit_1*x25
+    v_2 = axis_unit_2*x25
+    v_3 = axis_unit_3*x25
+    good = (axis_size <= largest) & (xp.abs(angle) <= largest) & (0.0 < axis_size)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del x0, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x1, x2, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x3, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    del x7, axis_length, axis_scaled_1, axis_scaled_2, axis_scaled_3, x15, x22, half_angle, quaternion_sign, axis_unit_1, axis_unit_2, axis_unit_3, x25, axis_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = xp.where(good, w, xp.nan)
     quaternion_2 = xp.where(good, v_1, xp.nan)
     quaternion_3 = xp.where(good, v_2, xp.nan)
     quaternion_4 = xp.where(good, v_3, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(axis_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
+    x48 = xp.where(16.0*eps < axis_deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    status_value = xp.where(~good, 4.0, x48)
+    return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status_value)
 
 
 quaternion_from_axis_angle.signature = "(3),()->(4),()"
@@ -339,34 +345,35 @@ def axis_angle_from_rodrigues_vector(theta, *, out=None):
 
 
 def _axis_angle_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
-    # 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale
+    # 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 4 compare, 6 abs, 1 atan2, 2 power_of_two_scale
     size = 0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
-    x0 = 0.5*factor
-    theta_scaled_1 = theta_1*x0
-    theta_scaled_2 = theta_2*x0
-    theta_scaled_3 = theta_3*x0
-    length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
-    x1 = 1.0/length
-    w = factor*x1
-    v_1 = theta_scaled_1*x1
-    v_2 = theta_scaled_2*x1
-    v_3 = theta_scaled_3*x1
+    x8 = 0.5*factor
+    theta_scaled_1 = x8*theta_1
+    theta_scaled_2 = x8*theta_2
+    theta_scaled_3 = x8*theta_3
+    length = xp.sqrt(factor*factor + theta_scaled_1*theta_scaled_1 + theta_scaled_2*theta_scaled_2 + theta_scaled_3*theta_scaled_3)
+    x16 = 1.0/length
+    w = factor*x16
+    v_1 = x16*theta_scaled_1
+    v_2 = x16*theta_scaled_2
+    v_3 = x16*theta_scaled_3
     good = size <= largest
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    x2 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
-    sine = x2/sine_scale
-    x3 = xp.where(sine > 0.0, 1.0/x2, 1.0)
-    axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x3, 0.0), xp.nan)
-    axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x3, 0.0), xp.nan)
-    axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x3, 1.0), xp.nan)
-    del x0, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x1, size, v_1, v_2, v_3, sine_scale, x2, v_scaled_1, v_scaled_2, v_scaled_3, x3
-    angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
-    return (axis_1, axis_2, axis_3, angle, status)
+    x27 = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)
+    sine = x27/sine_scale
+    x28 = 0.0 < sine
+    x30 = xp.where(x28, 1.0/x27, 1.0)
+    axis_1 = xp.where(good, xp.where(x28, v_scaled_1*x30, 0.0), xp.nan)
+    axis_2 = xp.where(good, xp.where(x28, v_scaled_2*x30, 0.0), xp.nan)
+    axis_3 = xp.where(good, xp.where(x28, v_scaled_3*x30, 1.0), xp.nan)
+    del x8, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x16, size, v_1, v_2, v_3, sine_scale, x27, v_scaled_1, v_scaled_2, v_scaled_3, x28, x30
+    angle_value = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
+    status_value = xp.where(~good, 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    return (axis_1, axis_2, axis_3, angle_value, status_value)
 
 
 axis_angle_from_rodrigues_vector.signature = "(3)->(3),(),()"
@@ -402,47 +409,48 @@ def matrix_from_rodrigues_vector(theta, *, out=None):
 
 
 def _matrix_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, largest):
-    # 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
+    # 21 add, 36 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
     size = 0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
-    x0 = 0.5*factor
-    theta_scaled_1 = theta_1*x0
-    theta_scaled_2 = theta_2*x0
-    theta_scaled_3 = theta_3*x0
-    length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
-    x1 = 1.0/length
-    w = factor*x1
-    v_1 = theta_scaled_1*x1
-    v_2 = theta_scaled_2*x1
-    v_3 = theta_scaled_3*x1
+    x8 = 0.5*factor
+    theta_scaled_1 = x8*theta_1
+    theta_scaled_2 = x8*theta_2
+    theta_scaled_3 = x8*theta_3
+    length = xp.sqrt(factor*factor + theta_scaled_1*theta_scaled_1 + theta_scaled_2*theta_scaled_2 + theta_scaled_3*theta_scaled_3)
+    x16 = 1.0/length
+    w = factor*x16
+    v_1 = x16*theta_scaled_1
+    v_2 = x16*theta_scaled_2
+    v_3 = x16*theta_scaled_3
     good = size <= largest
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    x2 = 2.0*(v_2*v_2)
-    x3 = 2.0*(v_3*v_3) - 1.0
-    matrix_1_1 = xp.where(good, -x2 - x3, xp.nan)
-    x4 = 2.0*v_2
-    x5 = v_1*x4
-    x6 = 2.0*v_3
-    x7 = w*x6
-    matrix_1_2 = xp.where(good, x5 - x7, xp.nan)
-    x8 = v_1*x6
-    x9 = w*x4
-    matrix_1_3 = xp.where(good, x8 + x9, xp.nan)
-    matrix_2_1 = xp.where(good, x5 + x7, xp.nan)
-    x10 = 2.0*(v_1*v_1)
-    matrix_2_2 = xp.where(good, -x10 - x3, xp.nan)
-    del x0, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x1, size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, x4, x5, x7, x3
-    x11 = 2.0*v_1*w
-    matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x11, xp.nan)
-    matrix_3_1 = xp.where(good, x8 - x9, xp.nan)
-    matrix_3_2 = xp.where(good, v_2*x6 + x11, xp.nan)
-    matrix_3_3 = xp.where(good, 1.0 - x10 - x2, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
-    return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    x29 = 2.0*(v_2*v_2)
+    x31 = 2.0*(v_3*v_3)
+    matrix_1_1 = xp.where(good, 1.0 - x29 - x31, xp.nan)
+    x34 = 2.0*v_1
+    x35 = x34*v_2
+    x36 = 2.0*w
+    x37 = x36*v_3
+    matrix_1_2 = xp.where(good, x35 - x37, xp.nan)
+    x39 = x34*v_3
+    x40 = x36*v_2
+    matrix_1_3 = xp.where(good, x39 + x40, xp.nan)
+    matrix_2_1 = xp.where(good, x35 + x37, xp.nan)
+    x45 = 1.0 - 2.0*(v_1*v_1)
+    matrix_2_2 = xp.where(good, x45 - x31, xp.nan)
+    del x8, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x16, size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, x34, x35, x37, x31
+    x47 = x36*v_1
+    x49 = 2.0*v_2*v_3
+    matrix_2_3 = xp.where(good, x49 - x47, xp.nan)
+    matrix_3_1 = xp.where(good, x39 - x40, xp.nan)
+    matrix_3_2 = xp.where(good, x47 + x49, xp.nan)
+    matrix_3_3 = xp.where(good, x45 - x29, xp.nan)
+    status_value = xp.where(~good, 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status_value)
 
 
 matrix_from_rodrigues_vector.signature = "(3)->(3,3),()"
@@ -481,29 +489,29 @@ def _quaternion_from_rodrigues_vector(xp, theta_1, theta_2, theta_3, eps, larges
     # 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale
     size = 0.125*xp.abs(theta_1) + 0.125*xp.abs(theta_2) + 0.125*xp.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
-    x0 = 0.5*factor
-    theta_scaled_1 = theta_1*x0
-    theta_scaled_2 = theta_2*x0
-    theta_scaled_3 = theta_3*x0
-    length = xp.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
-    x1 = 1.0/length
-    w = factor*x1
-    v_1 = theta_scaled_1*x1
-    v_2 = theta_scaled_2*x1
-    v_3 = theta_scaled_3*x1
+    x8 = 0.5*factor
+    theta_scaled_1 = x8*theta_1
+    theta_scaled_2 = x8*theta_2
+    theta_scaled_3 = x8*theta_3
+    length = xp.sqrt(factor*factor + theta_scaled_1*theta_scaled_1 + theta_scaled_2*theta_scaled_2 + theta_scaled_3*theta_scaled_3)
+    x16 = 1.0/length
+    w = factor*x16
+    v_1 = x16*theta_scaled_1
+    v_2 = x16*theta_scaled_2
+    v_3 = x16*theta_scaled_3
     good = size <= largest
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
     quaternion_1 = xp.where(good, w, xp.nan)
     quaternion_2 = xp.where(good, v_1, xp.nan)
     quaternion_3 = xp.where(good, v_2, xp.nan)
     quaternion_4 = xp.where(good, v_3, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
-    del x0, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x1, size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2, v_3, good, sine, w
-    return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
+    status_value = xp.where(~good, 4.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    del x8, length, factor, theta_scaled_1, theta_scaled_2, theta_scaled_3, x16, size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2, v_3, good, sine, w
+    return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status_value)
 
 
 quaternion_from_rodrigues_vector.signature = "(3)->(4),()"
@@ -541,73 +549,71 @@ def axis_angle_from_matrix(matrix, *, out=None):
 
 
 def _axis_angle_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale
-    x0 = matrix_1_1 + 1.0
-    products_1_1 = matrix_2_2 + matrix_3_3 + x0
-    x1 = matrix_3_2 - matrix_2_3
-    products_1_2 = x1
-    x2 = matrix_1_3 - matrix_3_1
-    products_1_3 = x2
-    x3 = matrix_2_1 - matrix_1_2
-    products_1_4 = x3
-    products_2_1 = x1
-    products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    x6 = matrix_1_2 + matrix_2_1
-    products_2_3 = x6
-    x7 = matrix_1_3 + matrix_3_1
-    products_2_4 = x7
-    products_3_1 = x2
-    products_3_2 = x6
-    x8 = matrix_1_1 - 1.0
-    products_3_3 = matrix_2_2 - matrix_3_3 - x8
-    x9 = matrix_2_3 + matrix_3_2
-    products_3_4 = x9
-    products_4_1 = x3
-    products_4_2 = x7
-    products_4_3 = x9
-    products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
-    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
-    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
-    x10 = 1.0/length
-    x11 = column_c_1*x10
-    quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
-    w = quaternion_sign*x11
-    x12 = quaternion_sign*x10
-    v_1 = column_c_2*x12
-    v_2 = column_c_3*x12
-    v_3 = column_c_4*x12
-    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
-    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
-    good = (deviation <= largest) & (determinant > 0.0)
+    # 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 10 compare, 9 abs, 1 atan2, 1 power_of_two_scale
+    x0 = matrix_1_1 + matrix_2_2
+    x1 = matrix_3_3 + 1.0
+    products_1_1 = x0 + x1
+    products_1_2 = matrix_3_2 - matrix_2_3
+    products_1_3 = matrix_1_3 - matrix_3_1
+    products_1_4 = matrix_2_1 - matrix_1_2
+    products_2_2 = matrix_1_1 + 1.0 - (matrix_2_2 + matrix_3_3)
+    products_2_3 = matrix_1_2 + matrix_2_1
+    products_2_4 = matrix_1_3 + matrix_3_1
+    products_3_3 = matrix_2_2 + 1.0 - (matrix_1_1 + matrix_3_3)
+    products_3_4 = matrix_2_3 + matrix_3_2
+    products_4_4 = x1 - x0
+    x6 = products_1_1 < products_2_2
+    column_a_1 = xp.where(x6, products_1_2, products_1_1)
+    column_a_2 = xp.where(x6, products_2_2, products_1_2)
+    column_a_3 = xp.where(x6, products_2_3, products_1_3)
+    column_a_4 = xp.where(x6, products_2_4, products_1_4)
+    largest_a = xp.where(x6, products_2_2, products_1_1)
+    x7 = largest_a < products_3_3
+    column_b_1 = xp.where(x7, products_1_3, column_a_1)
+    column_b_2 = xp.where(x7, products_2_3, column_a_2)
+    column_b_3 = xp.where(x7, products_3_3, column_a_3)
+    column_b_4 = xp.where(x7, products_3_4, column_a_4)
+    largest_b = xp.where(x7, products_3_3, largest_a)
+    x8 = largest_b < products_4_4
+    del x0, x1, products_1_2, products_1_1, products_2_2, x6, column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, largest_a, products_3_3, x7, largest_b
+    column_c_1 = xp.where(x8, products_1_4, column_b_1)
+    column_c_2 = xp.where(x8, products_2_4, column_b_2)
+    column_c_3 = xp.where(x8, products_3_4, column_b_3)
+    column_c_4 = xp.where(x8, products_4_4, column_b_4)
+    length = xp.sqrt(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4)
+    x16 = 1.0/length
+    quaternion_sign = xp.where(column_c_1*x16 < 0.0, -1.0, 1.0)
+    x19 = x16*quaternion_sign
+    w = column_c_1*x19
+    v_1 = column_c_2*x19
+    v_2 = column_c_3*x19
+    v_3 = column_c_4*x19
+    del column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, products_4_4, x8, length, quaternion_sign, x16, column_c_1, column_c_2, column_c_3, column_c_4, x19
+    x33 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x40 = 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x47 = xp.abs(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - 1.0)
+    x54 = xp.abs(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - 1.0)
+    x61 = xp.abs(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x33 + x40 + x47 + x54 + x61
+    x77 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x77
+    good = (deviation <= largest) & (0.0 < determinant)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    x13 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
-    sine = x13/sine_scale
-    x14 = xp.where(sine > 0.0, 1.0/x13, 1.0)
-    axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x14, 0.0), xp.nan)
-    del length, column_c_1, x11, quaternion_sign, x10, column_c_2, column_c_3, column_c_4, x12, determinant, v_1, v_2, v_3, sine_scale, x13, v_scaled_1
-    axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x14, 0.0), xp.nan)
-    axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x14, 1.0), xp.nan)
-    angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (axis_1, axis_2, axis_3, angle, status)
+    x91 = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)
+    sine = x91/sine_scale
+    x92 = 0.0 < sine
+    x94 = xp.where(x92, 1.0/x91, 1.0)
+    axis_1 = xp.where(good, xp.where(x92, v_scaled_1*x94, 0.0), xp.nan)
+    axis_2 = xp.where(good, xp.where(x92, v_scaled_2*x94, 0.0), xp.nan)
+    axis_3 = xp.where(good, xp.where(x92, v_scaled_3*x94, 1.0), xp.nan)
+    del x33, x40, x47, x54, x61, x77, determinant, v_1, v_2, v_3, sine_scale, x91, v_scaled_1, v_scaled_2, v_scaled_3, x92, x94
+    angle_value = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
+    x109 = xp.where(64.0*eps < deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    status_value = xp.where(~good, 4.0, x109)
+    return (axis_1, axis_2, axis_3, angle_value, status_value)
 
 
 axis_angle_from_matrix.signature = "(3,3)->(3),(),()"
@@ -643,71 +649,68 @@ def rodrigues_vector_from_matrix(matrix, *, out=None):
 
 
 def _rodrigues_vector_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale
-    x0 = matrix_1_1 + 1.0
-    products_1_1 = matrix_2_2 + matrix_3_3 + x0
-    x1 = matrix_3_2 - matrix_2_3
-    products_1_2 = x1
-    x2 = matrix_1_3 - matrix_3_1
-    products_1_3 = x2
-    x3 = matrix_2_1 - matrix_1_2
-    products_1_4 = x3
-    products_2_1 = x1
-    products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    x6 = matrix_1_2 + matrix_2_1
-    products_2_3 = x6
-    x7 = matrix_1_3 + matrix_3_1
-    products_2_4 = x7
-    products_3_1 = x2
-    products_3_2 = x6
-    x8 = matrix_1_1 - 1.0
-    products_3_3 = matrix_2_2 - matrix_3_3 - x8
-    x9 = matrix_2_3 + matrix_3_2
-    products_3_4 = x9
-    products_4_1 = x3
-    products_4_2 = x7
-    products_4_3 = x9
-    products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
-    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
-    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
-    x10 = 1.0/length
-    x11 = column_c_1*x10
-    quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
-    w = quaternion_sign*x11
-    x12 = quaternion_sign*x10
-    v_1 = column_c_2*x12
-    v_2 = column_c_3*x12
-    v_3 = column_c_4*x12
-    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
-    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
-    good = (deviation <= largest) & (determinant > 0.0)
+    # 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 10 compare, 9 abs, 1 power_of_two_scale
+    x0 = matrix_1_1 + matrix_2_2
+    x1 = matrix_3_3 + 1.0
+    products_1_1 = x0 + x1
+    products_1_2 = matrix_3_2 - matrix_2_3
+    products_1_3 = matrix_1_3 - matrix_3_1
+    products_1_4 = matrix_2_1 - matrix_1_2
+    products_2_2 = matrix_1_1 + 1.0 - (matrix_2_2 + matrix_3_3)
+    products_2_3 = matrix_1_2 + matrix_2_1
+    products_2_4 = matrix_1_3 + matrix_3_1
+    products_3_3 = matrix_2_2 + 1.0 - (matrix_1_1 + matrix_3_3)
+    products_3_4 = matrix_2_3 + matrix_3_2
+    products_4_4 = x1 - x0
+    x6 = products_1_1 < products_2_2
+    column_a_1 = xp.where(x6, products_1_2, products_1_1)
+    column_a_2 = xp.where(x6, products_2_2, products_1_2)
+    column_a_3 = xp.where(x6, products_2_3, products_1_3)
+    column_a_4 = xp.where(x6, products_2_4, products_1_4)
+    largest_a = xp.where(x6, products_2_2, products_1_1)
+    x7 = largest_a < products_3_3
+    column_b_1 = xp.where(x7, products_1_3, column_a_1)
+    column_b_2 = xp.where(x7, products_2_3, column_a_2)
+    column_b_3 = xp.where(x7, products_3_3, column_a_3)
+    column_b_4 = xp.where(x7, products_3_4, column_a_4)
+    largest_b = xp.where(x7, products_3_3, largest_a)
+    x8 = largest_b < products_4_4
+    del x0, x1, products_1_2, products_1_1, products_2_2, x6, column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, largest_a, products_3_3, x7, largest_b
+    column_c_1 = xp.where(x8, products_1_4, column_b_1)
+    column_c_2 = xp.where(x8, products_2_4, column_b_2)
+    column_c_3 = xp.where(x8, products_3_4, column_b_3)
+    column_c_4 = xp.where(x8, products_4_4, column_b_4)
+    length = xp.sqrt(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4)
+    x16 = 1.0/length
+    quaternion_sign = xp.where(column_c_1*x16 < 0.0, -1.0, 1.0)
+    x19 = x16*quaternion_sign
+    w = column_c_1*x19
+    v_1 = column_c_2*x19
+    v_2 = column_c_3*x19
+    v_3 = column_c_4*x19
+    del column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, products_4_4, x8, length, quaternion_sign, x16, column_c_1, column_c_2, column_c_3, column_c_4, x19
+    x33 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x40 = 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x47 = xp.abs(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - 1.0)
+    x54 = xp.abs(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - 1.0)
+    x61 = xp.abs(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x33 + x40 + x47 + x54 + x61
+    x77 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x77
+    good = (deviation <= largest) & (0.0 < determinant)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    x13 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
-    theta_1 = xp.where(good, v_1*x13, xp.nan)
-    theta_2 = xp.where(good, v_2*x13, xp.nan)
-    del length, column_c_1, x11, quaternion_sign, x10, column_c_2, column_c_3, column_c_4, x12, determinant, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2
-    theta_3 = xp.where(good, v_3*x13, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (theta_1, theta_2, theta_3, status)
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    x97 = 2.0*xp.where(0.25*eps < w, 1.0/w, 4.0/eps)
+    theta_1 = xp.where(good, x97*v_1, xp.nan)
+    theta_2 = xp.where(good, x97*v_2, xp.nan)
+    theta_3 = xp.where(good, x97*v_3, xp.nan)
+    x107 = xp.where(64.0*eps < deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    del x33, x40, x47, x54, x61, x77, determinant, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2, v_3, x97, deviation, sine, w
+    status_value = xp.where(~good, 4.0, x107)
+    return (theta_1, theta_2, theta_3, status_value)
 
 
 rodrigues_vector_from_matrix.signature = "(3,3)->(3),()"
@@ -743,71 +746,68 @@ def quaternion_from_matrix(matrix, *, out=None):
 
 
 def _quaternion_from_matrix(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale
-    x0 = matrix_1_1 + 1.0
-    products_1_1 = matrix_2_2 + matrix_3_3 + x0
-    x1 = matrix_3_2 - matrix_2_3
-    products_1_2 = x1
-    x2 = matrix_1_3 - matrix_3_1
-    products_1_3 = x2
-    x3 = matrix_2_1 - matrix_1_2
-    products_1_4 = x3
-    products_2_1 = x1
-    products_2_2 = x0 - matrix_2_2 - matrix_3_3
-    x6 = matrix_1_2 + matrix_2_1
-    products_2_3 = x6
-    x7 = matrix_1_3 + matrix_3_1
-    products_2_4 = x7
-    products_3_1 = x2
-    products_3_2 = x6
-    x8 = matrix_1_1 - 1.0
-    products_3_3 = matrix_2_2 - matrix_3_3 - x8
-    x9 = matrix_2_3 + matrix_3_2
-    products_3_4 = x9
-    products_4_1 = x3
-    products_4_2 = x7
-    products_4_3 = x9
-    products_4_4 = matrix_3_3 - matrix_2_2 - x8
-    column_a_1 = xp.where(products_1_1 < products_2_2, products_1_2, products_1_1)
-    column_a_2 = xp.where(products_1_1 < products_2_2, products_2_2, products_2_1)
-    column_a_3 = xp.where(products_1_1 < products_2_2, products_3_2, products_3_1)
-    column_a_4 = xp.where(products_1_1 < products_2_2, products_4_2, products_4_1)
-    largest_a = xp.where(products_1_1 < products_2_2, products_2_2, products_1_1)
-    del x1, x0, x2, x6, x3, x7, x9, x8, products_1_2, products_2_1, products_3_1, products_3_2, products_4_1, products_4_2, products_1_1, products_2_2
-    column_b_1 = xp.where(largest_a < products_3_3, products_1_3, column_a_1)
-    column_b_2 = xp.where(largest_a < products_3_3, products_2_3, column_a_2)
-    column_b_3 = xp.where(largest_a < products_3_3, products_3_3, column_a_3)
-    column_b_4 = xp.where(largest_a < products_3_3, products_4_3, column_a_4)
-    largest_b = xp.where(largest_a < products_3_3, products_3_3, largest_a)
-    column_c_1 = xp.where(largest_b < products_4_4, products_1_4, column_b_1)
-    column_c_2 = xp.where(largest_b < products_4_4, products_2_4, column_b_2)
-    column_c_3 = xp.where(largest_b < products_4_4, products_3_4, column_b_3)
-    column_c_4 = xp.where(largest_b < products_4_4, products_4_4, column_b_4)
-    del column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, products_4_3, largest_a, products_3_3, column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, largest_b, products_4_4
-    length = xp.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
-    x10 = 1.0/length
-    x11 = column_c_1*x10
-    quaternion_sign = xp.where(x11 < 0.0, -1.0, 1.0)
-    w = quaternion_sign*x11
-    x12 = quaternion_sign*x10
-    v_1 = column_c_2*x12
-    v_2 = column_c_3*x12
-    v_3 = column_c_4*x12
-    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + xp.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + xp.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + xp.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
-    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
-    good = (deviation <= largest) & (determinant > 0.0)
+    # 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 9 compare, 9 abs, 1 power_of_two_scale
+    x0 = matrix_1_1 + matrix_2_2
+    x1 = matrix_3_3 + 1.0
+    products_1_1 = x0 + x1
+    products_1_2 = matrix_3_2 - matrix_2_3
+    products_1_3 = matrix_1_3 - matrix_3_1
+    products_1_4 = matrix_2_1 - matrix_1_2
+    products_2_2 = matrix_1_1 + 1.0 - (matrix_2_2 + matrix_3_3)
+    products_2_3 = matrix_1_2 + matrix_2_1
+    products_2_4 = matrix_1_3 + matrix_3_1
+    products_3_3 = matrix_2_2 + 1.0 - (matrix_1_1 + matrix_3_3)
+    products_3_4 = matrix_2_3 + matrix_3_2
+    products_4_4 = x1 - x0
+    x6 = products_1_1 < products_2_2
+    column_a_1 = xp.where(x6, products_1_2, products_1_1)
+    column_a_2 = xp.where(x6, products_2_2, products_1_2)
+    column_a_3 = xp.where(x6, products_2_3, products_1_3)
+    column_a_4 = xp.where(x6, products_2_4, products_1_4)
+    largest_a = xp.where(x6, products_2_2, products_1_1)
+    x7 = largest_a < products_3_3
+    column_b_1 = xp.where(x7, products_1_3, column_a_1)
+    column_b_2 = xp.where(x7, products_2_3, column_a_2)
+    column_b_3 = xp.where(x7, products_3_3, column_a_3)
+    column_b_4 = xp.where(x7, products_3_4, column_a_4)
+    largest_b = xp.where(x7, products_3_3, largest_a)
+    x8 = largest_b < products_4_4
+    del x0, x1, products_1_2, products_1_1, products_2_2, x6, column_a_1, products_1_3, column_a_2, products_2_3, column_a_3, column_a_4, largest_a, products_3_3, x7, largest_b
+    column_c_1 = xp.where(x8, products_1_4, column_b_1)
+    column_c_2 = xp.where(x8, products_2_4, column_b_2)
+    column_c_3 = xp.where(x8, products_3_4, column_b_3)
+    column_c_4 = xp.where(x8, products_4_4, column_b_4)
+    length = xp.sqrt(column_c_1*column_c_1 + column_c_2*column_c_2 + column_c_3*column_c_3 + column_c_4*column_c_4)
+    x16 = 1.0/length
+    quaternion_sign = xp.where(column_c_1*x16 < 0.0, -1.0, 1.0)
+    x19 = x16*quaternion_sign
+    w = column_c_1*x19
+    v_1 = column_c_2*x19
+    v_2 = column_c_3*x19
+    v_3 = column_c_4*x19
+    del column_b_1, products_1_4, column_b_2, products_2_4, column_b_3, products_3_4, column_b_4, products_4_4, x8, length, quaternion_sign, x16, column_c_1, column_c_2, column_c_3, column_c_4, x19
+    x33 = 2.0*xp.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3)
+    x40 = 2.0*xp.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3)
+    x47 = xp.abs(matrix_1_1*matrix_1_1 + matrix_2_1*matrix_2_1 + matrix_3_1*matrix_3_1 - 1.0)
+    x54 = xp.abs(matrix_1_2*matrix_1_2 + matrix_2_2*matrix_2_2 + matrix_3_2*matrix_3_2 - 1.0)
+    x61 = xp.abs(matrix_1_3*matrix_1_3 + matrix_2_3*matrix_2_3 + matrix_3_3*matrix_3_3 - 1.0)
+    deviation = 2.0*xp.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + x33 + x40 + x47 + x54 + x61
+    x77 = matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
+    determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + x77
+    good = (deviation <= largest) & (0.0 < determinant)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
     quaternion_1 = xp.where(good, w, xp.nan)
     quaternion_2 = xp.where(good, v_1, xp.nan)
     quaternion_3 = xp.where(good, v_2, xp.nan)
-    del length, column_c_1, x11, quaternion_sign, x10, column_c_2, column_c_3, column_c_4, x12, determinant, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2
     quaternion_4 = xp.where(good, v_3, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(deviation > 64.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
+    x98 = xp.where(64.0*eps < deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    del x33, x40, x47, x54, x61, x77, determinant, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3, v_1, v_2, v_3, deviation, sine, w
+    status_value = xp.where(~good, 4.0, x98)
+    return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status_value)
 
 
 quaternion_from_matrix.signature = "(3,3)->(4),()"
@@ -845,40 +845,42 @@ def axis_angle_from_quaternion(quaternion, *, out=None):
 
 
 def _axis_angle_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale
+    # 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 8 compare, 8 abs, 1 atan2, 2 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
-    x0 = _power_of_two_scale(quaternion_size)
-    quaternion_scaled_1 = quaternion_1*x0
-    quaternion_scaled_2 = quaternion_2*x0
-    quaternion_scaled_3 = quaternion_3*x0
-    quaternion_scaled_4 = quaternion_4*x0
-    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    quaternion_unit_1 = quaternion_scaled_1*x1
-    quaternion_unit_2 = quaternion_scaled_2*x1
-    quaternion_unit_3 = quaternion_scaled_3*x1
-    quaternion_unit_4 = quaternion_scaled_4*x1
-    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    x10 = _power_of_two_scale(quaternion_size)
+    quaternion_scaled_1 = quaternion_1*x10
+    quaternion_scaled_2 = quaternion_2*x10
+    quaternion_scaled_3 = quaternion_3*x10
+    quaternion_scaled_4 = quaternion_4*x10
+    quaternion_length = xp.sqrt(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4)
+    x20 = xp.where(0.0 < quaternion_length, 1.0/quaternion_length, 1.0)
+    quaternion_unit_1 = quaternion_scaled_1*x20
+    quaternion_unit_2 = quaternion_scaled_2*x20
+    quaternion_unit_3 = quaternion_scaled_3*x20
+    quaternion_unit_4 = quaternion_scaled_4*x20
+    quaternion_deviation = xp.abs(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - 1.0)
     quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
-    good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    good = (quaternion_size <= largest) & (0.0 < quaternion_size)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, v_1, v_2, v_3
-    x2 = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
-    sine = x2/sine_scale
-    x3 = xp.where(sine > 0.0, 1.0/x2, 1.0)
-    axis_1 = xp.where(good, xp.where(sine > 0.0, v_scaled_1*x3, 0.0), xp.nan)
-    axis_2 = xp.where(good, xp.where(sine > 0.0, v_scaled_2*x3, 0.0), xp.nan)
-    axis_3 = xp.where(good, xp.where(sine > 0.0, v_scaled_3*x3, 1.0), xp.nan)
-    angle = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (axis_1, axis_2, axis_3, angle, status)
+    del x10, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x20, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, v_1, v_2, v_3
+    x42 = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)
+    sine = x42/sine_scale
+    x43 = 0.0 < sine
+    x45 = xp.where(x43, 1.0/x42, 1.0)
+    axis_1 = xp.where(good, xp.where(x43, v_scaled_1*x45, 0.0), xp.nan)
+    axis_2 = xp.where(good, xp.where(x43, v_scaled_2*x45, 0.0), xp.nan)
+    axis_3 = xp.where(good, xp.where(x43, v_scaled_3*x45, 1.0), xp.nan)
+    angle_value = xp.where(good, 2.0*xp.atan2(sine, w), xp.nan)
+    x60 = xp.where(16.0*eps < quaternion_deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    status_value = xp.where(~good, 4.0, x60)
+    return (axis_1, axis_2, axis_3, angle_value, status_value)
 
 
 axis_angle_from_quaternion.signature = "(4)->(3),(),()"
@@ -916,36 +918,37 @@ def rodrigues_vector_from_quaternion(quaternion, *, out=None):
 def _rodrigues_vector_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
     # 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
-    x0 = _power_of_two_scale(quaternion_size)
-    quaternion_scaled_1 = quaternion_1*x0
-    quaternion_scaled_2 = quaternion_2*x0
-    quaternion_scaled_3 = quaternion_3*x0
-    quaternion_scaled_4 = quaternion_4*x0
-    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    quaternion_unit_1 = quaternion_scaled_1*x1
-    quaternion_unit_2 = quaternion_scaled_2*x1
-    quaternion_unit_3 = quaternion_scaled_3*x1
-    quaternion_unit_4 = quaternion_scaled_4*x1
-    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    x10 = _power_of_two_scale(quaternion_size)
+    quaternion_scaled_1 = quaternion_1*x10
+    quaternion_scaled_2 = quaternion_2*x10
+    quaternion_scaled_3 = quaternion_3*x10
+    quaternion_scaled_4 = quaternion_4*x10
+    quaternion_length = xp.sqrt(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4)
+    x20 = xp.where(0.0 < quaternion_length, 1.0/quaternion_length, 1.0)
+    quaternion_unit_1 = quaternion_scaled_1*x20
+    quaternion_unit_2 = quaternion_scaled_2*x20
+    quaternion_unit_3 = quaternion_scaled_3*x20
+    quaternion_unit_4 = quaternion_scaled_4*x20
+    quaternion_deviation = xp.abs(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - 1.0)
     quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
-    good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    good = (quaternion_size <= largest) & (0.0 < quaternion_size)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x2 = 2.0*xp.where(w > 0.25*eps, 1.0/w, 4.0/eps)
-    theta_1 = xp.where(good, v_1*x2, xp.nan)
-    theta_2 = xp.where(good, v_2*x2, xp.nan)
-    theta_3 = xp.where(good, v_3*x2, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    return (theta_1, theta_2, theta_3, status)
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    del x10, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x20, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    x48 = 2.0*xp.where(0.25*eps < w, 1.0/w, 4.0/eps)
+    theta_1 = xp.where(good, x48*v_1, xp.nan)
+    theta_2 = xp.where(good, x48*v_2, xp.nan)
+    theta_3 = xp.where(good, x48*v_3, xp.nan)
+    x58 = xp.where(16.0*eps < quaternion_deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    status_value = xp.where(~good, 4.0, x58)
+    return (theta_1, theta_2, theta_3, status_value)
 
 
 rodrigues_vector_from_quaternion.signature = "(4)->(3),()"
@@ -981,54 +984,56 @@ def matrix_from_quaternion(quaternion, *, out=None):
 
 
 def _matrix_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
+    # 25 add, 46 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
     quaternion_size = 0.25*xp.abs(quaternion_1) + 0.25*xp.abs(quaternion_2) + 0.25*xp.abs(quaternion_3) + 0.25*xp.abs(quaternion_4)
-    x0 = _power_of_two_scale(quaternion_size)
-    quaternion_scaled_1 = quaternion_1*x0
-    quaternion_scaled_2 = quaternion_2*x0
-    quaternion_scaled_3 = quaternion_3*x0
-    quaternion_scaled_4 = quaternion_4*x0
-    quaternion_length = xp.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
-    x1 = xp.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
-    quaternion_unit_1 = quaternion_scaled_1*x1
-    quaternion_unit_2 = quaternion_scaled_2*x1
-    quaternion_unit_3 = quaternion_scaled_3*x1
-    quaternion_unit_4 = quaternion_scaled_4*x1
-    quaternion_deviation = xp.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
+    x10 = _power_of_two_scale(quaternion_size)
+    quaternion_scaled_1 = quaternion_1*x10
+    quaternion_scaled_2 = quaternion_2*x10
+    quaternion_scaled_3 = quaternion_3*x10
+    quaternion_scaled_4 = quaternion_4*x10
+    quaternion_length = xp.sqrt(quaternion_scaled_1*quaternion_scaled_1 + quaternion_scaled_2*quaternion_scaled_2 + quaternion_scaled_3*quaternion_scaled_3 + quaternion_scaled_4*quaternion_scaled_4)
+    x20 = xp.where(0.0 < quaternion_length, 1.0/quaternion_length, 1.0)
+    quaternion_unit_1 = quaternion_scaled_1*x20
+    quaternion_unit_2 = quaternion_scaled_2*x20
+    quaternion_unit_3 = quaternion_scaled_3*x20
+    quaternion_unit_4 = quaternion_scaled_4*x20
+    quaternion_deviation = xp.abs(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4 - 1.0)
     quaternion_sign = xp.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
-    good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    good = (quaternion_size <= largest) & (0.0 < quaternion_size)
     sine_scale = _power_of_two_scale(xp.abs(v_1) + xp.abs(v_2) + xp.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
-    sine = xp.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
-    del x0, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x1, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
-    x2 = 2.0*(v_2*v_2)
-    x3 = 2.0*(v_3*v_3) - 1.0
-    matrix_1_1 = xp.where(good, -x2 - x3, xp.nan)
-    x4 = 2.0*v_2
-    x5 = v_1*x4
-    x6 = 2.0*v_3
-    x7 = w*x6
-    matrix_1_2 = xp.where(good, x5 - x7, xp.nan)
-    x8 = v_1*x6
-    x9 = w*x4
-    matrix_1_3 = xp.where(good, x8 + x9, xp.nan)
-    matrix_2_1 = xp.where(good, x5 + x7, xp.nan)
-    x10 = 2.0*(v_1*v_1)
-    matrix_2_2 = xp.where(good, -x10 - x3, xp.nan)
-    x11 = 2.0*v_1*w
-    matrix_2_3 = xp.where(good, 2.0*v_2*v_3 - x11, xp.nan)
-    matrix_3_1 = xp.where(good, x8 - x9, xp.nan)
-    matrix_3_2 = xp.where(good, v_2*x6 + x11, xp.nan)
-    matrix_3_3 = xp.where(good, 1.0 - x10 - x2, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(quaternion_deviation > 16.0*eps, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0))))
-    del x4, x5, x7, x3, v_1, v_3, x8, x9, v_2, x11, x6, x10, x2, good, quaternion_deviation, sine, w
-    return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
+    sine = xp.sqrt(v_scaled_1*v_scaled_1 + v_scaled_2*v_scaled_2 + v_scaled_3*v_scaled_3)/sine_scale
+    del x10, quaternion_length, quaternion_scaled_1, quaternion_scaled_2, quaternion_scaled_3, quaternion_scaled_4, x20, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_sign, quaternion_unit_4, quaternion_size, sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
+    x44 = 2.0*(v_2*v_2)
+    x46 = 2.0*(v_3*v_3)
+    matrix_1_1 = xp.where(good, 1.0 - x44 - x46, xp.nan)
+    x49 = 2.0*v_1
+    x50 = x49*v_2
+    x51 = 2.0*w
+    x52 = x51*v_3
+    matrix_1_2 = xp.where(good, x50 - x52, xp.nan)
+    x54 = x49*v_3
+    x55 = x51*v_2
+    matrix_1_3 = xp.where(good, x54 + x55, xp.nan)
+    matrix_2_1 = xp.where(good, x50 + x52, xp.nan)
+    x60 = 1.0 - 2.0*(v_1*v_1)
+    matrix_2_2 = xp.where(good, x60 - x46, xp.nan)
+    x62 = x51*v_1
+    x64 = 2.0*v_2*v_3
+    matrix_2_3 = xp.where(good, x64 - x62, xp.nan)
+    matrix_3_1 = xp.where(good, x54 - x55, xp.nan)
+    matrix_3_2 = xp.where(good, x62 + x64, xp.nan)
+    matrix_3_3 = xp.where(good, x60 - x44, xp.nan)
+    x75 = xp.where(16.0*eps < quaternion_deviation, 3.0, xp.where(sine == 0.0, 1.0, xp.where(w <= eps, 2.0, 0.0)))
+    del x49, x50, x52, x46, v_1, x51, v_2, v_3, x54, x55, x62, x64, x44, x60, quaternion_deviation, sine, w
+    status_value = xp.where(~good, 4.0, x75)
+    return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status_value)
 
 
 matrix_from_quaternion.signature = "(4)->(3,3),()"

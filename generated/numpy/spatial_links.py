@@ -67,29 +67,22 @@ def _link_step(xp, frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_
     # 18 add, 30 mul, 1 cos, 1 sin
     c = xp.cos(angle)
     s = xp.sin(angle)
-    x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha
-    next_frame_1_1 = c*frame_1_1 + s*x0
-    next_frame_1_2 = c*x0 - frame_1_1*s
-    x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha
-    next_frame_1_3 = x1
-    next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*x1
-    x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha
-    next_frame_2_1 = c*frame_2_1 + s*x2
-    next_frame_2_2 = c*x2 - frame_2_1*s
-    x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha
-    next_frame_2_3 = x3
-    next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*x3
-    x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha
-    next_frame_3_1 = c*frame_3_1 + s*x4
-    next_frame_3_2 = c*x4 - frame_3_1*s
-    x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha
-    next_frame_3_3 = x5
-    next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*x5
-    next_frame_4_1 = 0.0
-    next_frame_4_2 = 0.0
-    next_frame_4_3 = 0.0
-    next_frame_4_4 = 1.0
-    return (next_frame_1_1, next_frame_1_2, next_frame_1_3, next_frame_1_4, next_frame_2_1, next_frame_2_2, next_frame_2_3, next_frame_2_4, next_frame_3_1, next_frame_3_2, next_frame_3_3, next_frame_3_4, next_frame_4_1, next_frame_4_2, next_frame_4_3, next_frame_4_4)
+    x3 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha
+    next_frame_1_1 = c*frame_1_1 + s*x3
+    next_frame_1_2 = c*x3 - frame_1_1*s
+    next_frame_1_3 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha
+    next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*next_frame_1_3
+    x15 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha
+    next_frame_2_1 = c*frame_2_1 + s*x15
+    next_frame_2_2 = c*x15 - frame_2_1*s
+    next_frame_2_3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha
+    next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*next_frame_2_3
+    x27 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha
+    next_frame_3_1 = c*frame_3_1 + s*x27
+    next_frame_3_2 = c*x27 - frame_3_1*s
+    next_frame_3_3 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha
+    next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*next_frame_3_3
+    return (next_frame_1_1, next_frame_1_2, next_frame_1_3, next_frame_1_4, next_frame_2_1, next_frame_2_2, next_frame_2_3, next_frame_2_4, next_frame_3_1, next_frame_3_2, next_frame_3_3, next_frame_3_4, 0.0, 0.0, 0.0, 1.0)
 
 
 link_step.signature = "(4,4),(),(),(),(),()->(4,4)"
@@ -124,23 +117,10 @@ def link_inverse(transform, *, out=None):
 
 def _link_inverse(xp, transform_1_1, transform_1_2, transform_1_3, transform_1_4, transform_2_1, transform_2_2, transform_2_3, transform_2_4, transform_3_1, transform_3_2, transform_3_3, transform_3_4, transform_4_1, transform_4_2, transform_4_3, transform_4_4, eps, largest):
     # 6 add, 9 mul
-    inverse_1_1 = transform_1_1
-    inverse_1_2 = transform_2_1
-    inverse_1_3 = transform_3_1
-    inverse_1_4 = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4
-    inverse_2_1 = transform_1_2
-    inverse_2_2 = transform_2_2
-    inverse_2_3 = transform_3_2
-    inverse_2_4 = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4
-    inverse_3_1 = transform_1_3
-    inverse_3_2 = transform_2_3
-    inverse_3_3 = transform_3_3
-    inverse_3_4 = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4
-    inverse_4_1 = 0.0
-    inverse_4_2 = 0.0
-    inverse_4_3 = 0.0
-    inverse_4_4 = 1.0
-    return (inverse_1_1, inverse_1_2, inverse_1_3, inverse_1_4, inverse_2_1, inverse_2_2, inverse_2_3, inverse_2_4, inverse_3_1, inverse_3_2, inverse_3_3, inverse_3_4, inverse_4_1, inverse_4_2, inverse_4_3, inverse_4_4)
+    inverse_1_4 = -(transform_1_1*transform_1_4 + transform_2_1*transform_2_4 + transform_3_1*transform_3_4)
+    inverse_2_4 = -(transform_1_2*transform_1_4 + transform_2_2*transform_2_4 + transform_3_2*transform_3_4)
+    inverse_3_4 = -(transform_1_3*transform_1_4 + transform_2_3*transform_2_4 + transform_3_3*transform_3_4)
+    return (transform_1_1, transform_2_1, transform_3_1, inverse_1_4, transform_1_2, transform_2_2, transform_3_2, inverse_2_4, transform_1_3, transform_2_3, transform_3_3, inverse_3_4, 0.0, 0.0, 0.0, 1.0)
 
 
 link_inverse.signature = "(4,4)->(4,4)"
@@ -182,7 +162,7 @@ def link_forward_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
 
 
 def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
-    # 79 add, 137 mul, 6 cos, 6 sin
+    # 79 add, 139 mul, 6 cos, 6 sin
     c_1 = xp.cos(angle_1)
     c_2 = xp.cos(angle_2)
     c_3 = xp.cos(angle_3)
@@ -196,118 +176,84 @@ def _link_forward_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_
     s_5 = xp.sin(angle_5)
     s_6 = xp.sin(angle_6)
     x0 = c_1*c_2
-    x1 = s_1*s_2
-    x_b_1 = x0 - cos_alpha_1*x1
-    x2 = c_2*s_1
-    x3 = c_1*s_2
-    x_b_2 = cos_alpha_1*x3 + x2
+    x_b_1 = x0 - cos_alpha_1*s_1*s_2
+    x5 = c_2*s_1
+    x_b_2 = c_1*cos_alpha_1*s_2 + x5
     x_b_3 = s_2*sin_alpha_1
-    y_b_1 = -cos_alpha_1*x2 - x3
-    y_b_2 = cos_alpha_1*x0 - x1
+    y_b_1 = -(c_1*s_2 + x5*cos_alpha_1)
+    y_b_2 = x0*cos_alpha_1 - s_1*s_2
     y_b_3 = c_2*sin_alpha_1
-    x4 = s_1*sin_alpha_1
-    z_b_1 = x4
-    x5 = c_1*sin_alpha_1
-    z_b_2 = -x5
-    z_b_3 = cos_alpha_1
-    p_b_1 = a_1*c_1 + offset_2*x4
-    p_b_2 = a_1*s_1 - offset_2*x5
+    z_b_1 = s_1*sin_alpha_1
+    x11 = c_1*sin_alpha_1
+    z_b_2 = -x11
+    p_b_1 = a_1*c_1 + offset_2*z_b_1
+    p_b_2 = a_1*s_1 - x11*offset_2
     p_b_3 = cos_alpha_1*offset_2 + offset_1
-    x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1
-    x_c_1 = c_3*x_b_1 + s_3*x6
-    x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2
-    x_c_2 = c_3*x_b_2 + s_3*x7
-    x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3
-    x_c_3 = c_3*x_b_3 + s_3*x8
-    y_c_1 = c_3*x6 - s_3*x_b_1
-    y_c_2 = c_3*x7 - s_3*x_b_2
-    y_c_3 = c_3*x8 - s_3*x_b_3
-    x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1
-    del s_2, x2, x3, x0, x1, c_2, c_1, x4, s_1, x5, x6, x7, c_3, s_3, x8, y_b_1, z_b_1
-    z_c_1 = x9
-    x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2
-    z_c_2 = x10
-    x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3
-    z_c_3 = x11
-    p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1
-    p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2
-    p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3
-    x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1
-    x_d_1 = c_4*x_c_1 + s_4*x12
-    x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2
-    x_d_2 = c_4*x_c_2 + s_4*x13
-    x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3
-    x_d_3 = c_4*x_c_3 + s_4*x14
-    y_d_1 = c_4*x12 - s_4*x_c_1
-    y_d_2 = c_4*x13 - s_4*x_c_2
-    y_d_3 = c_4*x14 - s_4*x_c_3
-    del y_b_2, z_b_2, y_b_3, z_b_3, p_b_1, x9, x_b_1, p_b_2, x10, x_b_2, p_b_3, x11, x_b_3, x12, x13, c_4, s_4, x14
-    x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1
-    z_d_1 = x15
-    x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2
-    z_d_2 = x16
-    x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3
-    z_d_3 = x17
-    p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1
-    p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2
-    p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3
-    x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1
-    x_e_1 = c_5*x_d_1 + s_5*x18
-    x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2
-    x_e_2 = c_5*x_d_2 + s_5*x19
-    x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3
-    x_e_3 = c_5*x_d_3 + s_5*x20
-    y_e_1 = c_5*x18 - s_5*x_d_1
-    del y_c_1, z_c_1, y_c_2, z_c_2, y_c_3, z_c_3, p_c_1, x15, x_c_1, p_c_2, x16, x_c_2, p_c_3, x17, x_c_3, x18
-    y_e_2 = c_5*x19 - s_5*x_d_2
-    y_e_3 = c_5*x20 - s_5*x_d_3
-    x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1
-    z_e_1 = x21
-    x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2
-    z_e_2 = x22
-    x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3
-    z_e_3 = x23
-    p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1
-    p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2
-    del x19, c_5, s_5, x20, y_d_1, z_d_1, y_d_2, z_d_2, y_d_3, z_d_3, p_d_1, x21, x_d_1, p_d_2, x22, x_d_2
-    p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3
-    x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1
-    x_f_1 = c_6*x_e_1 + s_6*x24
-    x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2
-    x_f_2 = c_6*x_e_2 + s_6*x25
-    x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3
-    x_f_3 = c_6*x_e_3 + s_6*x26
-    y_f_1 = c_6*x24 - s_6*x_e_1
-    y_f_2 = c_6*x25 - s_6*x_e_2
-    y_f_3 = c_6*x26 - s_6*x_e_3
-    x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1
-    z_f_1 = x27
-    x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2
-    z_f_2 = x28
-    x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3
-    z_f_3 = x29
-    p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1
-    del p_d_3, x23, x_d_3, x24, x25, c_6, s_6, x26, y_e_1, z_e_1, y_e_2, z_e_2, y_e_3, z_e_3, p_e_1, x27, x_e_1
-    p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2
-    p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3
-    pose_1_1 = x_f_1
-    pose_1_2 = y_f_1
-    pose_1_3 = z_f_1
-    pose_1_4 = p_f_1
-    pose_2_1 = x_f_2
-    pose_2_2 = y_f_2
-    pose_2_3 = z_f_2
-    pose_2_4 = p_f_2
-    pose_3_1 = x_f_3
-    pose_3_2 = y_f_3
-    del p_e_2, x28, x_e_2, p_e_3, x29, x_e_3, x_f_1, y_f_1, z_f_1, p_f_1, x_f_2, y_f_2, z_f_2, p_f_2, x_f_3, y_f_3
-    pose_3_3 = z_f_3
-    pose_3_4 = p_f_3
-    pose_4_1 = 0.0
-    pose_4_2 = 0.0
-    pose_4_3 = 0.0
-    pose_4_4 = 1.0
-    return (pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4)
+    x20 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1
+    x_c_1 = c_3*x_b_1 + s_3*x20
+    x25 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2
+    x_c_2 = c_3*x_b_2 + s_3*x25
+    x30 = cos_alpha_2*y_b_3 + sin_alpha_2*cos_alpha_1
+    x_c_3 = c_3*x_b_3 + s_3*x30
+    y_c_1 = c_3*x20 - s_3*x_b_1
+    y_c_2 = c_3*x25 - s_3*x_b_2
+    y_c_3 = c_3*x30 - s_3*x_b_3
+    z_c_1 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1
+    z_c_2 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2
+    del x5, s_2, x0, c_2, c_1, s_1, x11, x20, x25, c_3, s_3, x30, y_b_1, z_b_1, y_b_2, z_b_2
+    z_c_3 = cos_alpha_2*cos_alpha_1 - sin_alpha_2*y_b_3
+    p_c_1 = a_2*x_b_1 + offset_3*z_c_1 + p_b_1
+    p_c_2 = a_2*x_b_2 + offset_3*z_c_2 + p_b_2
+    p_c_3 = a_2*x_b_3 + offset_3*z_c_3 + p_b_3
+    x56 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1
+    x_d_1 = c_4*x_c_1 + s_4*x56
+    x61 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2
+    x_d_2 = c_4*x_c_2 + s_4*x61
+    x66 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3
+    x_d_3 = c_4*x_c_3 + s_4*x66
+    y_d_1 = c_4*x56 - s_4*x_c_1
+    y_d_2 = c_4*x61 - s_4*x_c_2
+    y_d_3 = c_4*x66 - s_4*x_c_3
+    z_d_1 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1
+    z_d_2 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2
+    del y_b_3, p_b_1, x_b_1, p_b_2, x_b_2, p_b_3, x_b_3, x56, x61, c_4, s_4, x66, y_c_1, z_c_1, y_c_2, z_c_2
+    z_d_3 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3
+    p_d_1 = a_3*x_c_1 + offset_4*z_d_1 + p_c_1
+    p_d_2 = a_3*x_c_2 + offset_4*z_d_2 + p_c_2
+    p_d_3 = a_3*x_c_3 + offset_4*z_d_3 + p_c_3
+    x92 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1
+    x_e_1 = c_5*x_d_1 + s_5*x92
+    x97 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2
+    x_e_2 = c_5*x_d_2 + s_5*x97
+    x102 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3
+    x_e_3 = c_5*x_d_3 + s_5*x102
+    y_e_1 = c_5*x92 - s_5*x_d_1
+    y_e_2 = c_5*x97 - s_5*x_d_2
+    y_e_3 = c_5*x102 - s_5*x_d_3
+    z_e_1 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1
+    z_e_2 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2
+    del y_c_3, z_c_3, p_c_1, x_c_1, p_c_2, x_c_2, p_c_3, x_c_3, x92, x97, c_5, s_5, x102, y_d_1, z_d_1, y_d_2, z_d_2
+    z_e_3 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3
+    p_e_1 = a_4*x_d_1 + offset_5*z_e_1 + p_d_1
+    p_e_2 = a_4*x_d_2 + offset_5*z_e_2 + p_d_2
+    p_e_3 = a_4*x_d_3 + offset_5*z_e_3 + p_d_3
+    x128 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1
+    pose_1_1 = c_6*x_e_1 + s_6*x128
+    x133 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2
+    pose_2_1 = c_6*x_e_2 + s_6*x133
+    x138 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3
+    pose_3_1 = c_6*x_e_3 + s_6*x138
+    pose_1_2 = c_6*x128 - s_6*x_e_1
+    pose_2_2 = c_6*x133 - s_6*x_e_2
+    pose_3_2 = c_6*x138 - s_6*x_e_3
+    pose_1_3 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1
+    pose_2_3 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2
+    del y_d_3, z_d_3, p_d_1, x_d_1, p_d_2, x_d_2, p_d_3, x_d_3, x128, x133, c_6, s_6, x138, y_e_1, z_e_1, y_e_2, z_e_2
+    pose_3_3 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3
+    pose_1_4 = a_5*x_e_1 + offset_6*pose_1_3 + p_e_1
+    pose_2_4 = a_5*x_e_2 + offset_6*pose_2_3 + p_e_2
+    pose_3_4 = a_5*x_e_3 + offset_6*pose_3_3 + p_e_3
+    return (pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, 0.0, 0.0, 0.0, 1.0)
 
 
 link_forward_6r.signature = "(5),(5),(5),(6),(6)->(4,4)"
@@ -349,7 +295,7 @@ def link_jacobian_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
 
 
 def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos_alpha_3, cos_alpha_4, cos_alpha_5, sin_alpha_1, sin_alpha_2, sin_alpha_3, sin_alpha_4, sin_alpha_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, angle_1, angle_2, angle_3, angle_4, angle_5, angle_6, eps, largest):
-    # 94 add, 143 mul, 5 cos, 5 sin
+    # 94 add, 145 mul, 5 cos, 5 sin
     c_1 = xp.cos(angle_1)
     c_2 = xp.cos(angle_2)
     c_3 = xp.cos(angle_3)
@@ -361,141 +307,100 @@ def _link_jacobian_6r(xp, a_1, a_2, a_3, a_4, a_5, cos_alpha_1, cos_alpha_2, cos
     s_4 = xp.sin(angle_4)
     s_5 = xp.sin(angle_5)
     x0 = c_1*c_2
-    x1 = s_1*s_2
-    x_b_1 = x0 - cos_alpha_1*x1
-    x2 = c_2*s_1
-    x3 = c_1*s_2
-    x_b_2 = cos_alpha_1*x3 + x2
+    x_b_1 = x0 - cos_alpha_1*s_1*s_2
+    x5 = c_2*s_1
+    x_b_2 = c_1*cos_alpha_1*s_2 + x5
     x_b_3 = s_2*sin_alpha_1
-    y_b_1 = -cos_alpha_1*x2 - x3
-    y_b_2 = cos_alpha_1*x0 - x1
+    y_b_1 = -(c_1*s_2 + x5*cos_alpha_1)
+    y_b_2 = x0*cos_alpha_1 - s_1*s_2
     y_b_3 = c_2*sin_alpha_1
-    x4 = s_1*sin_alpha_1
-    z_b_1 = x4
-    x5 = c_1*sin_alpha_1
-    z_b_2 = -x5
-    z_b_3 = cos_alpha_1
-    p_b_1 = a_1*c_1 + offset_2*x4
-    p_b_2 = a_1*s_1 - offset_2*x5
+    jacobian_1_2 = s_1*sin_alpha_1
+    x11 = c_1*sin_alpha_1
+    jacobian_2_2 = -x11
+    p_b_1 = a_1*c_1 + offset_2*jacobian_1_2
+    p_b_2 = a_1*s_1 - x11*offset_2
     p_b_3 = cos_alpha_1*offset_2 + offset_1
-    x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1
-    x_c_1 = c_3*x_b_1 + s_3*x6
-    x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2
-    x_c_2 = c_3*x_b_2 + s_3*x7
-    x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3
-    x_c_3 = c_3*x_b_3 + s_3*x8
-    y_c_1 = c_3*x6 - s_3*x_b_1
-    y_c_2 = c_3*x7 - s_3*x_b_2
-    y_c_3 = c_3*x8 - s_3*x_b_3
-    x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1
-    del s_2, x2, x3, x0, x1, c_2, c_1, x4, s_1, x5, x6, x7, c_3, s_3, x8, y_b_1
-    z_c_1 = x9
-    x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2
-    z_c_2 = x10
-    x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3
-    z_c_3 = x11
-    p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1
-    p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2
-    p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3
-    x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1
-    x_d_1 = c_4*x_c_1 + s_4*x12
-    x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2
-    x_d_2 = c_4*x_c_2 + s_4*x13
-    x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3
-    x_d_3 = c_4*x_c_3 + s_4*x14
-    y_d_1 = c_4*x12 - s_4*x_c_1
-    y_d_2 = c_4*x13 - s_4*x_c_2
-    y_d_3 = c_4*x14 - s_4*x_c_3
-    x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1
-    z_d_1 = x15
-    x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2
-    z_d_2 = x16
-    x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3
-    del y_b_2, y_b_3, x9, x_b_1, x10, x_b_2, x11, x_b_3, x12, x13, c_4, s_4, x14, y_c_1, y_c_2, y_c_3
-    z_d_3 = x17
-    p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1
-    p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2
-    p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3
-    x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1
-    x_e_1 = c_5*x_d_1 + s_5*x18
-    x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2
-    x_e_2 = c_5*x_d_2 + s_5*x19
-    x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3
-    x_e_3 = c_5*x_d_3 + s_5*x20
-    y_e_1 = c_5*x18 - s_5*x_d_1
-    y_e_2 = c_5*x19 - s_5*x_d_2
-    y_e_3 = c_5*x20 - s_5*x_d_3
-    x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1
-    z_e_1 = x21
-    x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2
-    z_e_2 = x22
-    x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3
-    z_e_3 = x23
-    p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1
-    del x15, x_c_1, x16, x_c_2, x17, x_c_3, x18, x19, c_5, s_5, x20, y_d_1, y_d_2, y_d_3, x21, x_d_1
-    p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2
-    p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3
-    x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1
-    z_f_1 = x24
-    x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2
-    z_f_2 = x25
-    x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3
-    z_f_3 = x26
-    p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1
-    p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2
-    p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3
-    jacobian_1_1 = 0.0
-    jacobian_1_2 = z_b_1
-    jacobian_1_3 = z_c_1
-    jacobian_1_4 = z_d_1
-    jacobian_1_5 = z_e_1
-    jacobian_1_6 = z_f_1
-    jacobian_2_1 = 0.0
-    jacobian_2_2 = z_b_2
-    jacobian_2_3 = z_c_2
-    jacobian_2_4 = z_d_2
-    jacobian_2_5 = z_e_2
-    jacobian_2_6 = z_f_2
-    jacobian_3_1 = 1.0
-    jacobian_3_2 = z_b_3
-    jacobian_3_3 = z_c_3
-    jacobian_3_4 = z_d_3
-    jacobian_3_5 = z_e_3
-    jacobian_3_6 = z_f_3
-    del x22, x_d_2, x23, x_d_3, y_e_1, y_e_2, y_e_3, x24, x_e_1, x25, x_e_2, x26, x_e_3, z_f_1, z_f_2, z_f_3
+    x20 = cos_alpha_2*y_b_1 + sin_alpha_2*jacobian_1_2
+    x_c_1 = c_3*x_b_1 + s_3*x20
+    x25 = cos_alpha_2*y_b_2 + sin_alpha_2*jacobian_2_2
+    x_c_2 = c_3*x_b_2 + s_3*x25
+    x30 = cos_alpha_2*y_b_3 + sin_alpha_2*cos_alpha_1
+    x_c_3 = c_3*x_b_3 + s_3*x30
+    y_c_1 = c_3*x20 - s_3*x_b_1
+    y_c_2 = c_3*x25 - s_3*x_b_2
+    y_c_3 = c_3*x30 - s_3*x_b_3
+    jacobian_1_3 = cos_alpha_2*jacobian_1_2 - sin_alpha_2*y_b_1
+    jacobian_2_3 = cos_alpha_2*jacobian_2_2 - sin_alpha_2*y_b_2
+    jacobian_3_3 = cos_alpha_2*cos_alpha_1 - sin_alpha_2*y_b_3
+    p_c_1 = a_2*x_b_1 + offset_3*jacobian_1_3 + p_b_1
+    del x5, s_2, x0, c_2, c_1, s_1, x11, x20, x25, c_3, s_3, x30, y_b_1, y_b_2, y_b_3, x_b_1
+    p_c_2 = a_2*x_b_2 + offset_3*jacobian_2_3 + p_b_2
+    p_c_3 = a_2*x_b_3 + offset_3*jacobian_3_3 + p_b_3
+    x56 = cos_alpha_3*y_c_1 + sin_alpha_3*jacobian_1_3
+    x_d_1 = c_4*x_c_1 + s_4*x56
+    x61 = cos_alpha_3*y_c_2 + sin_alpha_3*jacobian_2_3
+    x_d_2 = c_4*x_c_2 + s_4*x61
+    x66 = cos_alpha_3*y_c_3 + sin_alpha_3*jacobian_3_3
+    x_d_3 = c_4*x_c_3 + s_4*x66
+    y_d_1 = c_4*x56 - s_4*x_c_1
+    y_d_2 = c_4*x61 - s_4*x_c_2
+    y_d_3 = c_4*x66 - s_4*x_c_3
+    jacobian_1_4 = cos_alpha_3*jacobian_1_3 - sin_alpha_3*y_c_1
+    jacobian_2_4 = cos_alpha_3*jacobian_2_3 - sin_alpha_3*y_c_2
+    jacobian_3_4 = cos_alpha_3*jacobian_3_3 - sin_alpha_3*y_c_3
+    p_d_1 = a_3*x_c_1 + offset_4*jacobian_1_4 + p_c_1
+    p_d_2 = a_3*x_c_2 + offset_4*jacobian_2_4 + p_c_2
+    p_d_3 = a_3*x_c_3 + offset_4*jacobian_3_4 + p_c_3
+    x92 = cos_alpha_4*y_d_1 + sin_alpha_4*jacobian_1_4
+    x_e_1 = c_5*x_d_1 + s_5*x92
+    x97 = cos_alpha_4*y_d_2 + sin_alpha_4*jacobian_2_4
+    x_e_2 = c_5*x_d_2 + s_5*x97
+    x102 = cos_alpha_4*y_d_3 + sin_alpha_4*jacobian_3_4
+    x_e_3 = c_5*x_d_3 + s_5*x102
+    y_e_1 = c_5*x92 - s_5*x_d_1
+    y_e_2 = c_5*x97 - s_5*x_d_2
+    y_e_3 = c_5*x102 - s_5*x_d_3
+    del x_b_2, x_b_3, x56, x61, c_4, s_4, x66, y_c_1, y_c_2, y_c_3, x_c_1, x_c_2, x_c_3, x92, x97, c_5, s_5, x102
+    jacobian_1_5 = cos_alpha_4*jacobian_1_4 - sin_alpha_4*y_d_1
+    jacobian_2_5 = cos_alpha_4*jacobian_2_4 - sin_alpha_4*y_d_2
+    jacobian_3_5 = cos_alpha_4*jacobian_3_4 - sin_alpha_4*y_d_3
+    p_e_1 = a_4*x_d_1 + offset_5*jacobian_1_5 + p_d_1
+    p_e_2 = a_4*x_d_2 + offset_5*jacobian_2_5 + p_d_2
+    p_e_3 = a_4*x_d_3 + offset_5*jacobian_3_5 + p_d_3
+    jacobian_1_6 = cos_alpha_5*jacobian_1_5 - sin_alpha_5*y_e_1
+    jacobian_2_6 = cos_alpha_5*jacobian_2_5 - sin_alpha_5*y_e_2
+    jacobian_3_6 = cos_alpha_5*jacobian_3_5 - sin_alpha_5*y_e_3
+    jacobian_5_1 = a_5*x_e_1 + offset_6*jacobian_1_6 + p_e_1
+    p_f_2 = a_5*x_e_2 + offset_6*jacobian_2_6 + p_e_2
+    p_f_3 = a_5*x_e_3 + offset_6*jacobian_3_6 + p_e_3
     jacobian_4_1 = -p_f_2
-    x29 = p_f_3 - p_b_3
-    x30 = p_f_2 - p_b_2
-    jacobian_4_2 = x29*z_b_2 - x30*z_b_3
-    x31 = p_f_3 - p_c_3
-    x32 = p_f_2 - p_c_2
-    jacobian_4_3 = x31*z_c_2 - x32*z_c_3
-    x33 = p_f_3 - p_d_3
-    x34 = p_f_2 - p_d_2
-    jacobian_4_4 = x33*z_d_2 - x34*z_d_3
-    x35 = p_f_3 - p_e_3
-    x36 = p_f_2 - p_e_2
-    jacobian_4_5 = x35*z_e_2 - x36*z_e_3
-    jacobian_4_6 = 0.0
-    jacobian_5_1 = p_f_1
-    x38 = p_f_1 - p_b_1
-    jacobian_5_2 = x38*z_b_3 - x29*z_b_1
-    x39 = p_f_1 - p_c_1
-    jacobian_5_3 = x39*z_c_3 - x31*z_c_1
-    del p_b_3, p_b_2, p_c_3, p_c_2, p_d_3, p_d_2, p_e_3, p_f_3, p_e_2, p_f_2, p_b_1, x29, z_b_3, p_c_1, x31, z_c_3
-    x40 = p_f_1 - p_d_1
-    jacobian_5_4 = x40*z_d_3 - x33*z_d_1
-    x41 = p_f_1 - p_e_1
-    jacobian_5_5 = x41*z_e_3 - x35*z_e_1
-    jacobian_5_6 = 0.0
-    jacobian_6_1 = 0.0
-    jacobian_6_2 = x30*z_b_1 - x38*z_b_2
-    jacobian_6_3 = x32*z_c_1 - x39*z_c_2
-    jacobian_6_4 = x34*z_d_1 - x40*z_d_2
-    del p_d_1, x33, z_d_3, p_e_1, p_f_1, x35, z_e_3, x30, x38, z_b_1, z_b_2, x32, x39, z_c_1, z_c_2, x34, x40, z_d_1, z_d_2
-    jacobian_6_5 = x36*z_e_1 - x41*z_e_2
-    jacobian_6_6 = 0.0
-    return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_1_4, jacobian_1_5, jacobian_1_6, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_2_4, jacobian_2_5, jacobian_2_6, jacobian_3_1, jacobian_3_2, jacobian_3_3, jacobian_3_4, jacobian_3_5, jacobian_3_6, jacobian_4_1, jacobian_4_2, jacobian_4_3, jacobian_4_4, jacobian_4_5, jacobian_4_6, jacobian_5_1, jacobian_5_2, jacobian_5_3, jacobian_5_4, jacobian_5_5, jacobian_5_6, jacobian_6_1, jacobian_6_2, jacobian_6_3, jacobian_6_4, jacobian_6_5, jacobian_6_6)
+    x140 = p_f_3 - p_b_3
+    x142 = p_f_2 - p_b_2
+    jacobian_4_2 = jacobian_2_2*x140 - cos_alpha_1*x142
+    x144 = p_f_3 - p_c_3
+    x146 = p_f_2 - p_c_2
+    del y_d_1, y_d_2, y_d_3, x_d_1, x_d_2, x_d_3, y_e_1, y_e_2, y_e_3, x_e_1, x_e_2, x_e_3, p_b_3, p_b_2, p_c_3, p_c_2
+    jacobian_4_3 = jacobian_2_3*x144 - jacobian_3_3*x146
+    x148 = p_f_3 - p_d_3
+    x150 = p_f_2 - p_d_2
+    jacobian_4_4 = jacobian_2_4*x148 - jacobian_3_4*x150
+    x152 = p_f_3 - p_e_3
+    x154 = p_f_2 - p_e_2
+    jacobian_4_5 = jacobian_2_5*x152 - jacobian_3_5*x154
+    x157 = jacobian_5_1 - p_b_1
+    jacobian_5_2 = cos_alpha_1*x157 - jacobian_1_2*x140
+    x160 = jacobian_5_1 - p_c_1
+    jacobian_5_3 = jacobian_3_3*x160 - jacobian_1_3*x144
+    x163 = jacobian_5_1 - p_d_1
+    jacobian_5_4 = jacobian_3_4*x163 - jacobian_1_4*x148
+    x166 = jacobian_5_1 - p_e_1
+    jacobian_5_5 = jacobian_3_5*x166 - jacobian_1_5*x152
+    jacobian_6_2 = jacobian_1_2*x142 - jacobian_2_2*x157
+    del p_d_3, p_d_2, p_e_3, p_f_3, p_e_2, p_f_2, p_b_1, x140, p_c_1, x144, p_d_1, x148, p_e_1, x152, x142, x157
+    jacobian_6_3 = jacobian_1_3*x146 - jacobian_2_3*x160
+    jacobian_6_4 = jacobian_1_4*x150 - jacobian_2_4*x163
+    jacobian_6_5 = jacobian_1_5*x154 - jacobian_2_5*x166
+    return (0.0, jacobian_1_2, jacobian_1_3, jacobian_1_4, jacobian_1_5, jacobian_1_6, 0.0, jacobian_2_2, jacobian_2_3, jacobian_2_4, jacobian_2_5, jacobian_2_6, 1.0, cos_alpha_1, jacobian_3_3, jacobian_3_4, jacobian_3_5, jacobian_3_6, jacobian_4_1, jacobian_4_2, jacobian_4_3, jacobian_4_4, jacobian_4_5, 0.0, jacobian_5_1, jacobian_5_2, jacobian_5_3, jacobian_5_4, jacobian_5_5, 0.0, 0.0, jacobian_6_2, jacobian_6_3, jacobian_6_4, jacobian_6_5, 0.0)
 
 
 link_jacobian_6r.signature = "(5),(5),(5),(6),(6)->(6,6)"
@@ -547,44 +452,53 @@ def hypothetical_link(pose, a67, alpha67, tolerance, *, out=None):
 
 
 def _hypothetical_link(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a67, alpha67, tolerance, eps, largest):
-    # 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin
+    # 50 add, 74 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin
     x0 = xp.sin(alpha67)
-    x1 = xp.cos(alpha67)
-    S7v_1 = pose_1_3*x1 - pose_1_2*x0
-    S7v_2 = pose_2_3*x1 - pose_2_2*x0
-    S7v_3 = pose_3_3*x1 - pose_3_2*x0
+    x2 = xp.cos(alpha67)
+    S7v_1 = pose_1_3*x2 - pose_1_2*x0
+    S7v_2 = pose_2_3*x2 - pose_2_2*x0
+    S7v_3 = pose_3_3*x2 - pose_3_2*x0
     end_1 = a67*pose_1_1 + pose_1_4
     end_2 = a67*pose_2_1 + pose_2_4
     end_3 = a67*pose_3_1 + pose_3_4
-    sine = xp.sqrt((S7v_1*S7v_1) + (S7v_2*S7v_2))
-    x2 = (end_1*end_1) + (end_2*end_2)
-    level_length = xp.sqrt(x2)
-    size = xp.sqrt((end_3*end_3) + x2)
-    skewed = sine > tolerance
-    apart = level_length > size*tolerance
+    sine = xp.sqrt(S7v_1*S7v_1 + S7v_2*S7v_2)
+    x16 = end_1*end_1 + end_2*end_2
+    level_length = xp.sqrt(x16)
+    size = xp.sqrt(x16 + end_3*end_3)
+    skewed = tolerance < sine
+    apart = size*tolerance < level_length
     divisor = xp.where(skewed, sine, 1.0)
-    x3 = 1.0/divisor
-    x4 = S7v_2*x3
-    a71v_1 = x4
-    x5 = S7v_1*x3
-    a71v_2 = -x5
-    a71v_3 = 0.0
-    x6 = xp.where(apart, 1.0/level_length, 1.0)
-    chosen_1 = xp.where(skewed, a71v_1, xp.where(apart, -end_1*x6, pose_1_1))
-    chosen_2 = xp.where(skewed, a71v_2, xp.where(apart, -end_2*x6, pose_2_1))
-    chosen_3 = xp.where(skewed, a71v_3, xp.where(apart, 0.0, pose_3_1))
-    deviation = 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + xp.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + xp.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + xp.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
-    volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
-    good = (deviation <= 1.0/1000.0) & (xp.abs(alpha67) + xp.abs(end_1) + xp.abs(end_2) + xp.abs(end_3) + xp.abs(tolerance) <= largest) & (volume > 0.0)
-    S7 = xp.where(good, xp.where(skewed, x3*(-end_1*x5 - end_2*x4), 0.0), xp.nan)
-    theta7 = xp.where(good, xp.where((~(apart)) & (~(skewed)), 0.0, xp.atan2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), xp.nan)
-    a71 = xp.where(good, xp.where(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), xp.where(apart, level_length, 0.0)), xp.nan)
-    alpha71 = xp.where(good, xp.where(skewed, xp.atan2(sine, S7v_3), xp.where(S7v_3 > 0.0, 0.0, 3.141592653589793)), xp.nan)
-    S1 = xp.where(good, xp.where(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), xp.nan)
-    del x0, x1, x2, size, divisor, a71v_1, a71v_2, x6, a71v_3, deviation, volume, x4, chosen_3, level_length, sine, S7v_1, S7v_2, S7v_3, end_1, end_2, end_3, x3, x5
-    gamma1 = xp.where(good, xp.atan2(-chosen_2, chosen_1), xp.nan)
-    status = xp.where(~(good), 3.0, xp.where(skewed, 0.0, xp.where(apart, 1.0, 2.0)))
-    return (S7, theta7, a71, alpha71, S1, gamma1, status)
+    x20 = 1.0/divisor
+    a71v_1 = S7v_2*x20
+    x21 = S7v_1*x20
+    a71v_2 = -x21
+    x23 = xp.where(apart, 1.0/level_length, 1.0)
+    chosen_1 = xp.where(skewed, a71v_1, xp.where(apart, -end_1*x23, pose_1_1))
+    chosen_2 = xp.where(skewed, a71v_2, xp.where(apart, -end_2*x23, pose_2_1))
+    chosen_3 = xp.where(skewed, 0.0, xp.where(apart, 0.0, pose_3_1))
+    x44 = 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3)
+    x51 = 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3)
+    x58 = xp.abs(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - 1.0)
+    x65 = xp.abs(pose_1_2*pose_1_2 + pose_2_2*pose_2_2 + pose_3_2*pose_3_2 - 1.0)
+    x72 = xp.abs(pose_1_3*pose_1_3 + pose_2_3*pose_2_3 + pose_3_3*pose_3_3 - 1.0)
+    deviation = 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + x44 + x51 + x58 + x65 + x72
+    x88 = pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
+    volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + x88
+    good = (deviation <= 1.0/1000.0) & (xp.abs(alpha67) + xp.abs(end_1) + xp.abs(end_2) + xp.abs(end_3) + xp.abs(tolerance) <= largest) & (0.0 < volume)
+    S7_value = xp.where(good, xp.where(skewed, -x20*(x21*end_1 + a71v_1*end_2), 0.0), xp.nan)
+    x121 = S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1)
+    x128 = chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1
+    x129 = xp.atan2(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + x121, x128)
+    del x0, x2, x16, size, divisor, a71v_2, x23, x44, x51, x58, x65, x72, x88, deviation, volume, chosen_3, x121, x128
+    theta7_value = xp.where(good, xp.where((~apart) & (~skewed), 0.0, x129), xp.nan)
+    a71_value = xp.where(good, xp.where(skewed, x20*(S7v_1*end_2 - S7v_2*end_1), xp.where(apart, level_length, 0.0)), xp.nan)
+    alpha71_value = xp.where(good, xp.where(skewed, xp.atan2(sine, S7v_3), xp.where(0.0 < S7v_3, 0.0, 3.141592653589793)), xp.nan)
+    x154 = x20*(a71v_1*(S7v_3*end_2 - S7v_2*end_3) - x21*(S7v_1*end_3 - S7v_3*end_1))
+    S1_value = xp.where(good, xp.where(skewed, x154, -end_3), xp.nan)
+    gamma1_value = xp.where(good, xp.atan2(-chosen_2, chosen_1), xp.nan)
+    status_value = xp.where(~good, 3.0, xp.where(skewed, 0.0, xp.where(apart, 1.0, 2.0)))
+    del x129, level_length, sine, S7v_1, S7v_2, S7v_3, a71v_1, end_1, end_2, x20, x21, end_3, x154, chosen_1, chosen_2, apart, good, skewed
+    return (S7_value, theta7_value, a71_value, alpha71_value, S1_value, gamma1_value, status_value)
 
 
 hypothetical_link.signature = "(4,4),(),(),()->(),(),(),(),(),(),()"

@@ -66,7 +66,7 @@ def loop_rccc(alpha, a, S_4, theta_4, *, out=None):
 
 
 def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, theta_4, eps, largest):
-    # 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
+    # 62 add, 116 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
     cos_alpha_1 = xp.cos(alpha_1)
     cos_alpha_2 = xp.cos(alpha_2)
     cos_alpha_3 = xp.cos(alpha_3)
@@ -77,98 +77,99 @@ def _loop_rccc(xp, alpha_1, alpha_2, alpha_3, alpha_4, a_1, a_2, a_3, a_4, S_4, 
     sin_alpha_4 = xp.sin(alpha_4)
     cos_theta_4 = xp.cos(theta_4)
     sin_theta_4 = xp.sin(theta_4)
-    x0 = sin_alpha_3*sin_theta_4
-    X_4 = x0
+    X_4 = sin_alpha_3*sin_theta_4
     x1 = cos_theta_4*sin_alpha_3
-    x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1
-    Y_4 = -x2
-    x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1
-    Z_4 = x3
+    x3 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1
+    Y_4 = -x3
+    Z_4 = cos_alpha_3*cos_alpha_4 - x1*sin_alpha_4
     D = Z_4*cos_alpha_1 - cos_alpha_2
-    r = sin_alpha_1*xp.sqrt((X_4*X_4) + (Y_4*Y_4))
+    r = sin_alpha_1*xp.sqrt(X_4*X_4 + Y_4*Y_4)
     size = xp.abs(r)
     square = (size - D)*(D + size)
-    root = xp.where(square > 0.0, xp.sqrt(square), 0.0)
+    root = xp.where(0.0 < square, xp.sqrt(square), 0.0)
     middle = xp.atan2(X_4*sin_alpha_1, Y_4*sin_alpha_1)
     half = xp.atan2(root, -D)
     theta_1_a = half + middle
     cos_theta_1_a = xp.cos(theta_1_a)
     sin_theta_1_a = xp.sin(theta_1_a)
-    row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2
-    x4 = sin_alpha_1*x3
-    row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4
-    x5 = sin_alpha_1*sin_theta_1_a
-    x6 = cos_alpha_1*sin_alpha_4
-    x7 = cos_theta_1_a*sin_alpha_1
-    x8 = -cos_alpha_4*x7 - x6
-    column_a_1 = cos_theta_4*x5 - sin_theta_4*x8
-    x9 = cos_alpha_1*cos_alpha_4
-    column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7)
-    x11 = -a_3*cos_theta_4 - a_4
-    x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4
-    vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1
-    x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4
-    x14 = sin_alpha_1*x13
-    x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11
-    vector_a_2 = cos_alpha_1*x15 + x14
-    x16 = cos_alpha_1*x13
-    vector_a_3 = x16 - sin_alpha_1*x15
+    row_a_1 = cos_theta_1_a*X_4 + sin_theta_1_a*x3
+    x24 = sin_alpha_1*Z_4
+    row_a_2 = cos_alpha_1*(cos_theta_1_a*x3 - X_4*sin_theta_1_a) + x24
+    x25 = cos_theta_4*sin_alpha_1
+    x27 = cos_alpha_1*sin_alpha_4
+    x28 = cos_alpha_4*sin_alpha_1
+    x30 = x27 + x28*cos_theta_1_a
+    column_a_1 = x25*sin_theta_1_a + sin_theta_4*x30
+    x37 = cos_alpha_1*cos_alpha_4
+    column_a_2 = cos_alpha_3*(sin_alpha_1*sin_theta_1_a*sin_theta_4 - cos_theta_4*x30) - sin_alpha_3*(x37 - cos_theta_1_a*sin_alpha_1*sin_alpha_4)
+    x43 = a_3*cos_theta_4 + a_4
+    x46 = a_3*sin_theta_4
+    x48 = x46*cos_alpha_4 - S_4*sin_alpha_4
+    vector_a_1 = sin_theta_1_a*x48 - a_1 - cos_theta_1_a*x43
+    x53 = cos_theta_1_a*x48 + sin_theta_1_a*x43
+    x57 = S_4*cos_alpha_4 + x46*sin_alpha_4
+    x58 = sin_alpha_1*x57
+    vector_a_2 = cos_alpha_1*x53 - x58
+    x59 = cos_alpha_1*x57
+    vector_a_3 = -(x59 + sin_alpha_1*x53)
     theta_2_a = xp.atan2(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2)
-    del x1, Z_4, r, square, X_4, Y_4, x3, x5, x7, x8, cos_theta_1_a, sin_theta_1_a, x13, x15, row_a_1, row_a_2
     theta_3_a = xp.atan2(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2)
     cos_theta_2_a = xp.cos(theta_2_a)
     sin_theta_2_a = xp.sin(theta_2_a)
-    x17 = 1.0/sin_alpha_1
-    x18 = 1.0/sin_theta_2_a
-    S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2)
-    x20 = 1.0/sin_alpha_2
-    S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a)
+    x67 = 1.0/sin_alpha_1
+    x68 = 1.0/sin_theta_2_a
+    S_1_a = x67*x68*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2)
+    del x1, r, square, Y_4, Z_4, x30, cos_theta_1_a, sin_theta_1_a, x46, x57, x53, row_a_1, row_a_2, column_a_1, column_a_2, vector_a_2
+    x74 = 1.0/sin_alpha_2
+    S_3_a = x74*x68*(vector_a_1 - a_2*cos_theta_2_a)
     theta_1_b = middle - half
     cos_theta_1_b = xp.cos(theta_1_b)
     sin_theta_1_b = xp.sin(theta_1_b)
-    row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2
-    row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4
-    x21 = sin_alpha_1*sin_theta_1_b
-    x22 = cos_theta_1_b*sin_alpha_1
-    x23 = -cos_alpha_4*x22 - x6
-    column_b_1 = cos_theta_4*x21 - sin_theta_4*x23
-    column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22)
-    del column_a_1, column_a_2, vector_a_2, cos_theta_2_a, vector_a_1, x18, half, middle, x0, x2, x4, x6, x21, x22, x23, x9
-    vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1
-    x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11
-    vector_b_2 = cos_alpha_1*x24 + x14
-    vector_b_3 = x16 - sin_alpha_1*x24
+    row_b_1 = cos_theta_1_b*X_4 + sin_theta_1_b*x3
+    row_b_2 = cos_alpha_1*(cos_theta_1_b*x3 - X_4*sin_theta_1_b) + x24
+    x86 = x27 + x28*cos_theta_1_b
+    column_b_1 = x25*sin_theta_1_b + sin_theta_4*x86
+    column_b_2 = cos_alpha_3*(sin_alpha_1*sin_theta_1_b*sin_theta_4 - cos_theta_4*x86) - sin_alpha_3*(x37 - cos_theta_1_b*sin_alpha_1*sin_alpha_4)
+    vector_b_1 = sin_theta_1_b*x48 - a_1 - cos_theta_1_b*x43
+    x102 = cos_theta_1_b*x48 + sin_theta_1_b*x43
+    del cos_theta_2_a, vector_a_1, x68, half, middle, X_4, x24, x3, x27, x28, x25, x37, x86, cos_theta_1_b, sin_theta_1_b, x43, x48
+    vector_b_2 = cos_alpha_1*x102 - x58
+    vector_b_3 = -(x59 + sin_alpha_1*x102)
     theta_2_b = xp.atan2(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2)
     theta_3_b = xp.atan2(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2)
     cos_theta_2_b = xp.cos(theta_2_b)
     sin_theta_2_b = xp.sin(theta_2_b)
-    x25 = 1.0/sin_theta_2_b
-    S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2)
-    S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b)
-    del cos_theta_1_b, sin_theta_1_b, x11, x12, x14, x16, x24, row_b_1, row_b_2, column_b_1, column_b_2, vector_b_2, x17, cos_theta_2_b, vector_b_1, x20, x25
-    total = 0.015625*xp.abs(S_4) + 0.015625*xp.abs(a_1) + 0.015625*xp.abs(a_2) + 0.015625*xp.abs(a_3) + 0.015625*xp.abs(a_4) + 0.015625*xp.abs(cos_alpha_1) + 0.015625*xp.abs(cos_alpha_2) + 0.015625*xp.abs(cos_alpha_3) + 0.015625*xp.abs(cos_alpha_4) + 0.015625*xp.abs(cos_theta_4) + 0.015625*xp.abs(sin_alpha_1) + 0.015625*xp.abs(sin_alpha_2) + 0.015625*xp.abs(sin_alpha_3) + 0.015625*xp.abs(sin_alpha_4) + 0.015625*xp.abs(sin_theta_4)
+    x111 = 1.0/sin_theta_2_b
+    S_1_b = x67*x111*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2)
+    S_3_b = x74*x111*(vector_b_1 - a_2*cos_theta_2_b)
+    x154 = 0.015625*xp.abs(S_4) + 0.015625*xp.abs(a_1) + 0.015625*xp.abs(a_2) + 0.015625*xp.abs(a_3) + 0.015625*xp.abs(a_4) + 0.015625*xp.abs(cos_alpha_1)
+    x143 = 0.015625*xp.abs(sin_alpha_2)
+    x160 = x154 + 0.015625*xp.abs(cos_alpha_2) + 0.015625*xp.abs(cos_alpha_3) + 0.015625*xp.abs(cos_alpha_4) + 0.015625*xp.abs(cos_theta_4) + 0.015625*xp.abs(sin_alpha_1) + x143
+    del x58, x102, x59, row_b_1, row_b_2, column_b_1, column_b_2, vector_b_2, x67, cos_theta_2_b, vector_b_1, x111, x74, cos_alpha_3, cos_alpha_4, cos_theta_4, x143, x154
+    total = x160 + 0.015625*xp.abs(sin_alpha_3) + 0.015625*xp.abs(sin_alpha_4) + 0.015625*xp.abs(sin_theta_4)
     good = total <= largest
     closes = xp.abs(D) <= 4.0*eps + size
-    x26 = sin_alpha_1*sin_alpha_2
-    x27 = 8.0*eps
-    determined = (xp.abs(sin_theta_2_a*x26) > x27) & (xp.abs(sin_theta_2_b*x26) > x27)
-    there = (closes) & (good)
+    x166 = sin_alpha_1*sin_alpha_2
+    x169 = 8.0*eps
+    determined = (x169 < xp.abs(x166*sin_theta_2_a)) & (x169 < xp.abs(x166*sin_theta_2_b))
+    there = closes & good
     theta_1_1 = xp.where(there, theta_1_a, xp.nan)
     theta_1_2 = xp.where(there, theta_2_a, xp.nan)
-    del cos_alpha_3, cos_alpha_4, cos_theta_4, sin_alpha_3, sin_alpha_4, sin_theta_4, total, D, sin_alpha_1, sin_alpha_2, sin_theta_2_a, sin_theta_2_b, x26, x27, theta_1_a, theta_2_a
     theta_1_3 = xp.where(there, theta_3_a, xp.nan)
     theta_2_1 = xp.where(there, theta_1_b, xp.nan)
+    del sin_alpha_3, sin_alpha_4, sin_theta_4, x160, total, D, sin_alpha_1, sin_alpha_2, sin_theta_2_a, sin_theta_2_b, x166, x169, theta_1_a, theta_2_a, theta_3_a, theta_1_b
     theta_2_2 = xp.where(there, theta_2_b, xp.nan)
     theta_2_3 = xp.where(there, theta_3_b, xp.nan)
-    S_1_1 = xp.where((determined) & (there), S_1_a, xp.nan)
-    S_1_2 = xp.where((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, xp.nan)
-    S_1_3 = xp.where((determined) & (there), S_3_a, xp.nan)
-    S_2_1 = xp.where((determined) & (there), S_1_b, xp.nan)
-    S_2_2 = xp.where((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, xp.nan)
-    S_2_3 = xp.where((determined) & (there), S_3_b, xp.nan)
-    status = xp.where(~(good), 4.0, xp.where(~(closes), 2.0, xp.where(~(determined), 3.0, xp.where(root <= 4.0*eps**0.5*size, 1.0, 0.0))))
-    del theta_3_a, theta_1_b, theta_2_b, theta_3_b, S_1_a, vector_a_3, S_3_a, S_1_b, cos_alpha_1, cos_alpha_2, vector_b_3, S_3_b, there, closes, determined, good, root, size
-    return (theta_1_1, theta_1_2, theta_1_3, theta_2_1, theta_2_2, theta_2_3, S_1_1, S_1_2, S_1_3, S_2_1, S_2_2, S_2_3, status)
+    x174 = determined & there
+    S_1_1 = xp.where(x174, S_1_a, xp.nan)
+    S_1_2 = xp.where(x174, vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, xp.nan)
+    S_1_3 = xp.where(x174, S_3_a, xp.nan)
+    S_2_1 = xp.where(x174, S_1_b, xp.nan)
+    S_2_2 = xp.where(x174, vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, xp.nan)
+    S_2_3 = xp.where(x174, S_3_b, xp.nan)
+    status_value = xp.where(~good, 4.0, xp.where(~closes, 2.0, xp.where(~determined, 3.0, xp.where(root <= 4.0*eps**0.5*size, 1.0, 0.0))))
+    del theta_2_b, theta_3_b, there, S_1_a, vector_a_3, S_3_a, S_1_b, cos_alpha_1, cos_alpha_2, vector_b_3, S_3_b, x174, closes, determined, good, root, size
+    return (theta_1_1, theta_1_2, theta_1_3, theta_2_1, theta_2_2, theta_2_3, S_1_1, S_1_2, S_1_3, S_2_1, S_2_2, S_2_3, status_value)
 
 
 loop_rccc.signature = "(4),(4),(),()->(2,3),(2,3),()"
@@ -225,52 +226,46 @@ def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     sin_theta_5 = xp.sin(theta_5)
     X_5 = sin_alpha_4*sin_theta_5
     x0 = cos_alpha_4*sin_alpha_5
-    x1 = cos_alpha_5*sin_alpha_4
-    Y_5 = -cos_theta_5*x1 - x0
-    x2 = cos_alpha_4*cos_alpha_5
-    Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5
-    X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5
-    x3 = S_3*X_5
-    Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5
-    Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1)
-    x4 = cos_alpha_1*cos_alpha_2
-    pair_1_1_1 = Z_5*x4 - cos_alpha_3
-    x5 = sin_alpha_1*sin_alpha_2
-    x6 = Z_5*x5
-    pair_1_1_2 = -x6
-    pair_1_1_3 = 0.0
-    x7 = cos_alpha_2*sin_alpha_1
-    x8 = Y_5*x7
-    pair_1_2_1 = x8
-    x9 = Y_5*sin_alpha_2
-    x10 = cos_alpha_1*x9
-    pair_1_2_2 = x10
-    x11 = X_5*sin_alpha_2
-    pair_1_2_3 = x11
-    x12 = X_5*x7
-    pair_1_3_1 = x12
-    x13 = cos_alpha_1*x11
-    pair_1_3_2 = x13
-    pair_1_3_3 = -x9
-    x14 = Z_5*a_1
-    x15 = cos_alpha_1*sin_alpha_2
-    x16 = Z_5*a_2
-    pair_2_1_1 = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16
-    pair_2_1_2 = -Z0_5*x5 - x14*x15 - x16*x7
-    del cos_alpha_4, sin_theta_5, cos_alpha_5, sin_alpha_4, x2, cos_theta_5, sin_alpha_5, x0, x1, x3, cos_alpha_3, Z_5, sin_alpha_3, Z0_5, x14, x15, x16, x5
-    pair_2_1_3 = S_2*x6
-    x17 = Y_5*x4
-    x18 = sin_alpha_1*x9
-    pair_2_2_1 = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18
-    x19 = Y0_5*sin_alpha_2
-    pair_2_2_2 = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18
-    pair_2_2_3 = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10
-    x20 = sin_alpha_1*x11
-    pair_2_3_1 = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20
-    pair_2_3_2 = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20
-    del x6, x4, x12, x7, Y0_5, x17, x18, sin_alpha_1, x8, X0_5, X_5, cos_alpha_1, sin_alpha_2, x10, x20, x9
-    pair_2_3_3 = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19
-    return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
+    x1 = cos_theta_5*sin_alpha_4
+    Y_5 = -(x0 + cos_alpha_5*x1)
+    x4 = cos_alpha_4*cos_alpha_5
+    Z_5 = x4 - x1*sin_alpha_5
+    X0_5 = S_3*x1 + a_4*cos_alpha_4*sin_theta_5
+    x9 = S_3*X_5
+    Y0_5 = x9*cos_alpha_5 + a_4*(sin_alpha_4*sin_alpha_5 - x4*cos_theta_5) - Z_5*a_5
+    Z0_5 = x9*sin_alpha_5 + Y_5*a_5 - a_4*(x0*cos_theta_5 + cos_alpha_5*sin_alpha_4)
+    x24 = cos_alpha_1*cos_alpha_2
+    pair_1_1_1 = Z_5*x24 - cos_alpha_3
+    x26 = sin_alpha_1*sin_alpha_2
+    x27 = Z_5*x26
+    pair_1_1_2 = -x27
+    x28 = cos_alpha_2*sin_alpha_1
+    pair_1_2_1 = Y_5*x28
+    x29 = cos_alpha_1*sin_alpha_2
+    pair_1_2_2 = Y_5*x29
+    pair_1_2_3 = X_5*sin_alpha_2
+    pair_1_3_1 = X_5*x28
+    pair_1_3_2 = X_5*x29
+    x30 = Y_5*sin_alpha_2
+    pair_1_3_3 = -x30
+    x32 = Z_5*a_1
+    x34 = Z_5*a_2
+    pair_2_1_1 = Z0_5*x24 + a_3*sin_alpha_3 - x32*x28 - x34*x29
+    pair_2_1_2 = -(Z0_5*x26 + x32*x29 + x34*x28)
+    del cos_alpha_4, sin_theta_5, x1, x4, cos_alpha_5, cos_theta_5, sin_alpha_4, sin_alpha_5, x0, x9, cos_alpha_3, cos_alpha_1, Z_5, sin_alpha_3, Z0_5, x26, x32, x34
+    pair_2_1_3 = S_2*x27
+    x44 = S_1*X_5
+    x49 = a_2*sin_alpha_1
+    pair_2_2_1 = x44*x28 + Y0_5*x28 + Y_5*a_1*x24 - x30*x49
+    x56 = a_1*sin_alpha_1
+    pair_2_2_2 = x44*x29 + S_2*pair_1_2_3 + Y0_5*x29 + Y_5*a_2*x24 - x30*x56
+    pair_2_2_3 = X0_5*sin_alpha_2 + X_5*cos_alpha_2*a_2 - S_1*x30 - S_2*Y_5*x29
+    x71 = S_1*Y_5
+    pair_2_3_1 = X0_5*x28 + X_5*a_1*x24 - x71*x28 - pair_1_2_3*x49
+    pair_2_3_2 = X0_5*x29 + X_5*a_2*x24 - x71*x29 - S_2*x30 - pair_1_2_3*x56
+    pair_2_3_3 = -(S_1*pair_1_2_3 + S_2*X_5*x29 + Y0_5*sin_alpha_2 + Y_5*cos_alpha_2*a_2)
+    del x27, sin_alpha_1, x44, x28, x49, X0_5, x24, x30, x56, x71, X_5, Y0_5, Y_5, cos_alpha_2, sin_alpha_2, x29
+    return (pair_1_1_1, pair_1_1_2, 0.0, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
 loop_rrrcc_pair.signature = "(5),(5),(3),()->(2,3,3)"
@@ -316,7 +311,7 @@ def loop_rrrcc_back(alpha, a, S, theta_5, theta_1, theta_2, *, out=None):
 
 
 def _loop_rrrcc_back(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, theta_1, theta_2, eps, largest):
-    # 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin
+    # 35 add, 69 mul, 1 div, 2 atan2, 9 cos, 9 sin
     cos_alpha_1 = xp.cos(alpha_1)
     cos_alpha_2 = xp.cos(alpha_2)
     cos_alpha_3 = xp.cos(alpha_3)
@@ -334,46 +329,43 @@ def _loop_rrrcc_back(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     cos_theta_2 = xp.cos(theta_2)
     sin_theta_2 = xp.sin(theta_2)
     x0 = sin_alpha_4*sin_theta_5
-    x1 = cos_theta_5*sin_alpha_4
-    x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1
-    x3 = cos_theta_1*x0 + sin_theta_1*x2
-    x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1
-    x5 = cos_theta_1*x2 - sin_theta_1*x0
-    x6 = cos_alpha_1*x5 + sin_alpha_1*x4
-    row_1 = cos_theta_2*x3 + sin_theta_2*x6
-    row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5)
-    x7 = sin_alpha_2*sin_theta_2
-    x8 = cos_theta_2*sin_alpha_2
-    x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1
-    x10 = cos_theta_1*x7 - sin_theta_1*x9
-    x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8
-    x12 = cos_theta_1*x9 + sin_theta_1*x7
-    x13 = cos_alpha_5*x12 - sin_alpha_5*x11
-    column_1 = cos_theta_5*x10 - sin_theta_5*x13
-    column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12)
-    del x1, x0, x2, x3, x4, x5, x6, x8, x7, x9, cos_alpha_4, sin_alpha_4, x10, x11, x12, x13
-    x14 = -a_4*cos_theta_5 - a_5
-    x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5
-    x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1
-    x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5
-    x18 = cos_theta_1*x15 - sin_theta_1*x14
-    x19 = cos_alpha_1*x18 + sin_alpha_1*x17
-    vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2
-    x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18
-    x21 = cos_theta_2*x19 - sin_theta_2*x16
-    del cos_theta_5, cos_alpha_5, sin_alpha_5, sin_theta_5, cos_theta_1, sin_theta_1, x14, x15, cos_alpha_1, sin_alpha_1, x17, x18, cos_theta_2, sin_theta_2, x16, x19
-    vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20
-    vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21
-    theta_3 = xp.atan2(row_1*sin_alpha_3, -row_2*sin_alpha_3)
-    theta_4 = xp.atan2(column_1*sin_alpha_3, column_2*sin_alpha_3)
-    cos_theta_3 = xp.cos(theta_3)
-    sin_theta_3 = xp.sin(theta_3)
-    S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3
-    angles_1 = theta_3
-    angles_2 = theta_4
-    offsets_1 = vector_3 - S_4*cos_alpha_3
-    del cos_alpha_2, sin_alpha_2, x20, x21, row_1, row_2, column_1, column_2, cos_theta_3, sin_alpha_3, sin_theta_3, vector_1, vector_2, theta_3, theta_4, cos_alpha_3, vector_3
-    offsets_2 = S_4
+    x3 = cos_theta_5*sin_alpha_4
+    x5 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x3
+    x7 = cos_theta_1*x0 + sin_theta_1*x5
+    x11 = cos_theta_1*x5 - x0*sin_theta_1
+    x15 = cos_alpha_4*cos_alpha_5 - x3*sin_alpha_5
+    x17 = cos_alpha_1*x11 + sin_alpha_1*x15
+    row_1 = cos_theta_2*x7 + sin_theta_2*x17
+    row_2 = cos_alpha_2*(cos_theta_2*x17 - sin_theta_2*x7) + sin_alpha_2*(cos_alpha_1*x15 - sin_alpha_1*x11)
+    x27 = sin_alpha_2*sin_theta_2
+    x29 = cos_theta_2*sin_alpha_2
+    x32 = cos_alpha_1*x29 + cos_alpha_2*sin_alpha_1
+    x34 = cos_theta_1*x27 + sin_theta_1*x32
+    x38 = x27*sin_theta_1 - cos_theta_1*x32
+    x42 = cos_alpha_1*cos_alpha_2 - x29*sin_alpha_1
+    x44 = cos_alpha_5*x38 - sin_alpha_5*x42
+    column_1 = cos_theta_5*x34 - sin_theta_5*x44
+    column_2 = cos_alpha_4*(cos_theta_5*x44 + sin_theta_5*x34) - sin_alpha_4*(cos_alpha_5*x42 + sin_alpha_5*x38)
+    del x0, x5, x3, x11, x15, x17, x7, x27, x32, x29, cos_alpha_4, sin_alpha_4, x34, x38, x42, x44
+    x55 = a_4*cos_theta_5 + a_5
+    x58 = a_4*sin_theta_5
+    x60 = x58*cos_alpha_5 - S_3*sin_alpha_5
+    x63 = sin_theta_1*x60 - a_1 - cos_theta_1*x55
+    x67 = cos_theta_1*x60 + sin_theta_1*x55
+    x72 = S_1 + S_3*cos_alpha_5 + x58*sin_alpha_5
+    x74 = cos_alpha_1*x67 - sin_alpha_1*x72
+    vector_1 = cos_theta_2*x63 + sin_theta_2*x74 - a_2
+    x79 = cos_theta_2*x74 - sin_theta_2*x63
+    x84 = S_2 + cos_alpha_1*x72 + sin_alpha_1*x67
+    del cos_theta_5, sin_theta_5, cos_theta_1, sin_theta_1, x55, x60, cos_alpha_5, sin_alpha_5, x58, cos_theta_2, sin_theta_2, x63, x74, cos_alpha_1, sin_alpha_1, x67, x72
+    vector_2 = cos_alpha_2*x79 - sin_alpha_2*x84
+    vector_3 = -(cos_alpha_2*x84 + sin_alpha_2*x79)
+    angles_1 = xp.atan2(row_1*sin_alpha_3, -row_2*sin_alpha_3)
+    angles_2 = xp.atan2(column_1*sin_alpha_3, column_2*sin_alpha_3)
+    cos_theta_3 = xp.cos(angles_1)
+    sin_theta_3 = xp.sin(angles_1)
+    offsets_2 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3
+    offsets_1 = vector_3 - offsets_2*cos_alpha_3
     return (angles_1, angles_2, offsets_1, offsets_2)
 
 
@@ -416,13 +408,13 @@ def loop_pair_12_12(rotation, vector, p, q, *, out=None):
 
 
 def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
-    # 83 add, 144 mul, 1 div
-    square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
-    x0 = 1.0/square
-    x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
-    part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
-    part_2 = x0*x1
-    part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
+    # 83 add, 146 mul, 1 div
+    square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
+    x2 = 1.0/square
+    x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
+    part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3))
+    part_2 = x2*x6
+    part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
@@ -435,49 +427,53 @@ def _loop_pair_12_12(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1
     q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2
     q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3
-    x2 = rotation_2_3_3*rotation_3_3_3
-    pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3
-    x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
-    pair_1_1_2 = rotation_1_3_3*x3
-    x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
-    pair_1_1_3 = rotation_1_3_3*x4
-    x5 = rotation_2_1_3*rotation_3_3_3
-    x6 = rotation_2_2_3*rotation_3_3_3
-    pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6
-    x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8
-    x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10
-    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6
-    pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8
-    pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10
-    x11 = p_12_2*q_12_3 - p_12_3*q_12_2
-    x12 = p_12_3*q_12_1 - p_12_1*q_12_3
-    x13 = p_12_1*q_12_2 - p_12_2*q_12_1
-    x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11)
-    pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2
-    pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3
-    del square, x1, x0, part_2, part_1, p_12_3, q_12_3, p_12_1, p_12_2, q_12_1, q_12_2, v_12_1, v_12_2, v_12_3, x2, x3
-    pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4
-    x15 = rotation_2_1_3*v_34_3
-    x16 = rotation_2_2_3*v_34_3
-    x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12
-    x18 = part_3*x17
-    x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13)
-    pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6
-    x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2
-    x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2
-    pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8
-    x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2
-    x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2
-    pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9
-    x25 = -part_3*x17
-    pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16
-    pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20
-    del x14, x4, v_34_3, x13, v_34_1, v_34_2, x18, part_3, x17, x15, x16, x5, x6, x20, x21, x7, x8
-    pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22
+    pair_1_1_1 = rotation_1_3_3*(rotation_2_3_3*rotation_3_3_3) - rotation_4_3_3
+    x62 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
+    pair_1_1_2 = rotation_1_3_3*x62
+    x65 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
+    pair_1_1_3 = rotation_1_3_3*x65
+    x66 = rotation_2_1_3*rotation_3_3_3
+    x68 = rotation_2_2_3*rotation_3_3_3
+    pair_1_2_1 = rotation_1_3_1*x66 + rotation_1_3_2*x68
+    x72 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
+    x76 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
+    pair_1_2_2 = rotation_1_3_1*x72 + rotation_1_3_2*x76
+    x80 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
+    x84 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
+    pair_1_2_3 = rotation_1_3_1*x80 + rotation_1_3_2*x84
+    pair_1_3_1 = rotation_1_3_2*x66 - rotation_1_3_1*x68
+    pair_1_3_2 = rotation_1_3_2*x72 - rotation_1_3_1*x76
+    pair_1_3_3 = rotation_1_3_2*x80 - rotation_1_3_1*x84
+    x94 = p_12_3*q_12_1 - p_12_1*q_12_3
+    x98 = p_12_2*q_12_3 - p_12_3*q_12_2
+    x100 = rotation_1_3_1*x94 - rotation_1_3_2*x98
+    x101 = part_3*rotation_3_3_3
+    x106 = p_12_1*q_12_2 - p_12_2*q_12_1
+    x116 = x101*rotation_2_3_3*x100 + rotation_2_3_3*v_34_3*x106 + v_12_1*x98 + v_12_2*x94 + v_12_3*x106
+    pair_2_1_1 = x116 + vector_2_3*x106
+    del square, x6, x2, part_2, part_1, x68, p_12_3, q_12_3, p_12_1, p_12_2, q_12_1, q_12_2, v_12_1, v_12_2, v_12_3, x116
+    x117 = part_3*x100
+    pair_2_1_2 = x117*x62 + x106*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2)
+    pair_2_1_3 = x117*x65 + x106*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2)
+    x130 = rotation_1_3_2*x106 - rotation_1_3_3*x94
+    x135 = rotation_1_3_3*x98 - rotation_1_3_1*x106
+    x136 = x101*rotation_2_2_3
+    x138 = rotation_2_1_3*v_34_3
+    x140 = rotation_2_2_3*v_34_3
+    x143 = vector_2_2*x94
+    pair_2_2_1 = x101*rotation_2_1_3*x130 + x136*x135 + x138*x98 + x140*x94 + vector_2_1*x98 + x143
+    x148 = part_3*x135
+    x150 = part_3*x130
+    x154 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2
+    x158 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2
+    pair_2_2_2 = x148*x76 + x150*x72 + x94*x154 + x98*x158
+    x166 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2
+    x170 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2
+    pair_2_2_3 = x148*x84 + x150*x80 + x94*x166 + x98*x170
+    pair_2_3_1 = x148*x66 + x138*x94 + vector_2_1*x94 - x136*x130 - x140*x98 - vector_2_2*x98
+    del x100, x62, x117, x65, x106, v_34_3, x101, x143, x135, part_3, v_34_1, v_34_2, x130, x136, x138, x140, x66
+    pair_2_3_2 = x148*x72 + x94*x158 - x150*x76 - x98*x154
+    pair_2_3_3 = x148*x80 + x94*x170 - x150*x84 - x98*x166
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -521,65 +517,77 @@ def loop_pair_23_23(rotation, vector, p, q, *, out=None):
 
 def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
     # 73 add, 134 mul, 1 div
-    square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
-    x0 = 1.0/square
-    x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
-    part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
-    part_2 = x0*x1
-    part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
+    square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
+    x2 = 1.0/square
+    x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
+    part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3))
+    part_2 = x2*x6
+    part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    x2 = rotation_2_3_3*rotation_3_3_3
-    pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3
-    x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
-    pair_1_1_2 = rotation_1_3_3*x3
-    x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
-    pair_1_1_3 = rotation_1_3_3*x4
-    x5 = rotation_2_1_3*rotation_3_3_3
-    x6 = rotation_1_3_1*x5
-    x7 = rotation_2_2_3*rotation_3_3_3
-    x8 = rotation_1_3_2*x7
-    pair_1_2_1 = x6 + x8
-    x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x10 = rotation_1_3_1*x9
-    x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    x12 = rotation_1_3_2*x11
-    pair_1_2_2 = x10 + x12
-    x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x14 = rotation_1_3_1*x13
-    x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    x16 = rotation_1_3_2*x15
-    pair_1_2_3 = x14 + x16
-    x17 = rotation_1_3_1*x7
-    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17
-    x18 = rotation_1_3_1*x11
-    pair_1_3_2 = rotation_1_3_2*x9 - x18
-    x19 = rotation_1_3_1*x15
-    pair_1_3_3 = rotation_1_3_2*x13 - x19
-    x20 = p_1*q_2 - p_2*q_1
-    x21 = p_2*q_3 - p_3*q_2
-    x22 = p_3*q_1 - p_1*q_3
-    x23 = part_3*rotation_1_3_3
-    x24 = x21*x23
-    x25 = x22*x23
-    pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5
-    pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9
-    pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25
-    x26 = part_3*x20
-    x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22)
-    pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27
-    del square, x1, x0, part_2, part_1, x23, v_12_3, v_34_3, x7, x11, v_34_1, v_34_2, x15, x24, x25, x17, x5
-    pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3
-    pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4
-    x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22)
-    pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8
-    pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3
-    del x18, x9, x13, x19, x20, x27, part_3, v_12_1, v_12_2, x2, x21, x22, x6, x8, x10, x12, x3
-    pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4
+    pair_1_1_1 = rotation_1_3_3*rotation_3_3_3*rotation_2_3_3 - rotation_4_3_3
+    x38 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
+    pair_1_1_2 = rotation_1_3_3*x38
+    x41 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
+    pair_1_1_3 = rotation_1_3_3*x41
+    x42 = rotation_2_1_3*rotation_3_3_3
+    x43 = rotation_1_3_1*x42
+    x44 = rotation_2_2_3*rotation_3_3_3
+    x45 = rotation_1_3_2*x44
+    pair_1_2_1 = x43 + x45
+    x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
+    x49 = rotation_1_3_1*x48
+    x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
+    x53 = rotation_1_3_2*x52
+    pair_1_2_2 = x49 + x53
+    x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
+    x57 = rotation_1_3_1*x56
+    x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
+    x61 = rotation_1_3_2*x60
+    pair_1_2_3 = x57 + x61
+    x62 = rotation_1_3_1*x44
+    x63 = rotation_1_3_2*x42
+    pair_1_3_1 = x63 - x62
+    x64 = rotation_1_3_1*x52
+    x65 = rotation_1_3_2*x48
+    pair_1_3_2 = x65 - x64
+    x66 = rotation_1_3_1*x60
+    x67 = rotation_1_3_2*x56
+    pair_1_3_3 = x67 - x66
+    x70 = p_3*q_1 - p_1*q_3
+    x71 = part_3*rotation_3_3_3
+    x77 = p_2*q_3 - p_3*q_2
+    x87 = p_1*q_2 - p_2*q_1
+    x89 = rotation_2_3_3*v_34_3*x87
+    x90 = v_12_3*x87
+    x97 = x71*(rotation_1_3_3*x77)*rotation_2_2_3 + rotation_2_1_3*v_34_3*x77 + rotation_2_2_3*v_34_3*x70 + x89 + x90
+    pair_2_1_1 = x97 + vector_2_1*x77 + vector_2_2*x70 + vector_2_3*x87 - x71*(rotation_1_3_3*x70)*rotation_2_1_3
+    x101 = part_3*rotation_1_3_3
+    x102 = x101*x70
+    x104 = x101*x77
+    x119 = x104*x52 + x87*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x70*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2)
+    pair_2_1_2 = x119 + x77*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) - x102*x48
+    del square, x6, x2, part_2, part_1, x44, x42, v_12_3, v_34_3, x89, x90, x97, x101, x52, x119, x48
+    x136 = x104*x60 + x87*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x70*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2)
+    pair_2_1_3 = x136 + x77*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) - x102*x56
+    x138 = part_3*x87
+    x143 = rotation_1_3_2*x77 - rotation_1_3_1*x70
+    x144 = x71*rotation_2_3_3
+    pair_2_2_1 = x138*x63 + v_12_1*x77 + v_12_2*x70 - x138*x62 - x144*x143
+    x153 = part_3*x143
+    pair_2_2_2 = x138*x65 - x138*x64 - x153*x38
+    pair_2_2_3 = x138*x67 - x138*x66 - x153*x41
+    del x104, x60, v_34_1, v_34_2, x102, x136, x56, x87, x71, x62, x63, x143, x64, x65, x153, x66, x67
+    x164 = rotation_1_3_1*x77 + rotation_1_3_2*x70
+    pair_2_3_1 = x144*x164 + v_12_2*x77 - x138*x43 - x138*x45 - v_12_1*x70
+    x173 = part_3*x164
+    pair_2_3_2 = x173*x38 - x138*x49 - x138*x53
+    pair_2_3_3 = x173*x41 - x138*x57 - x138*x61
+    del v_12_1, v_12_2, x144, x43, x45, x70, x77, part_3, x164, x38, x49, x53, x138, x173, x41, x57, x61
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -622,68 +630,72 @@ def loop_pair_34_34(rotation, vector, p, q, *, out=None):
 
 
 def _loop_pair_34_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
-    # 81 add, 149 mul, 1 div
-    square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
-    x0 = 1.0/square
-    x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
-    part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
-    part_2 = x0*x1
-    part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
+    # 81 add, 145 mul, 1 div
+    square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
+    x2 = 1.0/square
+    x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
+    part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3))
+    part_2 = x2*x6
+    part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
     v_34_1 = part_1*rotation_3_1_3 + vector_3_1
     v_34_2 = part_1*rotation_3_2_3 + vector_3_2
     v_34_3 = part_1*rotation_3_3_3 + vector_3_3
-    x2 = rotation_1_3_3*rotation_2_3_3
-    pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3
+    x34 = rotation_1_3_3*rotation_2_3_3
+    pair_1_1_1 = x34*rotation_3_3_3 - rotation_4_3_3
     pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3)
     pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3)
-    x3 = rotation_2_2_3*rotation_3_3_3
-    pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3
-    x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5
-    x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7
-    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3
-    pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5
-    pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7
-    x8 = p_2*q_3 - p_3*q_2
-    x9 = p_1*q_3 - p_3*q_1
-    x11 = p_1*q_2 - p_2*q_1
-    x12 = rotation_2_1_3*x11
-    x13 = rotation_2_2_3*x11
-    x14 = rotation_2_3_3*x11
-    x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8
-    pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9
-    x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9
-    x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9
-    x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9
-    x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9
-    x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8
-    x21 = part_3*rotation_1_3_3
-    pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20)
-    del square, x1, x0, part_2, part_1, x3, x4, x5, x6, x7, v_34_1, v_34_2, v_34_3, x14, x2, x16
-    x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8
-    x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8
-    x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8
-    pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20)
-    x26 = part_3*rotation_1_3_1
-    x27 = part_3*rotation_1_3_2
-    x28 = rotation_2_2_3*x15
-    pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28
-    x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20
-    x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20
-    pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30
-    x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20
-    x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20
-    pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32
-    pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28
-    pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30
-    del x8, x9, v_12_3, x21, x22, x12, x19, x20, x27, x11, x13, x15, x28, x17, x18, x29, x30
-    pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32
+    x42 = rotation_1_3_1*rotation_2_1_3
+    x44 = rotation_1_3_2*rotation_2_2_3
+    pair_1_2_1 = x42*rotation_3_3_3 + x44*rotation_3_3_3
+    x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
+    x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
+    pair_1_2_2 = rotation_1_3_1*x48 + rotation_1_3_2*x52
+    x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
+    x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
+    pair_1_2_3 = rotation_1_3_1*x56 + rotation_1_3_2*x60
+    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*rotation_2_2_3*rotation_3_3_3
+    pair_1_3_2 = rotation_1_3_2*x48 - rotation_1_3_1*x52
+    pair_1_3_3 = rotation_1_3_2*x56 - rotation_1_3_1*x60
+    x72 = p_3*q_1 - p_1*q_3
+    x76 = p_2*q_3 - p_3*q_2
+    x78 = rotation_3_2_3*x76 - rotation_3_1_3*x72
+    x79 = part_3*x78
+    x83 = p_1*q_2 - p_2*q_1
+    x84 = rotation_2_1_3*x83
+    x86 = rotation_2_2_3*x83
+    x88 = rotation_2_3_3*x83
+    x98 = x79*x34 + x84*vector_2_1 + x86*vector_2_2 + x88*v_12_3 + x88*vector_2_3 + v_34_1*x76
+    pair_2_1_1 = x98 + v_34_2*x72 + v_34_3*x83
+    x102 = rotation_3_3_3*x72 - rotation_3_2_3*x83
+    x106 = rotation_3_1_3*x83 - rotation_3_3_3*x76
+    del square, x6, x2, part_2, part_1, x48, x52, x56, x60, v_34_1, x34, x88, v_34_2, v_34_3, x98, x83
+    x109 = part_3*rotation_1_3_3
+    x113 = rotation_2_3_1*x76 + rotation_2_3_2*x72
+    x117 = rotation_2_1_1*x76 + rotation_2_1_2*x72
+    x121 = rotation_2_2_1*x76 + rotation_2_2_2*x72
+    x123 = vector_2_3*x113
+    pair_2_1_2 = x109*(rotation_2_3_1*x102 + rotation_2_3_2*x106) + v_12_3*x113 + vector_2_1*x117 + vector_2_2*x121 + x123
+    x133 = rotation_2_3_2*x76 - rotation_2_3_1*x72
+    x137 = rotation_2_1_2*x76 - rotation_2_1_1*x72
+    x141 = rotation_2_2_2*x76 - rotation_2_2_1*x72
+    x143 = vector_2_3*x133
+    pair_2_1_3 = x109*(rotation_2_3_2*x102 - rotation_2_3_1*x106) + v_12_3*x133 + vector_2_1*x137 + vector_2_2*x141 + x143
+    pair_2_2_1 = x79*x42 + x79*x44 + x84*v_12_1 + x86*v_12_2
+    x155 = rotation_2_1_1*x102 + rotation_2_1_2*x106
+    x156 = part_3*rotation_1_3_1
+    x160 = rotation_2_2_1*x102 + rotation_2_2_2*x106
+    x161 = part_3*rotation_1_3_2
+    pair_2_2_2 = x156*x155 + x161*x160 + v_12_1*x117 + v_12_2*x121
+    x169 = rotation_2_1_2*x102 - rotation_2_1_1*x106
+    x173 = rotation_2_2_2*x102 - rotation_2_2_1*x106
+    pair_2_2_3 = x156*x169 + x161*x173 + v_12_1*x137 + v_12_2*x141
+    pair_2_3_1 = x161*(rotation_2_1_3*x78) + x84*v_12_2 - x156*(rotation_2_2_3*x78) - x86*v_12_1
+    del x113, x123, x72, x76, v_12_3, x109, x133, x143, x42, x44, x79, part_3, x102, x106, x78, x84, x86
+    pair_2_3_2 = x161*x155 + v_12_2*x117 - x156*x160 - v_12_1*x121
+    pair_2_3_3 = x161*x169 + v_12_2*x137 - x156*x173 - v_12_1*x141
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -726,13 +738,13 @@ def loop_pair_12_23(rotation, vector, p, q, *, out=None):
 
 
 def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
-    # 116 add, 210 mul, 1 div
-    square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
-    x0 = 1.0/square
-    x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
-    part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
-    part_2 = x0*x1
-    part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
+    # 116 add, 209 mul, 1 div
+    square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
+    x2 = 1.0/square
+    x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
+    part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3))
+    part_2 = x2*x6
+    part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
@@ -742,68 +754,76 @@ def _loop_pair_12_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1
     p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2
     p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3
-    x2 = rotation_2_3_3*rotation_3_3_3
-    pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3
-    x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
-    pair_1_1_2 = rotation_1_3_3*x3
-    x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
-    pair_1_1_3 = rotation_1_3_3*x4
-    x5 = rotation_2_1_3*rotation_3_3_3
-    x6 = rotation_2_2_3*rotation_3_3_3
-    pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6
-    x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8
-    x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10
-    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6
-    pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8
-    pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10
-    x11 = rotation_2_2_3*v_34_3
-    x12 = q_2*v_34_3
-    x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3
-    x14 = q_1*x13
-    x15 = q_2*x13
-    x16 = q_3*x13
-    x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1
-    pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2)
-    x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2
-    x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2
-    pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7))
-    x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2
-    x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2
-    pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9))
-    x22 = q_2*vector_2_3 - q_3*vector_2_2
-    x23 = q_3*vector_2_1 - q_1*vector_2_3
-    x24 = p_12_2*v_12_3 - p_12_3*v_12_2
-    x25 = p_12_1*v_12_3 - p_12_3*v_12_1
-    x26 = rotation_2_3_3*x12 - q_3*x11
-    del square, x1, x0, part_2, part_1, x13, x5, x14, x15, x16, x17, v_12_2, v_12_1, v_12_3, x11, x12
-    x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3
-    x28 = q_2*rotation_4_3_3
-    x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3
-    x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2
-    x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2
-    x32 = q_2*x2 - q_3*x6
-    pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24
-    x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2
-    x34 = q_2*x33 - q_3*x18
-    x35 = q_3*x19 - q_1*x33
-    x36 = q_3*x7 - q_1*x3
-    x37 = q_2*x3 - q_3*x8
-    pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37)
-    x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2
-    x39 = q_2*x38 - q_3*x20
-    x40 = q_3*x21 - q_1*x38
-    x41 = q_3*x9 - q_1*x4
-    del v_34_3, p_12_3, x2, x6, x18, x19, x33, x7, x3, x8, v_34_1, v_34_2, x20, x21, x38, x9
-    x42 = q_2*x4 - q_3*x10
-    pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42)
-    pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27
-    pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35
-    pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40
-    del x10, x4, x22, x23, x24, x25, x26, x27, x28, x30, x32, x34, x35, x36, x37, p_12_1, p_12_2, part_3, x29, x31, x39, x40, x41, x42
+    x46 = rotation_2_3_3*rotation_3_3_3
+    pair_1_1_1 = rotation_1_3_3*x46 - rotation_4_3_3
+    x50 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3
+    pair_1_1_2 = rotation_1_3_3*x50
+    x53 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
+    pair_1_1_3 = rotation_1_3_3*x53
+    x54 = rotation_2_1_3*rotation_3_3_3
+    x56 = rotation_2_2_3*rotation_3_3_3
+    pair_1_2_1 = rotation_1_3_1*x54 + rotation_1_3_2*x56
+    x60 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
+    x64 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
+    pair_1_2_2 = rotation_1_3_1*x60 + rotation_1_3_2*x64
+    x68 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
+    x72 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
+    pair_1_2_3 = rotation_1_3_1*x68 + rotation_1_3_2*x72
+    pair_1_3_1 = rotation_1_3_2*x54 - rotation_1_3_1*x56
+    pair_1_3_2 = rotation_1_3_2*x60 - rotation_1_3_1*x64
+    pair_1_3_3 = rotation_1_3_2*x68 - rotation_1_3_1*x72
+    x96 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3
+    x97 = q_1*x96
+    x99 = q_2*x96
+    x101 = q_3*x96
+    x105 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1
+    x109 = x105*(q_1*x56 - q_2*x54)
+    x119 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*rotation_2_2_3*v_34_3 - q_2*rotation_2_1_3*v_34_3)
+    x120 = x119 + part_3*(p_12_3*q_3*rotation_4_3_3 - x97*x54 - x99*x56 - x101*x46 - x109)
+    pair_2_1_1 = x120 + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2)
+    x123 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2
+    x127 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2
+    x141 = part_3*(x97*x60 + x99*x64 + x101*x50 + x105*(q_1*x64 - q_2*x60))
+    pair_2_1_2 = p_12_3*(q_1*x123 - q_2*x127) - x141
+    x144 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2
+    x148 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2
+    x162 = part_3*(x97*x68 + x99*x72 + x101*x53 + x105*(q_1*x72 - q_2*x68))
+    pair_2_1_3 = p_12_3*(q_1*x144 - q_2*x148) - x162
+    x165 = q_2*vector_2_3 - q_3*vector_2_2
+    x171 = q_2*rotation_2_3_3*v_34_3 - q_3*rotation_2_2_3*v_34_3
+    x175 = q_3*vector_2_1 - q_1*vector_2_3
+    x181 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3
+    del square, x6, x2, part_2, part_1, x96, x109, x119, x120, x141, x101, x105, x97, x99, x162, v_34_3
+    x183 = p_12_1*rotation_4_3_3
+    x185 = p_12_2*rotation_4_3_3
+    x189 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3
+    x192 = q_3*x54 - q_1*x46
+    x196 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2
+    x199 = q_2*x46 - q_3*x56
+    x207 = p_12_3*v_12_2 - p_12_2*v_12_3
+    x211 = p_12_1*v_12_3 - p_12_3*v_12_1
+    x204 = part_3*(x183*q_1 + x185*q_2 - x189*x192 - x196*x199)
+    x212 = q_2*x211
+    pair_2_2_1 = p_12_1*x165 + p_12_1*x171 + p_12_2*x175 + p_12_2*x181 + x204 + q_1*x207 + x212
+    x220 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2
+    x223 = q_2*x220 - q_3*x123
+    x227 = q_3*x127 - q_1*x220
+    x231 = q_3*x60 - q_1*x50
+    x235 = q_2*x50 - q_3*x64
+    pair_2_2_2 = p_12_1*x223 + p_12_2*x227 - part_3*(x189*x231 + x196*x235)
+    x242 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2
+    del x54, x46, x56, v_12_2, p_12_3, v_12_1, v_12_3, x204, x212, x123, x127, x220, x60, x50, x64, v_34_1, v_34_2
+    x245 = q_2*x242 - q_3*x144
+    x249 = q_3*x148 - q_1*x242
+    x253 = q_3*x68 - q_1*x53
+    x257 = q_2*x53 - q_3*x72
+    pair_2_2_3 = p_12_1*x245 + p_12_2*x249 - part_3*(x189*x253 + x196*x257)
+    x273 = part_3*(x185*q_1 + x196*x192 - x183*q_2 - x189*x199)
+    x275 = q_2*x207
+    pair_2_3_1 = p_12_2*x165 + p_12_2*x171 + x273 + q_1*x211 - p_12_1*x175 - p_12_1*x181 - x275
+    del x144, x148, x242, x68, x53, x72, x183, x185, x192, x199, x207, x165, x171, x175, x181, x211, x273, x275
+    pair_2_3_2 = p_12_2*x223 + part_3*(x196*x231 - x189*x235) - p_12_1*x227
+    pair_2_3_3 = p_12_2*x245 + part_3*(x196*x253 - x189*x257) - p_12_1*x249
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -846,13 +866,13 @@ def loop_pair_12_34(rotation, vector, p, q, *, out=None):
 
 
 def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
-    # 146 add, 251 mul, 1 div
-    square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
-    x0 = 1.0/square
-    x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
-    part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
-    part_2 = x0*x1
-    part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
+    # 146 add, 249 mul, 1 div
+    square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
+    x2 = 1.0/square
+    x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
+    part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3))
+    part_2 = x2*x6
+    part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
@@ -865,72 +885,92 @@ def _loop_pair_12_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3
     pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3)
     pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3)
-    x2 = rotation_2_2_3*rotation_3_3_3
-    pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2
-    x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4
-    x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6
-    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2
-    pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4
-    pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6
-    x7 = q_1*v_34_2 - q_2*v_34_1
-    x8 = p_12_3*rotation_2_3_3
-    x9 = p_12_2*v_12_1 - p_12_1*v_12_2
-    x10 = q_3*rotation_2_3_3
-    x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1
-    x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3
-    pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2)
-    x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2
-    x14 = q_2*v_34_3 - q_3*v_34_2
-    x15 = q_1*v_34_3 - q_3*v_34_1
-    x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2
-    x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2
-    x19 = p_12_3*rotation_4_3_3
-    x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3
-    x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3
-    pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18)
-    x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1
-    x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1
-    x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1
-    pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24)
-    del square, x1, x0, part_2, part_1, x2, x3, x4, x5, x6, x8, v_34_2, v_34_1, v_34_3, x11, x19, x9
-    x26 = rotation_2_1_3*x7
-    x27 = rotation_2_2_3*x7
-    x28 = p_12_2*v_12_3 - p_12_3*v_12_2
-    x30 = q_3*rotation_2_1_3
-    x31 = p_12_1*v_12_3 - p_12_3*v_12_1
-    x32 = q_3*rotation_2_2_3
-    x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32
-    x34 = vector_2_3*x30 - vector_2_1*x10
-    x35 = p_12_1*rotation_4_3_3
-    x36 = p_12_2*rotation_4_3_3
-    x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2
-    x38 = rotation_2_1_3*x12
-    x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3
-    x40 = rotation_2_2_3*x12
-    pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30
-    x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15
-    x42 = vector_2_2*x13 - vector_2_3*x17
-    x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15
-    x44 = vector_2_3*x18 - vector_2_1*x13
-    x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21
-    x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21
-    pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28
-    x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14
-    x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14
-    x49 = vector_2_2*x22 - vector_2_3*x23
-    x50 = vector_2_3*x24 - vector_2_1*x22
-    x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21
-    x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21
-    pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28
-    pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33
-    del x7, v_12_2, v_12_1, v_12_3, x10, p_12_3, x12, x13, x14, x15, x22, x20, x21, x26, x27, x30, x32, x33, x34, x38, x40
-    pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42
-    pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49
-    del x17, x18, x41, x42, x43, x44, x45, x46, p_12_1, p_12_2, part_3, x23, x24, x28, x31, x35, x36, x37, x39, x47, x48, x49, x50, x51, x52
+    x54 = rotation_1_3_1*rotation_3_3_3
+    x56 = rotation_1_3_2*rotation_3_3_3
+    pair_1_2_1 = x54*rotation_2_1_3 + x56*rotation_2_2_3
+    x60 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
+    x64 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
+    pair_1_2_2 = rotation_1_3_1*x60 + rotation_1_3_2*x64
+    x68 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
+    x72 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
+    pair_1_2_3 = rotation_1_3_1*x68 + rotation_1_3_2*x72
+    pair_1_3_1 = x56*rotation_2_1_3 - x54*rotation_2_2_3
+    pair_1_3_2 = rotation_1_3_2*x60 - rotation_1_3_1*x64
+    pair_1_3_3 = rotation_1_3_2*x68 - rotation_1_3_1*x72
+    x82 = q_1*v_34_2 - q_2*v_34_1
+    x83 = p_12_3*rotation_2_3_3
+    x85 = q_3*rotation_2_1_3
+    x87 = q_3*rotation_2_2_3
+    x95 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1
+    x98 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3
+    x111 = (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)
+    x117 = p_12_2*v_12_1 - p_12_1*v_12_2
+    x118 = q_3*rotation_2_3_3
+    x121 = x83*x82 + part_3*(x83*(q_3*rotation_4_3_3) + rotation_2_3_3*x95*x98 - x111) + x118*x117
+    pair_2_1_1 = x121 - p_12_3*(x87*vector_2_1 - x85*vector_2_2)
+    x124 = q_2*v_34_3 - q_3*v_34_2
+    x128 = q_3*v_34_1 - q_1*v_34_3
+    del square, x6, x2, part_2, part_1, x54, x56, x60, x64, x68, x72, x111, x83, x121, v_34_2, v_34_1, v_34_3
+    x134 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2
+    x138 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2
+    x144 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2
+    x145 = p_12_3*rotation_4_3_3
+    x149 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3
+    x153 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3
+    x158 = part_3*(x145*x144 + x95*(rotation_2_3_1*x149 + rotation_2_3_2*x153))
+    x141 = p_12_3*(vector_2_1*x134 - vector_2_2*x138)
+    pair_2_1_2 = p_12_3*(rotation_2_3_1*x124 + rotation_2_3_2*x128) + x158 + x117*x144 - x141
+    x168 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1
+    x172 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1
+    x178 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1
+    x185 = part_3*(x145*x178 + x95*(rotation_2_3_2*x149 - rotation_2_3_1*x153))
+    x175 = p_12_3*(vector_2_1*x168 - vector_2_2*x172)
+    pair_2_1_3 = p_12_3*(rotation_2_3_2*x124 - rotation_2_3_1*x128) + x185 + x117*x178 - x175
+    x193 = x118*vector_2_2 - x87*vector_2_3
+    x199 = x85*vector_2_3 - x118*vector_2_1
+    x201 = p_12_1*rotation_4_3_3
+    x203 = p_12_2*rotation_4_3_3
+    x207 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2
+    x208 = rotation_2_1_3*x98
+    x212 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3
+    x213 = rotation_2_2_3*x98
+    x221 = p_12_3*v_12_2 - p_12_2*v_12_3
+    x225 = p_12_1*v_12_3 - p_12_3*v_12_1
+    x218 = part_3*(x201*x85 + x203*x87 + x208*x207 + x213*x212)
+    x194 = p_12_1*x193
+    x231 = p_12_1*rotation_2_1_3*x82 + p_12_2*rotation_2_2_3*x82 + x218 + x85*x221 + x87*x225 - x194
+    pair_2_2_1 = x231 - p_12_2*x199
+    del x141, x158, x145, x95, x117, x175, x185, x118, x98, v_12_2, p_12_3, v_12_1, v_12_3, x194, x218, x231
+    x234 = rotation_2_1_1*x124 + rotation_2_1_2*x128
+    x238 = vector_2_2*x144 - vector_2_3*x134
+    x242 = rotation_2_2_1*x124 + rotation_2_2_2*x128
+    x246 = vector_2_3*x138 - vector_2_1*x144
+    x252 = rotation_2_2_1*x149 + rotation_2_2_2*x153
+    x256 = rotation_2_1_1*x149 + rotation_2_1_2*x153
+    x261 = part_3*(x201*x138 + x203*x134 + x212*x252 + x207*x256)
+    x247 = p_12_2*x246
+    pair_2_2_2 = p_12_1*x234 + p_12_2*x242 + x261 + x225*x134 + x221*x138 - p_12_1*x238 - x247
+    x271 = rotation_2_1_2*x124 - rotation_2_1_1*x128
+    x275 = vector_2_2*x178 - vector_2_3*x168
+    x279 = rotation_2_2_2*x124 - rotation_2_2_1*x128
+    x283 = vector_2_3*x172 - vector_2_1*x178
+    x289 = rotation_2_2_2*x149 - rotation_2_2_1*x153
+    x293 = rotation_2_1_2*x149 - rotation_2_1_1*x153
+    x298 = part_3*(x201*x172 + x203*x168 + x212*x289 + x207*x293)
+    x284 = p_12_2*x283
+    pair_2_2_3 = p_12_1*x271 + p_12_2*x279 + x298 + x225*x168 + x221*x172 - p_12_1*x275 - x284
+    x319 = part_3*(x203*x85 + x208*x212 - x201*x87 - x213*x207)
+    x311 = p_12_2*x193
+    x326 = p_12_1*x199 + p_12_2*rotation_2_1_3*x82 + x319 + x85*x225 - p_12_1*rotation_2_2_3*x82 - x311
+    del x144, x247, x261, x124, x128, x178, x149, x153, x284, x298, x208, x213, x193, x199, x311, x319, x82, x85
+    pair_2_3_1 = x326 - x87*x221
+    x338 = part_3*(x203*x138 + x212*x256 - x201*x134 - x207*x252)
+    x340 = x221*x134
+    pair_2_3_2 = p_12_1*x246 + p_12_2*x234 + x338 + x225*x138 - p_12_1*x242 - p_12_2*x238 - x340
+    x357 = part_3*(x203*x172 + x212*x293 - x201*x168 - x207*x289)
+    del x326, x87, x252, x256, x134, x138, x234, x238, x242, x246, x338, x340, part_3, x201, x203, x207, x212, x289, x293
+    x359 = x221*x168
+    pair_2_3_3 = p_12_1*x283 + p_12_2*x271 + x357 + x225*x172 - p_12_1*x279 - p_12_2*x275 - x359
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -973,13 +1013,13 @@ def loop_pair_23_34(rotation, vector, p, q, *, out=None):
 
 
 def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
-    # 132 add, 238 mul, 1 div
-    square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3)
-    x0 = 1.0/square
-    x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
-    part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1))
-    part_2 = x0*x1
-    part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
+    # 132 add, 234 mul, 1 div
+    square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
+    x2 = 1.0/square
+    x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
+    part_1 = x2*(vector_4_3 - rotation_4_3_3*(x6 + rotation_4_3_3*vector_4_3))
+    part_2 = x2*x6
+    part_3 = x2*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1)
     v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3
     v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3
     v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3
@@ -989,77 +1029,89 @@ def _loop_pair_23_34(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3
     pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3)
     pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3)
-    x2 = rotation_2_2_3*rotation_3_3_3
-    pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2
-    x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4
-    x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6
-    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2
-    pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4
-    pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6
-    x7 = q_1*v_34_2 - q_2*v_34_1
-    x8 = p_3*rotation_2_3_3
-    x9 = p_3*vector_2_2 - p_2*vector_2_3
-    x10 = q_3*rotation_2_1_3
-    x11 = p_1*vector_2_3 - p_3*vector_2_1
-    x12 = q_3*rotation_2_2_3
-    x13 = p_2*vector_2_1 - p_1*vector_2_2
-    x14 = q_3*rotation_2_3_3
-    x15 = p_1*rotation_4_3_3
-    x16 = p_2*rotation_4_3_3
-    x17 = p_2*rotation_1_3_3
-    x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3
-    x19 = rotation_2_1_3*x18
-    x20 = p_1*rotation_1_3_3
-    x21 = rotation_2_2_3*x18
-    x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3
-    pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8
-    x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2
-    x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2
-    x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2
-    x26 = q_2*v_34_3 - q_3*v_34_2
-    x27 = q_1*v_34_3 - q_3*v_34_1
-    del square, x1, x0, part_2, part_1, x2, x3, x4, x5, x6, x10, x7, x8, v_34_2, v_34_1, v_34_3
-    x29 = p_3*rotation_4_3_3
-    x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3
-    x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3
-    x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31
-    x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31
-    pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9
-    x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1
-    x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1
-    x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1
-    x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31
-    x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31
-    pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9
-    x40 = p_2*x14 - p_3*x12
-    x41 = p_3*q_3*rotation_2_1_3 - p_1*x14
-    x42 = p_3*rotation_1_3_2
-    x43 = p_1*rotation_1_3_1
-    x44 = p_2*rotation_1_3_2
-    x45 = p_1*rotation_1_3_2
-    x46 = p_2*rotation_1_3_1
-    x47 = x45 - x46
-    pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41
-    x48 = p_2*x23 - p_3*x24
-    x49 = p_3*x25 - p_1*x23
-    del v_12_3, x11, x13, x15, x16, x17, x20, x26, x27, x29, x9, x12, x14, x24, x23, x25
-    x50 = p_3*rotation_1_3_1
-    x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31
-    pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49
-    x52 = p_2*x34 - p_3*x35
-    x53 = p_3*x36 - p_1*x34
-    x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31
-    pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53
-    x55 = -x43 - x44
-    pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41
-    del x35, x34, x36, x30, x31, x47, x43, x44, x18, x19, x21, x22, x40, x41, x45, x46
-    pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49
-    pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53
-    del x32, x33, x48, x49, x51, part_3, v_12_1, v_12_2, x38, x39, x42, x50, x52, x53, x54, x55
+    pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*rotation_2_2_3*rotation_3_3_3
+    x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
+    x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
+    pair_1_2_2 = rotation_1_3_1*x48 + rotation_1_3_2*x52
+    x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
+    x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
+    pair_1_2_3 = rotation_1_3_1*x56 + rotation_1_3_2*x60
+    pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*rotation_2_2_3*rotation_3_3_3
+    pair_1_3_2 = rotation_1_3_2*x48 - rotation_1_3_1*x52
+    pair_1_3_3 = rotation_1_3_2*x56 - rotation_1_3_1*x60
+    x72 = q_1*v_34_2 - q_2*v_34_1
+    x79 = q_3*rotation_2_1_3
+    x80 = p_1*rotation_4_3_3
+    x84 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3
+    x85 = p_1*rotation_1_3_3
+    x86 = rotation_2_2_3*x84
+    x88 = q_3*rotation_2_2_3
+    x89 = p_2*rotation_4_3_3
+    x91 = p_2*rotation_1_3_3
+    x92 = rotation_2_1_3*x84
+    x94 = q_3*rotation_2_3_3
+    x95 = p_3*rotation_4_3_3
+    x101 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3
+    x103 = p_3*rotation_1_3_3*x101
+    x112 = p_3*vector_2_2 - p_2*vector_2_3
+    x116 = p_1*vector_2_3 - p_3*vector_2_1
+    x120 = p_2*vector_2_1 - p_1*vector_2_2
+    x109 = part_3*(x80*x79 + x89*x88 + x91*x92 + x95*x94 - x85*x86 - x103)
+    x129 = p_1*rotation_2_1_3*x72 + p_2*rotation_2_2_3*x72 + p_3*rotation_2_3_3*x72 + x109 + x79*x112
+    pair_2_1_1 = x129 + x88*x116 + x94*x120 + v_12_3*(p_1*x88 - p_2*x79)
+    x134 = q_2*v_34_3 - q_3*v_34_2
+    x138 = q_3*v_34_1 - q_1*v_34_3
+    del square, x6, x2, part_2, part_1, x48, x52, x56, x60, x103, x109, x72, x129, v_34_2, v_34_1, v_34_3
+    x152 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3
+    x156 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3
+    x158 = rotation_2_2_1*x152 + rotation_2_2_2*x156
+    x162 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2
+    x166 = rotation_2_1_1*x152 + rotation_2_1_2*x156
+    x170 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2
+    x174 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2
+    x149 = p_3*(rotation_2_3_1*x134 + rotation_2_3_2*x138)
+    x180 = part_3*(x80*x162 + x91*x166 + x89*x170 + x95*x174 - x85*x158)
+    x190 = p_1*(rotation_2_1_1*x134 + rotation_2_1_2*x138) + p_2*(rotation_2_2_1*x134 + rotation_2_2_2*x138) + x149 + x180
+    pair_2_1_2 = x190 + v_12_3*(p_1*x170 - p_2*x162) + x120*x174 + x116*x170 + x112*x162
+    x208 = rotation_2_2_2*x152 - rotation_2_2_1*x156
+    x212 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1
+    x216 = rotation_2_1_2*x152 - rotation_2_1_1*x156
+    x220 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1
+    x224 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1
+    x205 = p_3*(rotation_2_3_2*x134 - rotation_2_3_1*x138)
+    x230 = part_3*(x80*x212 + x91*x216 + x89*x220 + x95*x224 - x85*x208)
+    x240 = p_1*(rotation_2_1_2*x134 - rotation_2_1_1*x138) + p_2*(rotation_2_2_2*x134 - rotation_2_2_1*x138) + x205 + x230
+    pair_2_1_3 = x240 + v_12_3*(p_1*x220 - p_2*x212) + x120*x224 + x116*x220 + x112*x212
+    del x149, x180, x190, x80, x85, x89, x91, x95, x134, x138, x205, x230, v_12_3, x112, x116, x120, x240
+    x244 = p_1*rotation_1_3_1
+    x246 = p_2*rotation_1_3_2
+    x248 = p_3*rotation_1_3_1
+    x250 = p_3*rotation_1_3_2
+    x252 = p_1*rotation_1_3_2
+    x253 = p_2*rotation_1_3_1
+    x254 = x252 - x253
+    x255 = rotation_2_3_3*x84
+    x264 = p_2*x94 - p_3*x88
+    x268 = p_3*x79 - p_1*x94
+    x265 = v_12_1*x264
+    x270 = part_3*(x248*x86 + x255*x254 - x244*x101 - x246*x101 - x250*x92) + x265
+    pair_2_2_1 = x270 + v_12_2*x268
+    x275 = rotation_2_3_1*x152 + rotation_2_3_2*x156
+    x282 = p_2*x174 - p_3*x170
+    x286 = p_3*x162 - p_1*x174
+    pair_2_2_2 = part_3*(x248*x158 + x254*x275 - x250*x166) + v_12_1*x282 + v_12_2*x286
+    x293 = rotation_2_3_2*x152 - rotation_2_3_1*x156
+    x300 = p_2*x224 - p_3*x220
+    x304 = p_3*x212 - p_1*x224
+    pair_2_2_3 = part_3*(x248*x208 + x254*x293 - x250*x216) + v_12_1*x300 + v_12_2*x304
+    x311 = x244 + x246
+    del x84, x88, x79, x94, x265, x270, x170, x162, x174, x152, x156, x220, x212, x224, x254, x244, x246
+    x319 = v_12_2*x264
+    x320 = part_3*(x253*x101 + x248*x92 + x250*x86 - x252*x101 - x255*x311) + x319
+    pair_2_3_1 = x320 - v_12_1*x268
+    pair_2_3_2 = part_3*(x248*x166 + x250*x158 - x311*x275) + v_12_2*x282 - v_12_1*x286
+    pair_2_3_3 = part_3*(x248*x216 + x250*x208 - x311*x293) + v_12_2*x300 - v_12_1*x304
+    del x264, x101, x252, x253, x255, x319, x86, x92, x268, x320, x158, x166, x275, x282, x286, part_3, v_12_1, v_12_2, x208, x216, x248, x250, x293, x300, x304, x311
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 

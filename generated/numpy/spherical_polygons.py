@@ -65,14 +65,10 @@ def _polygon_notation_1(xp, angles_1, angles_2, angles_3, eps, largest):
     s_angle_1 = xp.sin(angles_1)
     s_angle_2 = xp.sin(angles_2)
     s_angle_3 = xp.sin(angles_3)
-    x_1 = s_angle_1*s_angle_2
-    star_1 = -c_angle_2*s_angle_1
-    y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
-    z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    values_1 = x_1
-    values_2 = star_1
-    values_3 = y_1
-    values_4 = z_1
+    values_1 = s_angle_1*s_angle_2
+    values_2 = -c_angle_2*s_angle_1
+    values_3 = c_angle_3*values_2 - c_angle_1*s_angle_3
+    values_4 = c_angle_1*c_angle_3 + s_angle_3*values_2
     return (values_1, values_2, values_3, values_4)
 
 
@@ -124,15 +120,10 @@ def _polygon_notation_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, ep
     star_1 = -c_angle_2*s_angle_1
     y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
     z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    x_2 = c_angle_4*x_1 - s_angle_4*y_1
-    star_2 = c_angle_4*y_1 + s_angle_4*x_1
-    y_2 = c_angle_5*star_2 - s_angle_5*z_1
-    z_2 = c_angle_5*z_1 + s_angle_5*star_2
-    values_1 = x_2
-    values_2 = star_2
-    del s_angle_2, c_angle_2, s_angle_1, c_angle_1, c_angle_3, s_angle_3, star_1, c_angle_4, s_angle_4, x_1, y_1, c_angle_5, s_angle_5, z_1, x_2, star_2
-    values_3 = y_2
-    values_4 = z_2
+    values_1 = c_angle_4*x_1 - s_angle_4*y_1
+    values_2 = c_angle_4*y_1 + s_angle_4*x_1
+    values_3 = c_angle_5*values_2 - s_angle_5*z_1
+    values_4 = c_angle_5*z_1 + s_angle_5*values_2
     return (values_1, values_2, values_3, values_4)
 
 
@@ -192,15 +183,11 @@ def _polygon_notation_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, an
     star_2 = c_angle_4*y_1 + s_angle_4*x_1
     y_2 = c_angle_5*star_2 - s_angle_5*z_1
     z_2 = c_angle_5*z_1 + s_angle_5*star_2
-    x_3 = c_angle_6*x_2 - s_angle_6*y_2
-    star_3 = c_angle_6*y_2 + s_angle_6*x_2
+    values_1 = c_angle_6*x_2 - s_angle_6*y_2
+    values_2 = c_angle_6*y_2 + s_angle_6*x_2
     del s_angle_2, c_angle_2, s_angle_1, c_angle_1, c_angle_3, s_angle_3, star_1, c_angle_4, s_angle_4, x_1, y_1, c_angle_5, s_angle_5, star_2, z_1, c_angle_6, s_angle_6, x_2, y_2
-    y_3 = c_angle_7*star_3 - s_angle_7*z_2
-    z_3 = c_angle_7*z_2 + s_angle_7*star_3
-    values_1 = x_3
-    values_2 = star_3
-    values_3 = y_3
-    values_4 = z_3
+    values_3 = c_angle_7*values_2 - s_angle_7*z_2
+    values_4 = c_angle_7*z_2 + s_angle_7*values_2
     return (values_1, values_2, values_3, values_4)
 
 
@@ -269,14 +256,10 @@ def _polygon_notation_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, an
     del s_angle_2, c_angle_2, s_angle_1, c_angle_1, c_angle_3, s_angle_3, star_1, c_angle_4, s_angle_4, x_1, y_1, c_angle_5, s_angle_5, star_2, z_1, c_angle_6, s_angle_6, x_2, y_2
     y_3 = c_angle_7*star_3 - s_angle_7*z_2
     z_3 = c_angle_7*z_2 + s_angle_7*star_3
-    x_4 = c_angle_8*x_3 - s_angle_8*y_3
-    star_4 = c_angle_8*y_3 + s_angle_8*x_3
-    y_4 = c_angle_9*star_4 - s_angle_9*z_3
-    z_4 = c_angle_9*z_3 + s_angle_9*star_4
-    values_1 = x_4
-    values_2 = star_4
-    values_3 = y_4
-    values_4 = z_4
+    values_1 = c_angle_8*x_3 - s_angle_8*y_3
+    values_2 = c_angle_8*y_3 + s_angle_8*x_3
+    values_3 = c_angle_9*values_2 - s_angle_9*z_3
+    values_4 = c_angle_9*z_3 + s_angle_9*values_2
     return (values_1, values_2, values_3, values_4)
 
 
@@ -353,15 +336,11 @@ def _polygon_notation_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, an
     star_4 = c_angle_8*y_3 + s_angle_8*x_3
     y_4 = c_angle_9*star_4 - s_angle_9*z_3
     z_4 = c_angle_9*z_3 + s_angle_9*star_4
-    x_5 = c_angle_10*x_4 - s_angle_10*y_4
-    star_5 = c_angle_10*y_4 + s_angle_10*x_4
+    values_1 = c_angle_10*x_4 - s_angle_10*y_4
+    values_2 = c_angle_10*y_4 + s_angle_10*x_4
     del c_angle_7, s_angle_7, star_3, z_2, c_angle_8, s_angle_8, x_3, y_3, c_angle_9, s_angle_9, star_4, z_3, c_angle_10, s_angle_10, x_4, y_4
-    y_5 = c_angle_11*star_5 - s_angle_11*z_4
-    z_5 = c_angle_11*z_4 + s_angle_11*star_5
-    values_1 = x_5
-    values_2 = star_5
-    values_3 = y_5
-    values_4 = z_5
+    values_3 = c_angle_11*values_2 - s_angle_11*z_4
+    values_4 = c_angle_11*z_4 + s_angle_11*values_2
     return (values_1, values_2, values_3, values_4)
 
 
@@ -409,25 +388,16 @@ def _polygon_secondary_1(xp, angles_1, angles_2, angles_3, lengths_1, lengths_2,
     s_angle_1 = xp.sin(angles_1)
     s_angle_2 = xp.sin(angles_2)
     s_angle_3 = xp.sin(angles_3)
-    x_1 = s_angle_1*s_angle_2
-    star_1 = -c_angle_2*s_angle_1
-    x0 = c_angle_1*lengths_1
-    x0_1 = s_angle_2*x0 - lengths_2*star_1
-    star0_1 = lengths_2*x_1 - c_angle_2*x0
-    y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
-    z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    x1 = lengths_1*s_angle_1
-    y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1
-    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1
-    values_1 = x_1
-    values_2 = star_1
-    values_3 = y_1
-    values_4 = z_1
-    secondary_1 = x0_1
-    secondary_2 = star0_1
-    secondary_3 = y0_1
-    secondary_4 = z0_1
-    del s_angle_2, c_angle_2, x0, c_angle_1, s_angle_1, c_angle_3, s_angle_3, x1, x_1, star_1, y_1, z_1, x0_1, star0_1, y0_1, z0_1
+    values_1 = s_angle_1*s_angle_2
+    values_2 = -c_angle_2*s_angle_1
+    x1 = c_angle_1*lengths_1
+    secondary_1 = x1*s_angle_2 - lengths_2*values_2
+    secondary_2 = lengths_2*values_1 - x1*c_angle_2
+    values_3 = c_angle_3*values_2 - c_angle_1*s_angle_3
+    values_4 = c_angle_1*c_angle_3 + s_angle_3*values_2
+    x11 = lengths_1*s_angle_1
+    secondary_3 = c_angle_3*secondary_2 + x11*s_angle_3 - lengths_3*values_4
+    secondary_4 = lengths_3*values_3 + s_angle_3*secondary_2 - c_angle_3*x11
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
@@ -481,31 +451,23 @@ def _polygon_secondary_2(xp, angles_1, angles_2, angles_3, angles_4, angles_5, l
     s_angle_5 = xp.sin(angles_5)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
-    x0 = c_angle_1*lengths_1
-    x0_1 = s_angle_2*x0 - lengths_2*star_1
-    star0_1 = lengths_2*x_1 - c_angle_2*x0
+    x1 = c_angle_1*lengths_1
+    x0_1 = x1*s_angle_2 - lengths_2*star_1
+    star0_1 = lengths_2*x_1 - x1*c_angle_2
     y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
     z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    x1 = lengths_1*s_angle_1
-    y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1
-    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1
-    x_2 = c_angle_4*x_1 - s_angle_4*y_1
-    star_2 = c_angle_4*y_1 + s_angle_4*x_1
-    x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1
-    star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1
-    del s_angle_2, c_angle_2, x0, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x1, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
-    y_2 = c_angle_5*star_2 - s_angle_5*z_1
-    z_2 = c_angle_5*z_1 + s_angle_5*star_2
-    y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1
-    z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2
-    values_1 = x_2
-    values_2 = star_2
-    values_3 = y_2
-    values_4 = z_2
-    secondary_1 = x0_2
-    secondary_2 = star0_2
-    secondary_3 = y0_2
-    secondary_4 = z0_2
+    x11 = lengths_1*s_angle_1
+    y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1
+    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11
+    values_1 = c_angle_4*x_1 - s_angle_4*y_1
+    values_2 = c_angle_4*y_1 + s_angle_4*x_1
+    secondary_1 = c_angle_4*x0_1 - lengths_4*values_2 - s_angle_4*y0_1
+    secondary_2 = c_angle_4*y0_1 + lengths_4*values_1 + s_angle_4*x0_1
+    del s_angle_2, c_angle_2, x1, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x11, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
+    values_3 = c_angle_5*values_2 - s_angle_5*z_1
+    values_4 = c_angle_5*z_1 + s_angle_5*values_2
+    secondary_3 = c_angle_5*secondary_2 - lengths_5*values_4 - s_angle_5*z0_1
+    secondary_4 = c_angle_5*z0_1 + lengths_5*values_3 + s_angle_5*secondary_2
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
@@ -563,40 +525,32 @@ def _polygon_secondary_3(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     s_angle_7 = xp.sin(angles_7)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
-    x0 = c_angle_1*lengths_1
-    x0_1 = s_angle_2*x0 - lengths_2*star_1
-    star0_1 = lengths_2*x_1 - c_angle_2*x0
+    x1 = c_angle_1*lengths_1
+    x0_1 = x1*s_angle_2 - lengths_2*star_1
+    star0_1 = lengths_2*x_1 - x1*c_angle_2
     y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
     z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    x1 = lengths_1*s_angle_1
-    y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1
-    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1
+    x11 = lengths_1*s_angle_1
+    y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1
+    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11
     x_2 = c_angle_4*x_1 - s_angle_4*y_1
     star_2 = c_angle_4*y_1 + s_angle_4*x_1
     x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1
     star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1
-    del s_angle_2, c_angle_2, x0, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x1, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
+    del s_angle_2, c_angle_2, x1, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x11, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
     y_2 = c_angle_5*star_2 - s_angle_5*z_1
     z_2 = c_angle_5*z_1 + s_angle_5*star_2
     y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1
     z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2
-    x_3 = c_angle_6*x_2 - s_angle_6*y_2
-    star_3 = c_angle_6*y_2 + s_angle_6*x_2
-    x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2
-    star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2
-    y_3 = c_angle_7*star_3 - s_angle_7*z_2
-    z_3 = c_angle_7*z_2 + s_angle_7*star_3
-    y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2
-    z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3
+    values_1 = c_angle_6*x_2 - s_angle_6*y_2
+    values_2 = c_angle_6*y_2 + s_angle_6*x_2
+    secondary_1 = c_angle_6*x0_2 - lengths_6*values_2 - s_angle_6*y0_2
+    secondary_2 = c_angle_6*y0_2 + lengths_6*values_1 + s_angle_6*x0_2
+    values_3 = c_angle_7*values_2 - s_angle_7*z_2
+    values_4 = c_angle_7*z_2 + s_angle_7*values_2
+    secondary_3 = c_angle_7*secondary_2 - lengths_7*values_4 - s_angle_7*z0_2
+    secondary_4 = c_angle_7*z0_2 + lengths_7*values_3 + s_angle_7*secondary_2
     del star_2, z_1, c_angle_5, s_angle_5, star0_2, z0_1, x_2, y_2, c_angle_6, s_angle_6, x0_2, y0_2, z_2, c_angle_7, s_angle_7, z0_2
-    values_1 = x_3
-    values_2 = star_3
-    values_3 = y_3
-    values_4 = z_3
-    secondary_1 = x0_3
-    secondary_2 = star0_3
-    secondary_3 = y0_3
-    secondary_4 = z0_3
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
@@ -658,19 +612,19 @@ def _polygon_secondary_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     s_angle_9 = xp.sin(angles_9)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
-    x0 = c_angle_1*lengths_1
-    x0_1 = s_angle_2*x0 - lengths_2*star_1
-    star0_1 = lengths_2*x_1 - c_angle_2*x0
+    x1 = c_angle_1*lengths_1
+    x0_1 = x1*s_angle_2 - lengths_2*star_1
+    star0_1 = lengths_2*x_1 - x1*c_angle_2
     y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
     z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    x1 = lengths_1*s_angle_1
-    y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1
-    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1
+    x11 = lengths_1*s_angle_1
+    y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1
+    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11
     x_2 = c_angle_4*x_1 - s_angle_4*y_1
     star_2 = c_angle_4*y_1 + s_angle_4*x_1
     x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1
     star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1
-    del s_angle_2, c_angle_2, x0, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x1, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
+    del s_angle_2, c_angle_2, x1, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x11, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
     y_2 = c_angle_5*star_2 - s_angle_5*z_1
     z_2 = c_angle_5*z_1 + s_angle_5*star_2
     y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1
@@ -684,23 +638,14 @@ def _polygon_secondary_4(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2
     z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3
     del star_2, z_1, c_angle_5, s_angle_5, star0_2, z0_1, x_2, y_2, c_angle_6, s_angle_6, x0_2, y0_2, star_3, z_2, c_angle_7, s_angle_7, star0_3, z0_2
-    x_4 = c_angle_8*x_3 - s_angle_8*y_3
-    star_4 = c_angle_8*y_3 + s_angle_8*x_3
-    x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3
-    star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3
-    y_4 = c_angle_9*star_4 - s_angle_9*z_3
-    z_4 = c_angle_9*z_3 + s_angle_9*star_4
-    y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3
-    z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4
-    values_1 = x_4
-    values_2 = star_4
-    values_3 = y_4
-    values_4 = z_4
-    secondary_1 = x0_4
-    secondary_2 = star0_4
-    del x_3, y_3, c_angle_8, s_angle_8, x0_3, y0_3, z_3, c_angle_9, s_angle_9, z0_3, x_4, star_4, y_4, z_4, x0_4, star0_4
-    secondary_3 = y0_4
-    secondary_4 = z0_4
+    values_1 = c_angle_8*x_3 - s_angle_8*y_3
+    values_2 = c_angle_8*y_3 + s_angle_8*x_3
+    secondary_1 = c_angle_8*x0_3 - lengths_8*values_2 - s_angle_8*y0_3
+    secondary_2 = c_angle_8*y0_3 + lengths_8*values_1 + s_angle_8*x0_3
+    values_3 = c_angle_9*values_2 - s_angle_9*z_3
+    values_4 = c_angle_9*z_3 + s_angle_9*values_2
+    secondary_3 = c_angle_9*secondary_2 - lengths_9*values_4 - s_angle_9*z0_3
+    secondary_4 = c_angle_9*z0_3 + lengths_9*values_3 + s_angle_9*secondary_2
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
@@ -766,19 +711,19 @@ def _polygon_secondary_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     s_angle_11 = xp.sin(angles_11)
     x_1 = s_angle_1*s_angle_2
     star_1 = -c_angle_2*s_angle_1
-    x0 = c_angle_1*lengths_1
-    x0_1 = s_angle_2*x0 - lengths_2*star_1
-    star0_1 = lengths_2*x_1 - c_angle_2*x0
+    x1 = c_angle_1*lengths_1
+    x0_1 = x1*s_angle_2 - lengths_2*star_1
+    star0_1 = lengths_2*x_1 - x1*c_angle_2
     y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3
     z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1
-    x1 = lengths_1*s_angle_1
-    y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1
-    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1
+    x11 = lengths_1*s_angle_1
+    y0_1 = c_angle_3*star0_1 + x11*s_angle_3 - lengths_3*z_1
+    z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x11
     x_2 = c_angle_4*x_1 - s_angle_4*y_1
     star_2 = c_angle_4*y_1 + s_angle_4*x_1
     x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1
     star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1
-    del s_angle_2, c_angle_2, x0, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x1, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
+    del s_angle_2, c_angle_2, x1, c_angle_1, star_1, s_angle_1, c_angle_3, s_angle_3, star0_1, x11, x_1, y_1, c_angle_4, s_angle_4, x0_1, y0_1
     y_2 = c_angle_5*star_2 - s_angle_5*z_1
     z_2 = c_angle_5*z_1 + s_angle_5*star_2
     y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1
@@ -800,23 +745,15 @@ def _polygon_secondary_5(xp, angles_1, angles_2, angles_3, angles_4, angles_5, a
     z_4 = c_angle_9*z_3 + s_angle_9*star_4
     y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3
     z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4
-    x_5 = c_angle_10*x_4 - s_angle_10*y_4
-    star_5 = c_angle_10*y_4 + s_angle_10*x_4
-    x0_5 = c_angle_10*x0_4 - lengths_10*star_5 - s_angle_10*y0_4
-    star0_5 = c_angle_10*y0_4 + lengths_10*x_5 + s_angle_10*x0_4
+    values_1 = c_angle_10*x_4 - s_angle_10*y_4
+    values_2 = c_angle_10*y_4 + s_angle_10*x_4
+    secondary_1 = c_angle_10*x0_4 - lengths_10*values_2 - s_angle_10*y0_4
+    secondary_2 = c_angle_10*y0_4 + lengths_10*values_1 + s_angle_10*x0_4
     del x_3, y_3, c_angle_8, s_angle_8, x0_3, y0_3, star_4, z_3, c_angle_9, s_angle_9, star0_4, z0_3, x_4, y_4, c_angle_10, s_angle_10, x0_4, y0_4
-    y_5 = c_angle_11*star_5 - s_angle_11*z_4
-    z_5 = c_angle_11*z_4 + s_angle_11*star_5
-    y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4
-    z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5
-    values_1 = x_5
-    values_2 = star_5
-    values_3 = y_5
-    values_4 = z_5
-    secondary_1 = x0_5
-    secondary_2 = star0_5
-    secondary_3 = y0_5
-    secondary_4 = z0_5
+    values_3 = c_angle_11*values_2 - s_angle_11*z_4
+    values_4 = c_angle_11*z_4 + s_angle_11*values_2
+    secondary_3 = c_angle_11*secondary_2 - lengths_11*values_4 - s_angle_11*z0_4
+    secondary_4 = c_angle_11*z0_4 + lengths_11*values_3 + s_angle_11*secondary_2
     return (values_1, values_2, values_3, values_4, secondary_1, secondary_2, secondary_3, secondary_4)
 
 
@@ -855,7 +792,7 @@ def polygon_quadrilateral(alpha, theta_4, *, out=None):
 
 
 def _polygon_quadrilateral(xp, alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, largest):
-    # 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
+    # 44 add, 82 mul, 4 div, 4 sqrt, 28 select, 12 compare, 14 abs, 7 atan2, 5 cos, 9 sin
     c_alpha_1 = xp.cos(alpha_1)
     c_alpha_2 = xp.cos(alpha_2)
     c_alpha_3 = xp.cos(alpha_3)
@@ -867,124 +804,113 @@ def _polygon_quadrilateral(xp, alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps,
     c_theta_1 = xp.cos(theta_4)
     s_theta_1 = xp.sin(theta_4)
     x_4 = s_alpha_3*s_theta_1
-    x0 = c_theta_1*s_alpha_3
-    y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0
-    z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0
-    sine_13 = xp.sqrt((x_4*x_4) + (y_4*y_4))
-    x1 = 0.5*xp.atan2(sine_13, z_4)
-    x2 = 0.5*alpha_1
-    x3 = 0.5*alpha_2
-    x4 = x2 + x3
-    half_sums_1 = x4 - x1
-    half_sums_2 = x1 + x3 - x2
-    half_sums_3 = x1 + x4
-    half_sums_4 = x1 + x2 - x3
+    x1 = c_theta_1*s_alpha_3
+    y_4 = -(c_alpha_3*s_alpha_4 + c_alpha_4*x1)
+    z_4 = c_alpha_3*c_alpha_4 - x1*s_alpha_4
+    sine_13 = xp.sqrt(x_4*x_4 + y_4*y_4)
+    x9 = 0.5*alpha_1
+    x10 = 0.5*alpha_2
+    x12 = 0.5*xp.atan2(sine_13, z_4)
+    x13 = x9 + x10
+    half_sums_1 = x13 - x12
+    half_sums_2 = x10 + x12 - x9
+    half_sums_3 = x13 + x12
+    half_sums_4 = x9 + x12 - x10
     factors_1 = xp.sin(half_sums_1)
     factors_2 = xp.sin(half_sums_2)
     factors_3 = xp.sin(half_sums_3)
     factors_4 = xp.sin(half_sums_4)
-    x17 = s_alpha_1*sine_13
-    side = xp.where(x17 < 0.0, -1.0, 1.0)
+    x16 = s_alpha_1*sine_13
+    side = xp.where(x16 < 0.0, -1.0, 1.0)
     p_side = factors_1*factors_2*side
-    x5 = 16.0*eps
-    p_near = x5*(xp.abs(factors_1) + xp.abs(factors_2))
+    x22 = 16.0*eps
+    p_near = x22*(xp.abs(factors_1) + xp.abs(factors_2))
     p_short = p_side < -p_near
     p_zero = xp.abs(p_side) <= p_near
     p = xp.where(p_zero, 0.0, p_side)
     q_side = factors_3*factors_4*side
-    del s_alpha_3, c_alpha_3, x0, x4, x1, x2, x3, half_sums_1, half_sums_2, half_sums_3, half_sums_4, factors_1, factors_2, p_near, p_side, side
-    q_near = x5*(xp.abs(factors_3) + xp.abs(factors_4))
+    del s_alpha_3, c_alpha_3, x1, x13, x10, x12, x9, half_sums_1, half_sums_2, half_sums_3, half_sums_4, factors_1, factors_2, p_near, p_side, side
+    q_near = x22*(xp.abs(factors_3) + xp.abs(factors_4))
     q_short = q_side < -q_near
     q_zero = xp.abs(q_side) <= q_near
     q = xp.where(q_zero, 0.0, q_side)
-    flat = xp.abs(x17) <= x5
-    no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
-    one_angle = (p_zero) | (q_zero)
-    any_angle = (flat) | ((p_zero) & (q_zero))
+    flat = xp.abs(x16) <= x22
+    x32 = p_zero & q_zero
+    no_angle = p_short | q_short | (flat & (~x32))
+    one_angle = p_zero | q_zero
+    any_angle = flat | x32
     p_and_q = xp.where(any_angle, 1.0, p + q)
-    x6 = 1.0/p_and_q
-    angle_c = xp.where(any_angle, 1.0, x6*(q - p))
-    angle_s = xp.where(any_angle, 0.0, 2.0*x6*xp.sqrt(xp.abs(p*q)))
+    x37 = 1.0/p_and_q
+    angle_c = xp.where(any_angle, 1.0, x37*(q - p))
+    angle_s = xp.where(any_angle, 0.0, 2.0*x37*xp.sqrt(xp.abs(p*q)))
     other_sine = xp.where(one_angle, angle_s, -angle_s)
-    on_axis = sine_13 <= x5
+    on_axis = sine_13 <= x22
     far = xp.where(on_axis, 1.0, sine_13)
-    x7 = 1.0/far
-    del factors_3, factors_4, q_near, q_side, x17, p_short, q_short, flat, p_zero, q_zero, p_and_q, p, q, x6, sine_13, far
-    c_gamma = xp.where(on_axis, 1.0, x7*y_4)
-    s_gamma = xp.where(on_axis, 0.0, x7*x_4)
-    x8 = angle_c*c_gamma
-    c_1_1 = x8 - angle_s*s_gamma
-    x9 = angle_c*s_gamma
-    s_1_1 = angle_s*c_gamma + x9
-    c_1_2 = x8 - other_sine*s_gamma
-    s_1_2 = c_gamma*other_sine + x9
-    family = (any_angle) | (xp.abs(s_alpha_2) <= x5)
+    del factors_3, factors_4, q_near, q_side, x16, p_short, q_short, p_zero, q_zero, flat, x32, p_and_q, p, q, x37, sine_13
+    x46 = 1.0/far
+    c_gamma = xp.where(on_axis, 1.0, x46*y_4)
+    s_gamma = xp.where(on_axis, 0.0, x46*x_4)
+    x49 = angle_c*c_gamma
+    c_1_1 = x49 - angle_s*s_gamma
+    x51 = angle_c*s_gamma
+    s_1_1 = x51 + angle_s*c_gamma
+    c_1_2 = x49 - other_sine*s_gamma
+    s_1_2 = x51 + c_gamma*other_sine
+    x56 = xp.abs(s_alpha_2) <= x22
+    family = any_angle | x56
     finite = xp.abs(alpha_1) + xp.abs(alpha_2) + xp.abs(alpha_3) + xp.abs(alpha_4) + xp.abs(theta_4) <= largest
-    good = (finite) & (~(no_angle))
+    good = finite & (~no_angle)
     x_41_1 = c_1_1*x_4 - s_1_1*y_4
-    x10 = -s_alpha_1*z_4
-    y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10
-    x11 = xp.where(s_alpha_2 < 0.0, -1.0, 1.0)
-    sine_2_1 = xp.where(xp.abs(s_alpha_2) <= x5, 0.0, x11*x_41_1)
-    cosine_2_1 = xp.where(xp.abs(s_alpha_2) <= x5, 1.0, x11*y_41_1)
-    length_2_1 = xp.sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1))
-    divisor_2_1 = xp.where(length_2_1 > 0.0, length_2_1, 1.0)
-    x12 = 1.0/divisor_2_1
-    c_2_1 = cosine_2_1*x12
-    s_2_1 = sine_2_1*x12
-    del on_axis, x7, angle_c, angle_s, s_gamma, x8, c_gamma, other_sine, x9, any_angle, z_4, x_41_1, y_41_1, length_2_1, divisor_2_1, x12
-    row_11_1 = c_theta_1
-    x13 = -c_alpha_4*s_theta_1
-    row_11_2 = x13
-    x14 = s_alpha_4*s_theta_1
-    row_11_3 = x14
-    row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1
-    row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1
-    row_12_3 = row_11_3
-    row_13_1 = row_12_1
-    row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1
-    row_13_3 = c_alpha_1*row_12_3 - row_12_2*s_alpha_1
-    row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1
-    row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1
-    row_14_3 = row_13_3
-    sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2
-    del c_alpha_4, s_alpha_4, s_theta_1, row_11_1, row_11_2, row_11_3, row_12_1, row_12_2, row_12_3, c_2_1, row_13_1, row_13_2, s_2_1, row_13_3, row_14_2, row_14_3
+    x73 = s_alpha_1*z_4
+    y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) - x73
+    x75 = xp.where(s_alpha_2 < 0.0, -1.0, 1.0)
+    sine_2_1 = xp.where(x56, 0.0, x_41_1*x75)
+    cosine_2_1 = xp.where(x56, 1.0, y_41_1*x75)
+    length_2_1 = xp.sqrt(cosine_2_1*cosine_2_1 + sine_2_1*sine_2_1)
+    divisor_2_1 = xp.where(0.0 < length_2_1, length_2_1, 1.0)
+    del far, on_axis, x46, angle_c, angle_s, s_gamma, x49, c_gamma, other_sine, x51, x22, any_angle, z_4, x_41_1, y_41_1, length_2_1
+    x82 = 1.0/divisor_2_1
+    c_2_1 = cosine_2_1*x82
+    s_2_1 = x82*sine_2_1
+    row_11_2 = -c_alpha_4*s_theta_1
+    row_11_3 = s_alpha_4*s_theta_1
+    row_12_1 = c_1_1*c_theta_1 + row_11_2*s_1_1
+    row_12_2 = c_1_1*row_11_2 - c_theta_1*s_1_1
+    x89 = row_11_3*s_alpha_1
+    row_13_2 = c_alpha_1*row_12_2 + x89
+    x90 = c_alpha_1*row_11_3
+    row_13_3 = x90 - row_12_2*s_alpha_1
+    row_14_1 = c_2_1*row_12_1 + row_13_2*s_2_1
+    row_14_2 = c_2_1*row_13_2 - row_12_1*s_2_1
+    sine_3_1 = c_alpha_2*row_14_2 + row_13_3*s_alpha_2
     x_41_2 = c_1_2*x_4 - s_1_2*y_4
-    y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10
-    sine_2_2 = xp.where(xp.abs(s_alpha_2) <= x5, 0.0, x11*x_41_2)
-    cosine_2_2 = xp.where(xp.abs(s_alpha_2) <= x5, 1.0, x11*y_41_2)
-    length_2_2 = xp.sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2))
-    divisor_2_2 = xp.where(length_2_2 > 0.0, length_2_2, 1.0)
-    x15 = 1.0/divisor_2_2
-    c_2_2 = cosine_2_2*x15
-    s_2_2 = sine_2_2*x15
-    row_21_1 = c_theta_1
-    row_21_2 = x13
-    row_21_3 = x14
-    row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2
-    row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2
-    row_22_3 = row_21_3
-    del x10, x_4, y_4, x_41_2, x11, x5, y_41_2, length_2_2, divisor_2_2, x15, c_theta_1, x13, x14, row_21_1, row_21_2, row_21_3
-    row_23_1 = row_22_1
-    row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1
-    row_23_3 = c_alpha_1*row_22_3 - row_22_2*s_alpha_1
-    row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2
-    row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2
-    row_24_3 = row_23_3
-    sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2
+    y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) - x73
+    del divisor_2_1, x82, c_alpha_4, s_alpha_4, s_theta_1, row_11_3, row_12_2, c_2_1, row_12_1, row_13_2, s_2_1, row_13_3, row_14_2, x73, x_4, y_4
+    sine_2_2 = xp.where(x56, 0.0, x_41_2*x75)
+    cosine_2_2 = xp.where(x56, 1.0, y_41_2*x75)
+    length_2_2 = xp.sqrt(cosine_2_2*cosine_2_2 + sine_2_2*sine_2_2)
+    divisor_2_2 = xp.where(0.0 < length_2_2, length_2_2, 1.0)
+    x110 = 1.0/divisor_2_2
+    c_2_2 = cosine_2_2*x110
+    s_2_2 = x110*sine_2_2
+    row_22_1 = c_1_2*c_theta_1 + row_11_2*s_1_2
+    row_22_2 = c_1_2*row_11_2 - c_theta_1*s_1_2
+    row_23_2 = c_alpha_1*row_22_2 + x89
+    row_23_3 = x90 - row_22_2*s_alpha_1
+    row_24_1 = c_2_2*row_22_1 + row_23_2*s_2_2
+    row_24_2 = c_2_2*row_23_2 - row_22_1*s_2_2
+    del x_41_2, x56, x75, y_41_2, length_2_2, divisor_2_2, x110, c_theta_1, row_11_2, c_alpha_1, x89, row_22_2, s_alpha_1, x90, c_2_2, row_22_1, row_23_2, s_2_2
+    sine_3_2 = c_alpha_2*row_24_2 + row_23_3*s_alpha_2
     theta_1_1 = xp.where(good, xp.atan2(s_1_1, c_1_1), xp.nan)
-    del row_22_1, c_alpha_1, row_22_2, row_22_3, s_alpha_1, c_2_2, row_23_1, row_23_2, s_2_2, row_23_3, c_alpha_2, row_24_2, row_24_3, s_alpha_2, c_1_1, s_1_1
     theta_1_2 = xp.where(good, xp.atan2(sine_2_1, cosine_2_1), xp.nan)
     theta_1_3 = xp.where(good, xp.atan2(sine_3_1, row_14_1), xp.nan)
-    x16 = xp.where(good, theta_4, xp.nan)
-    theta_1_4 = x16
+    theta_1_4 = xp.where(good, theta_4, xp.nan)
     theta_2_1 = xp.where(good, xp.atan2(s_1_2, c_1_2), xp.nan)
     theta_2_2 = xp.where(good, xp.atan2(sine_2_2, cosine_2_2), xp.nan)
     theta_2_3 = xp.where(good, xp.atan2(sine_3_2, row_24_1), xp.nan)
-    theta_2_4 = x16
-    status = xp.where(~(finite), 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
-    del cosine_2_1, sine_2_1, row_14_1, sine_3_1, c_1_2, s_1_2, cosine_2_2, sine_2_2, good, row_24_1, sine_3_2, x16, family, finite, no_angle, one_angle
-    return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_2_1, theta_2_2, theta_2_3, theta_2_4, status)
+    del c_alpha_2, row_23_3, row_24_2, s_alpha_2, c_1_1, s_1_1, cosine_2_1, sine_2_1, row_14_1, sine_3_1, c_1_2, s_1_2, cosine_2_2, sine_2_2, good, row_24_1, sine_3_2
+    status_value = xp.where(~finite, 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
+    return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_2_1, theta_2_2, theta_2_3, theta_1_4, status_value)
 
 
 polygon_quadrilateral.signature = "(4),()->(2,4),()"
@@ -1022,7 +948,7 @@ def polygon_pentagon(alpha, theta_45, *, out=None):
 
 
 def _polygon_pentagon(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, theta_45_2, eps, largest):
-    # 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
+    # 51 add, 89 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
     c_alpha_1 = xp.cos(alpha_1)
     c_alpha_2 = xp.cos(alpha_2)
     c_alpha_3 = xp.cos(alpha_3)
@@ -1038,134 +964,113 @@ def _polygon_pentagon(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_
     s_theta_1 = xp.sin(theta_45_1)
     s_theta_2 = xp.sin(theta_45_2)
     x0 = s_alpha_3*s_theta_1
-    x1 = c_theta_1*s_alpha_3
-    x2 = -c_alpha_3*s_alpha_4 - c_alpha_4*x1
-    x_45 = c_theta_2*x0 - s_theta_2*x2
-    x3 = c_alpha_3*c_alpha_4 - s_alpha_4*x1
-    x4 = c_theta_2*x2 + s_theta_2*x0
-    y_45 = c_alpha_5*x4 - s_alpha_5*x3
-    z_45 = c_alpha_5*x3 + s_alpha_5*x4
-    x5 = 0.5*alpha_2
-    x6 = 0.5*alpha_1
-    x7 = 0.5*xp.atan2(xp.sqrt((x_45*x_45) + (y_45*y_45)), z_45)
-    x8 = x6 + x7
-    half_sums_1 = x8 - x5
-    half_sums_2 = x5 + x7 - x6
-    half_sums_3 = x5 + x8
-    half_sums_4 = x5 + x6 - x7
+    x3 = c_theta_1*s_alpha_3
+    x5 = c_alpha_3*s_alpha_4 + c_alpha_4*x3
+    x_45 = c_theta_2*x0 + s_theta_2*x5
+    x9 = x0*s_theta_2 - c_theta_2*x5
+    x13 = c_alpha_3*c_alpha_4 - x3*s_alpha_4
+    y_45 = c_alpha_5*x9 - s_alpha_5*x13
+    z_45 = c_alpha_5*x13 + s_alpha_5*x9
+    x17 = 0.5*alpha_1
+    x18 = 0.5*alpha_2
+    x24 = 0.5*xp.atan2(xp.sqrt(x_45*x_45 + y_45*y_45), z_45)
+    x25 = x17 + x24
+    half_sums_1 = x25 - x18
+    half_sums_2 = x18 + x24 - x17
+    half_sums_3 = x25 + x18
+    half_sums_4 = x17 + x18 - x24
     factors_1 = xp.sin(half_sums_1)
     factors_2 = xp.sin(half_sums_2)
     factors_3 = xp.sin(half_sums_3)
     factors_4 = xp.sin(half_sums_4)
-    del s_alpha_3, c_alpha_3, x1, x0, x2, x3, x4, z_45, x8, x5, x6, x7, half_sums_1, half_sums_2, half_sums_3, half_sums_4
-    x18 = s_alpha_1*s_alpha_2
-    side = xp.where(x18 < 0.0, -1.0, 1.0)
+    del s_alpha_3, x0, x5, c_alpha_3, x3, x13, x9, z_45, x25, x17, x18, x24, half_sums_1, half_sums_2, half_sums_3, half_sums_4
+    x28 = s_alpha_1*s_alpha_2
+    side = xp.where(x28 < 0.0, -1.0, 1.0)
     p_side = factors_1*factors_2*side
-    x9 = 16.0*eps
-    p_near = x9*(xp.abs(factors_1) + xp.abs(factors_2))
+    x34 = 16.0*eps
+    p_near = x34*(xp.abs(factors_1) + xp.abs(factors_2))
     p_short = p_side < -p_near
     p_zero = xp.abs(p_side) <= p_near
     p = xp.where(p_zero, 0.0, p_side)
     q_side = factors_3*factors_4*side
-    q_near = x9*(xp.abs(factors_3) + xp.abs(factors_4))
+    q_near = x34*(xp.abs(factors_3) + xp.abs(factors_4))
     q_short = q_side < -q_near
     q_zero = xp.abs(q_side) <= q_near
     q = xp.where(q_zero, 0.0, q_side)
-    flat = xp.abs(x18) <= x9
-    no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
-    one_angle = (p_zero) | (q_zero)
-    any_angle = (flat) | ((p_zero) & (q_zero))
+    flat = xp.abs(x28) <= x34
+    x44 = p_zero & q_zero
+    no_angle = p_short | q_short | (flat & (~x44))
+    one_angle = p_zero | q_zero
+    any_angle = flat | x44
+    del factors_1, factors_2, p_near, p_side, side, factors_3, factors_4, q_near, q_side, x28, p_short, q_short, p_zero, q_zero, flat, x44
     p_and_q = xp.where(any_angle, 1.0, p + q)
-    x10 = 1.0/p_and_q
-    del factors_1, factors_2, p_near, p_side, side, factors_3, factors_4, q_near, q_side, x18, p_short, q_short, flat, p_zero, q_zero, p_and_q
-    angle_c = xp.where(any_angle, 1.0, x10*(p - q))
-    angle_s = xp.where(any_angle, 0.0, 2.0*x10*xp.sqrt(xp.abs(p*q)))
+    x49 = 1.0/p_and_q
+    angle_c = xp.where(any_angle, 1.0, x49*(p - q))
+    angle_s = xp.where(any_angle, 0.0, 2.0*x49*xp.sqrt(xp.abs(p*q)))
     other_sine = xp.where(one_angle, angle_s, -angle_s)
     finite = xp.abs(alpha_1) + xp.abs(alpha_2) + xp.abs(alpha_3) + xp.abs(alpha_4) + xp.abs(alpha_5) + xp.abs(theta_45_1) + xp.abs(theta_45_2) <= largest
-    good = (finite) & (~(no_angle))
+    good = finite & (~no_angle)
     xb_2_1 = angle_s*s_alpha_2
-    x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1
-    yb_2_1 = x11
-    length_1_1 = xp.sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1))
-    flat_1_1 = length_1_1 <= x9
-    cosine_1_1 = xp.where(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1)
-    sine_1_1 = xp.where(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45)
-    size_1_1 = xp.sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1))
-    divisor_1_1 = xp.where(size_1_1 > 0.0, size_1_1, 1.0)
-    x12 = 1.0/divisor_1_1
-    c_1_1 = cosine_1_1*x12
-    s_1_1 = sine_1_1*x12
-    row_11_1 = c_theta_1
-    x13 = -c_alpha_4*s_theta_1
-    row_11_2 = x13
-    x14 = s_alpha_4*s_theta_1
-    row_11_3 = x14
-    row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2
-    row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2
-    row_12_3 = row_11_3
-    row_13_1 = row_12_1
-    del p, q, x10, length_1_1, xb_2_1, yb_2_1, size_1_1, divisor_1_1, x12, c_alpha_4, s_alpha_4, s_theta_1, row_11_1, row_11_2, row_11_3, row_12_1
-    row_13_2 = c_alpha_5*row_12_2 + row_12_3*s_alpha_5
-    row_13_3 = c_alpha_5*row_12_3 - row_12_2*s_alpha_5
-    row_14_1 = c_1_1*row_13_1 + row_13_2*s_1_1
-    row_14_2 = c_1_1*row_13_2 - row_13_1*s_1_1
-    row_14_3 = row_13_3
-    row_15_1 = row_14_1
-    row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1
-    row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1
-    row_16_1 = angle_c*row_15_1 + angle_s*row_15_2
-    row_16_2 = angle_c*row_15_2 - angle_s*row_15_1
-    row_16_3 = row_15_3
-    sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2
+    yb_2_1 = -(angle_c*c_alpha_1*s_alpha_2 + c_alpha_2*s_alpha_1)
+    x77 = yb_2_1*yb_2_1
+    length_1_1 = xp.sqrt(xb_2_1*xb_2_1 + x77)
+    flat_1_1 = length_1_1 <= x34
+    x80 = y_45*yb_2_1
+    cosine_1_1 = xp.where(flat_1_1, 1.0, x_45*xb_2_1 - x80)
+    x82 = x_45*yb_2_1
+    sine_1_1 = xp.where(flat_1_1, 0.0, -(x82 + xb_2_1*y_45))
+    size_1_1 = xp.sqrt(cosine_1_1*cosine_1_1 + sine_1_1*sine_1_1)
+    divisor_1_1 = xp.where(0.0 < size_1_1, size_1_1, 1.0)
+    x90 = 1.0/divisor_1_1
+    c_1_1 = cosine_1_1*x90
+    s_1_1 = x90*sine_1_1
+    row_11_2 = -c_alpha_4*s_theta_1
+    row_11_3 = s_alpha_4*s_theta_1
+    row_12_1 = c_theta_2*c_theta_1 + row_11_2*s_theta_2
+    row_12_2 = c_theta_2*row_11_2 - c_theta_1*s_theta_2
+    del p_and_q, p, q, x49, length_1_1, yb_2_1, xb_2_1, size_1_1, divisor_1_1, x90, c_alpha_4, s_alpha_4, s_theta_1, c_theta_1, c_theta_2, row_11_2, s_theta_2
+    row_13_2 = c_alpha_5*row_12_2 + row_11_3*s_alpha_5
+    row_13_3 = c_alpha_5*row_11_3 - row_12_2*s_alpha_5
+    row_14_1 = c_1_1*row_12_1 + row_13_2*s_1_1
+    row_14_2 = c_1_1*row_13_2 - row_12_1*s_1_1
+    x105 = row_13_3*s_alpha_1
+    row_15_2 = c_alpha_1*row_14_2 + x105
+    x106 = c_alpha_1*row_13_3
+    row_15_3 = x106 - row_14_2*s_alpha_1
+    row_16_1 = angle_c*row_14_1 + angle_s*row_15_2
+    row_16_2 = angle_c*row_15_2 - angle_s*row_14_1
+    sine_3_1 = c_alpha_2*row_16_2 + row_15_3*s_alpha_2
     xb_2_2 = other_sine*s_alpha_2
-    yb_2_2 = x11
-    del row_12_2, row_12_3, c_1_1, row_13_1, row_13_2, s_1_1, row_13_3, row_14_1, row_14_2, row_14_3, row_15_1, row_15_2, row_15_3, row_16_2, row_16_3, x11
-    length_1_2 = xp.sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2))
-    flat_1_2 = length_1_2 <= x9
-    cosine_1_2 = xp.where(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2)
-    sine_1_2 = xp.where(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45)
-    size_1_2 = xp.sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2))
-    divisor_1_2 = xp.where(size_1_2 > 0.0, size_1_2, 1.0)
-    x15 = 1.0/divisor_1_2
-    c_1_2 = cosine_1_2*x15
-    s_1_2 = sine_1_2*x15
-    row_21_1 = c_theta_1
-    row_21_2 = x13
-    row_21_3 = x14
-    row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2
-    row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2
-    del length_1_2, x9, x_45, xb_2_2, y_45, yb_2_2, size_1_2, divisor_1_2, x15, c_theta_1, x13, x14, c_theta_2, row_21_1, row_21_2, s_theta_2
-    row_22_3 = row_21_3
-    row_23_1 = row_22_1
-    row_23_2 = c_alpha_5*row_22_2 + row_22_3*s_alpha_5
-    row_23_3 = c_alpha_5*row_22_3 - row_22_2*s_alpha_5
-    row_24_1 = c_1_2*row_23_1 + row_23_2*s_1_2
-    row_24_2 = c_1_2*row_23_2 - row_23_1*s_1_2
-    row_24_3 = row_23_3
-    row_25_1 = row_24_1
-    row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1
-    row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1
-    del row_21_3, row_22_1, c_alpha_5, row_22_2, row_22_3, s_alpha_5, c_1_2, row_23_1, row_23_2, s_1_2, row_23_3, row_24_1, c_alpha_1, row_24_2, row_24_3, s_alpha_1
-    row_26_1 = angle_c*row_25_1 + other_sine*row_25_2
-    row_26_2 = angle_c*row_25_2 - other_sine*row_25_1
-    row_26_3 = row_25_3
-    sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2
-    family = (any_angle) | (flat_1_1) | (flat_1_2)
+    length_1_2 = xp.sqrt(xb_2_2*xb_2_2 + x77)
+    flat_1_2 = length_1_2 <= x34
+    cosine_1_2 = xp.where(flat_1_2, 1.0, x_45*xb_2_2 - x80)
+    del c_alpha_5, row_11_3, row_12_2, s_alpha_5, c_1_1, s_1_1, row_13_3, row_14_2, row_14_1, row_15_2, row_15_3, row_16_2, x77, length_1_2, x34, x80, x_45
+    sine_1_2 = xp.where(flat_1_2, 0.0, -(x82 + xb_2_2*y_45))
+    size_1_2 = xp.sqrt(cosine_1_2*cosine_1_2 + sine_1_2*sine_1_2)
+    divisor_1_2 = xp.where(0.0 < size_1_2, size_1_2, 1.0)
+    x125 = 1.0/divisor_1_2
+    c_1_2 = cosine_1_2*x125
+    s_1_2 = x125*sine_1_2
+    row_24_1 = c_1_2*row_12_1 + row_13_2*s_1_2
+    row_24_2 = c_1_2*row_13_2 - row_12_1*s_1_2
+    row_25_2 = c_alpha_1*row_24_2 + x105
+    row_25_3 = x106 - row_24_2*s_alpha_1
+    row_26_1 = angle_c*row_24_1 + other_sine*row_25_2
+    row_26_2 = angle_c*row_25_2 - other_sine*row_24_1
+    del x82, xb_2_2, y_45, size_1_2, divisor_1_2, x125, c_1_2, row_12_1, row_13_2, s_1_2, c_alpha_1, x105, row_24_2, s_alpha_1, x106, row_24_1, row_25_2
+    sine_3_2 = c_alpha_2*row_26_2 + row_25_3*s_alpha_2
+    family = any_angle | flat_1_1 | flat_1_2
     theta_1_1 = xp.where(good, xp.atan2(sine_1_1, cosine_1_1), xp.nan)
     theta_1_2 = xp.where(good, xp.atan2(angle_s, angle_c), xp.nan)
     theta_1_3 = xp.where(good, xp.atan2(sine_3_1, row_16_1), xp.nan)
-    x16 = xp.where(good, theta_45_1, xp.nan)
-    theta_1_4 = x16
-    x17 = xp.where(good, theta_45_2, xp.nan)
-    theta_1_5 = x17
+    theta_1_4 = xp.where(good, theta_45_1, xp.nan)
+    theta_1_5 = xp.where(good, theta_45_2, xp.nan)
     theta_2_1 = xp.where(good, xp.atan2(sine_1_2, cosine_1_2), xp.nan)
-    del row_25_1, row_25_2, row_25_3, c_alpha_2, row_26_2, row_26_3, s_alpha_2, any_angle, flat_1_1, flat_1_2, cosine_1_1, sine_1_1, angle_s, row_16_1, sine_3_1, cosine_1_2, sine_1_2
     theta_2_2 = xp.where(good, xp.atan2(other_sine, angle_c), xp.nan)
+    del c_alpha_2, row_25_3, row_26_2, s_alpha_2, any_angle, flat_1_1, flat_1_2, cosine_1_1, sine_1_1, angle_s, row_16_1, sine_3_1, cosine_1_2, sine_1_2, angle_c, other_sine
     theta_2_3 = xp.where(good, xp.atan2(sine_3_2, row_26_1), xp.nan)
-    theta_2_4 = x16
-    theta_2_5 = x17
-    status = xp.where(~(finite), 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
-    return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_1_5, theta_2_1, theta_2_2, theta_2_3, theta_2_4, theta_2_5, status)
+    status_value = xp.where(~finite, 4.0, xp.where(no_angle, 3.0, xp.where(family, 2.0, xp.where(one_angle, 1.0, 0.0))))
+    return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_1_5, theta_2_1, theta_2_2, theta_2_3, theta_1_4, theta_1_5, status_value)
 
 
 polygon_pentagon.signature = "(5),(2)->(2,5),()"

@@ -43,32 +43,29 @@ def sps_legs(matrix, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_legs(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
-    # 20 add, 24 mul, 4 sqrt
-    x0 = matrix_1_2*platform_radius
+    # 18 add, 27 mul, 3 sqrt
+    x0 = 3.0**0.5
     x1 = 0.5*x0
-    x2 = 1.7320508075688772
-    x3 = 0.5*base_radius
-    x4 = x2*x3
-    x5 = 0.5*platform_radius*x2
-    x6 = matrix_1_1*x5
-    span_1_1 = x6 - x1 - x4
-    x7 = 0.5*matrix_2_2*platform_radius
-    x8 = matrix_2_1*x5
-    span_1_2 = x3 + x8 - x7
-    x9 = matrix_3_2*platform_radius
-    x10 = 0.5*x9
-    x11 = matrix_3_1*x5
-    span_1_3 = height + x11 - x10
-    span_2_1 = x0
+    x2 = x1*base_radius
+    x5 = 0.5*platform_radius
+    x6 = x5*matrix_1_2
+    span_1_1 = x1*(matrix_1_1*platform_radius) - x2 - x6
+    x10 = x5*(x0*matrix_2_1)
+    x12 = 0.5*base_radius - x5*matrix_2_2
+    span_1_2 = x12 + x10
+    x14 = x5*(x0*matrix_3_1)
+    x16 = height - x5*matrix_3_2
+    span_1_3 = x16 + x14
+    span_2_1 = matrix_1_2*platform_radius
     span_2_2 = matrix_2_2*platform_radius - base_radius
-    span_2_3 = height + x9
-    span_3_1 = x4 - x1 - x6
-    span_3_2 = 0.5*base_radius - x7 - x8
-    span_3_3 = height - x10 - x11
-    legs_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
-    legs_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
-    del x2, x3, x5, x0, x9, x1, x4, x6, x7, x8, x10, x11, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3
-    legs_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
+    span_2_3 = height + matrix_3_2*platform_radius
+    span_3_1 = x2 - x5*(x0*matrix_1_1) - x6
+    span_3_2 = x12 - x10
+    span_3_3 = x16 - x14
+    legs_1 = xp.sqrt(span_1_1*span_1_1 + span_1_2*span_1_2 + span_1_3*span_1_3)
+    legs_2 = xp.sqrt(span_2_1*span_2_1 + span_2_2*span_2_2 + span_2_3*span_2_3)
+    legs_3 = xp.sqrt(span_3_1*span_3_1 + span_3_2*span_3_2 + span_3_3*span_3_3)
+    del x1, x0, x2, x5, x6, x10, x12, x14, x16, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3, span_3_1, span_3_2, span_3_3
     return (legs_1, legs_2, legs_3)
 
 
@@ -109,50 +106,48 @@ def sps_legs_from_quaternion(quaternion, base_radius, platform_radius, height, *
 
 
 def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, base_radius, platform_radius, height, eps, largest):
-    # 32 add, 48 mul, 1 div, 5 sqrt
-    unit_length = xp.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
-    x0 = 1.0/unit_length
-    unit_1 = quaternion_1*x0
-    unit_2 = quaternion_2*x0
-    unit_3 = quaternion_3*x0
-    unit_4 = quaternion_4*x0
-    x1 = (unit_2*unit_2)
-    x2 = (unit_3*unit_3)
-    x3 = (unit_1*unit_1) - (unit_4*unit_4)
-    matrix_1_1 = x1 + x3 - x2
-    x4 = 2.0*unit_1
-    x5 = unit_4*x4
-    matrix_1_2 = 2.0*unit_2*unit_3 - x5
-    matrix_2_1 = 2.0*unit_2*unit_3 + x5
-    matrix_2_2 = x2 + x3 - x1
-    matrix_3_1 = 2.0*unit_2*unit_4 - unit_3*x4
-    matrix_3_2 = unit_2*x4 + 2.0*unit_3*unit_4
-    x6 = matrix_1_2*platform_radius
-    x7 = 0.5*x6
-    x8 = 1.7320508075688772
-    x9 = 0.5*base_radius
-    x10 = x8*x9
-    x11 = 0.5*platform_radius*x8
-    x12 = matrix_1_1*x11
-    span_1_1 = x12 - x10 - x7
-    x13 = 0.5*matrix_2_2*platform_radius
-    x14 = matrix_2_1*x11
-    span_1_2 = x14 + x9 - x13
-    del unit_length, x0, unit_1, x5, x1, x2, x3, unit_2, unit_3, unit_4, x4, matrix_1_2, x8, matrix_1_1, matrix_2_1, x9
-    x15 = matrix_3_2*platform_radius
-    x16 = 0.5*x15
-    x17 = matrix_3_1*x11
-    span_1_3 = height + x17 - x16
-    span_2_1 = x6
+    # 29 add, 48 mul, 1 div, 4 sqrt
+    unit_length = xp.sqrt(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4)
+    x7 = 1.0/unit_length
+    unit_1 = quaternion_1*x7
+    unit_2 = quaternion_2*x7
+    unit_3 = quaternion_3*x7
+    unit_4 = quaternion_4*x7
+    x12 = unit_1*unit_1 - unit_4*unit_4
+    x13 = unit_2*unit_2 - unit_3*unit_3
+    matrix_1_1 = x12 + x13
+    x14 = 2.0*unit_1
+    x15 = x14*unit_4
+    x16 = 2.0*unit_2
+    x17 = x16*unit_3
+    matrix_1_2 = x17 - x15
+    matrix_2_1 = x15 + x17
+    matrix_2_2 = x12 - x13
+    matrix_3_1 = x16*unit_4 - x14*unit_3
+    matrix_3_2 = x14*unit_2 + 2.0*unit_4*unit_3
+    x23 = 3.0**0.5
+    x24 = 0.5*x23
+    x25 = x24*base_radius
+    x28 = 0.5*platform_radius
+    x29 = x28*matrix_1_2
+    span_1_1 = x24*(matrix_1_1*platform_radius) - x25 - x29
+    x33 = x28*(x23*matrix_2_1)
+    x35 = 0.5*base_radius - x28*matrix_2_2
+    span_1_2 = x35 + x33
+    x37 = x28*(x23*matrix_3_1)
+    x39 = height - x28*matrix_3_2
+    span_1_3 = x39 + x37
+    span_2_1 = matrix_1_2*platform_radius
+    del unit_length, x7, unit_1, x15, x17, x12, x13, x16, unit_2, unit_3, unit_4, x14, x24, matrix_2_1, matrix_3_1, matrix_1_2
     span_2_2 = matrix_2_2*platform_radius - base_radius
-    span_2_3 = height + x15
-    span_3_1 = x10 - x12 - x7
-    span_3_2 = 0.5*base_radius - x13 - x14
-    span_3_3 = height - x16 - x17
-    legs_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
-    del matrix_3_2, matrix_3_1, x11, x6, matrix_2_2, x15, x10, x12, x7, x13, x14, x16, x17, span_1_1, span_1_2, span_1_3
-    legs_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
-    legs_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
+    span_2_3 = height + matrix_3_2*platform_radius
+    span_3_1 = x25 - x28*(x23*matrix_1_1) - x29
+    span_3_2 = x35 - x33
+    span_3_3 = x39 - x37
+    legs_1 = xp.sqrt(span_1_1*span_1_1 + span_1_2*span_1_2 + span_1_3*span_1_3)
+    legs_2 = xp.sqrt(span_2_1*span_2_1 + span_2_2*span_2_2 + span_2_3*span_2_3)
+    del matrix_2_2, matrix_3_2, matrix_1_1, x23, x25, x28, x29, x33, x35, x37, x39, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3
+    legs_3 = xp.sqrt(span_3_1*span_3_1 + span_3_2*span_3_2 + span_3_3*span_3_3)
     return (legs_1, legs_2, legs_3)
 
 
@@ -195,61 +190,63 @@ def sps_jacobian(matrix, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
-    # 28 add, 49 mul, 3 div, 4 sqrt
-    x0 = matrix_1_2*platform_radius
-    x1 = 0.5*x0
-    x2 = 1.7320508075688772
-    x3 = 0.5*base_radius
-    x4 = x2*x3
-    x5 = 0.5*platform_radius*x2
-    x6 = matrix_1_1*x5
-    span_1_1 = x6 - x1 - x4
-    x7 = matrix_2_2*platform_radius
-    x8 = 0.5*x7
-    x9 = matrix_2_1*x5
-    x10 = x9 - x8
-    span_1_2 = x10 + x3
-    x11 = matrix_3_2*platform_radius
-    x12 = 0.5*x11
-    x13 = matrix_3_1*x5
-    x14 = x13 - x12
-    span_1_3 = height + x14
-    leg_1 = xp.sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3))
-    span_2_1 = x0
-    span_2_2 = matrix_2_2*platform_radius - base_radius
-    span_2_3 = height + x11
-    leg_2 = xp.sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3))
-    x15 = x1 + x6
-    span_3_1 = x4 - x15
-    x16 = x8 + x9
-    span_3_2 = 0.5*base_radius - x16
-    x17 = x12 + x13
-    span_3_3 = height - x17
-    leg_3 = xp.sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3))
-    row_1_1 = height*x10 - x14*x3
-    x18 = x6 - x1
-    del x2, x5, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3, x8, x9, x12, x13, span_3_1, span_3_2, span_3_3, x1, x6
-    row_1_2 = -height*x18 - x14*x4
-    row_1_3 = x10*x4 + x18*x3
-    row_2_1 = base_radius*x11 + height*x7
-    row_2_2 = -height*x0
-    row_2_3 = -base_radius*x0
-    row_3_1 = x17*x3 - height*x16
-    row_3_2 = height*x15 - x17*x4
-    row_3_3 = x16*x4 - x15*x3
-    x22 = 1.0/leg_1
-    jacobian_1_1 = row_1_1*x22
-    jacobian_1_2 = row_1_2*x22
-    jacobian_1_3 = row_1_3*x22
-    del x14, x10, x18, x11, x7, x0, x17, x15, x16, x3, x4, leg_1, row_1_1, row_1_2, row_1_3, x22
-    x23 = 1.0/leg_2
-    jacobian_2_1 = row_2_1*x23
-    jacobian_2_2 = row_2_2*x23
-    jacobian_2_3 = row_2_3*x23
-    x24 = 1.0/leg_3
-    jacobian_3_1 = row_3_1*x24
-    jacobian_3_2 = row_3_2*x24
-    jacobian_3_3 = row_3_3*x24
+    # 30 add, 51 mul, 3 div, 3 sqrt
+    x1 = 0.5*3.0**0.5
+    x2 = x1*base_radius
+    x4 = x1*(matrix_1_1*platform_radius)
+    x5 = 0.5*platform_radius
+    x6 = x5*matrix_1_2
+    x7 = x4 - x2
+    span_1_1 = x7 - x6
+    x8 = 0.5*base_radius
+    x10 = x1*(matrix_2_1*platform_radius)
+    x11 = x5*matrix_2_2
+    x12 = x8 - x11
+    span_1_2 = x12 + x10
+    x14 = x1*(matrix_3_1*platform_radius)
+    x15 = x5*matrix_3_2
+    x16 = height - x15
+    span_1_3 = x16 + x14
+    leg_1 = xp.sqrt(span_1_1*span_1_1 + span_1_2*span_1_2 + span_1_3*span_1_3)
+    span_2_1 = matrix_1_2*platform_radius
+    x22 = matrix_2_2*platform_radius
+    span_2_2 = x22 - base_radius
+    x23 = matrix_3_2*platform_radius
+    span_2_3 = height + x23
+    leg_2 = xp.sqrt(span_2_1*span_2_1 + span_2_2*span_2_2 + span_2_3*span_2_3)
+    span_3_1 = -(x7 + x6)
+    span_3_2 = x12 - x10
+    span_3_3 = x16 - x14
+    leg_3 = xp.sqrt(span_3_1*span_3_1 + span_3_2*span_3_2 + span_3_3*span_3_3)
+    x35 = x14 - x15
+    x37 = x10 - x11
+    row_1_1 = height*x37 - x8*x35
+    x41 = x4 - x6
+    row_1_2 = -(x1*(base_radius*x35) + height*x41)
+    row_1_3 = x8*x41 + x2*x37
+    row_2_1 = base_radius*x23 + height*x22
+    del x5, span_1_1, span_1_2, span_1_3, span_2_2, span_2_3, x7, x12, x16, span_3_1, span_3_2, span_3_3, x35, x37, x41, x22, x23
+    row_2_2 = -height*span_2_1
+    row_2_3 = -base_radius*span_2_1
+    x50 = x14 + x15
+    x52 = x10 + x11
+    row_3_1 = x8*x50 - height*x52
+    x56 = x4 + x6
+    row_3_2 = height*x56 - x1*(base_radius*x50)
+    row_3_3 = x2*x52 - x8*x56
+    x60 = 1.0/leg_1
+    jacobian_1_1 = x60*row_1_1
+    jacobian_1_2 = x60*row_1_2
+    del span_2_1, x14, x15, x10, x11, x4, x6, x1, x50, x2, x52, x56, x8, leg_1, row_1_1, row_1_2
+    jacobian_1_3 = x60*row_1_3
+    x61 = 1.0/leg_2
+    jacobian_2_1 = x61*row_2_1
+    jacobian_2_2 = x61*row_2_2
+    jacobian_2_3 = x61*row_2_3
+    x62 = 1.0/leg_3
+    jacobian_3_1 = x62*row_3_1
+    jacobian_3_2 = x62*row_3_2
+    jacobian_3_3 = x62*row_3_3
     return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_3_1, jacobian_3_2, jacobian_3_3)
 
 
@@ -290,38 +287,39 @@ def sps_singularity(matrix, base_radius, height, *, out=None):
 
 
 def _sps_singularity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, height, eps, largest):
-    # 19 add, 40 mul, 1 div, 2 sqrt
-    size = xp.sqrt((base_radius*base_radius) + (height*height))
-    x0 = 0.5*matrix_3_2
-    x1 = 0.5*1.7320508075688772
-    x2 = matrix_3_1*x1
-    x3 = x2 - x0
-    x4 = 1.0/size
-    x5 = base_radius*x4
-    x6 = 0.5*x5
-    x7 = 0.5*matrix_2_2
-    x8 = matrix_2_1*x1
-    x9 = x8 - x7
-    row_1_1 = height*x4*x9 - x3*x6
-    x10 = 0.5*matrix_1_2
-    x11 = matrix_1_1*x1
-    x12 = x11 - x10
-    x13 = height*x4
-    x14 = x1*x5
-    row_1_2 = -x12*x13 - x14*x3
-    row_1_3 = x12*x6 + x14*x9
-    row_2_1 = matrix_2_2*x13 + matrix_3_2*x5
-    row_2_2 = -matrix_1_2*x13
-    row_2_3 = -matrix_1_2*x5
-    x15 = -x0 - x2
-    x16 = -x7 - x8
-    row_3_1 = height*x16*x4 - x15*x6
-    x17 = -x10 - x11
-    row_3_2 = x14*x15 - x13*x17
-    row_3_3 = x17*x6 - x14*x16
-    del size, x1, x3, x12, x9, x5, x0, x2, x7, x8, x4, x10, x11, x13, x15, x14, x16, x17, x6
-    determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1)
-    return (determinant,)
+    # 19 add, 39 mul, 1 div, 1 sqrt
+    size = xp.sqrt(base_radius*base_radius + height*height)
+    x3 = 1.0/size
+    x5 = 0.5*3.0**0.5
+    x6 = x5*matrix_3_1
+    x7 = 0.5*matrix_3_2
+    x8 = x6 - x7
+    x9 = base_radius*x3
+    x12 = x5*matrix_2_1
+    x13 = 0.5*matrix_2_2
+    x14 = x12 - x13
+    x15 = height*x3
+    row_1_1 = x15*x14 - 0.5*x8*x9
+    x17 = x5*x9
+    x19 = x5*matrix_1_1
+    x20 = 0.5*matrix_1_2
+    x21 = x19 - x20
+    row_1_2 = -(x17*x8 + x15*x21)
+    x24 = 0.5*x9
+    row_1_3 = x24*x21 + x17*x14
+    row_2_1 = x9*matrix_3_2 + x15*matrix_2_2
+    row_2_2 = -x15*matrix_1_2
+    row_2_3 = -x9*matrix_1_2
+    x31 = x6 + x7
+    x34 = x12 + x13
+    row_3_1 = 0.5*x31*x9 - x15*x34
+    x37 = x19 + x20
+    row_3_2 = x15*x37 - x17*x31
+    row_3_3 = x17*x34 - x24*x37
+    del size, x3, x5, x8, x14, x21, x6, x7, x12, x13, x9, x19, x20, x15, x31, x17, x24, x34, x37
+    x52 = row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1)
+    determinant_value = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + x52
+    return (determinant_value,)
 
 
 sps_singularity.signature = "(3,3),(),()->()"
@@ -363,24 +361,21 @@ def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 7 add, 17 mul, 3 div, 1 sqrt
-    x0 = 1.0/(base_radius*base_radius)
-    square_1 = (legs_1*legs_1)*x0
-    square_2 = (legs_2*legs_2)*x0
-    square_3 = (legs_3*legs_3)*x0
-    x1 = 1.0/base_radius
-    ratio = platform_radius*x1
-    eta = height*x1
-    K = (eta*eta) + (ratio*ratio) + 1.0
-    x2 = square_1 + square_3
-    x3 = 1.0/(3.0*ratio)
-    a = x3*(3.0*K - square_2 - x2)
-    Z_re = x3*(2.0*square_2 - x2)
-    Z_im = 1.7320508075688772*x3*(square_1 - square_3)
-    cos_sum = a
-    Z_1 = Z_re
-    Z_2 = Z_im
-    return (cos_sum, Z_1, Z_2)
+    # 7 add, 17 mul, 6 div
+    x1 = 1.0/(base_radius*base_radius)
+    square_1 = x1*(legs_1*legs_1)
+    square_2 = x1*(legs_2*legs_2)
+    square_3 = x1*(legs_3*legs_3)
+    x5 = 1.0/base_radius
+    ratio = x5*platform_radius
+    eta = x5*height
+    K = eta*eta + ratio*ratio + 1.0
+    x9 = 1.0/ratio
+    x11 = square_1 + square_3
+    cos_sum_value = x9*(3.0*K - x11 - square_2)/3.0
+    Z_1 = x9*(2.0*square_2 - x11)/3.0
+    Z_2 = 3.0**0.5*x9*(square_1 - square_3)/3.0
+    return (cos_sum_value, Z_1, Z_2)
 
 
 sps_invariants.signature = "(3),(),(),()->(),(2)"
@@ -428,62 +423,55 @@ def sps_octic_scaled(legs, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare
-    x0 = 1.0/(base_radius*base_radius)
-    square_1 = (legs_1*legs_1)*x0
-    square_2 = (legs_2*legs_2)*x0
-    square_3 = (legs_3*legs_3)*x0
-    x1 = 1.0/base_radius
-    ratio = platform_radius*x1
-    eta = height*x1
-    x2 = (eta*eta)
-    K = (ratio*ratio) + x2 + 1.0
-    x3 = square_1 + square_3
-    x4 = 1.0/(3.0*ratio)
-    a = x4*(3.0*K - square_2 - x3)
-    Z_re = x4*(2.0*square_2 - x3)
-    Z_im = 1.7320508075688772*x4*(square_1 - square_3)
-    z = xp.sqrt((Z_im*Z_im) + (Z_re*Z_re))
-    x5 = xp.where(z > 0.0, 1.0/z, 1.0)
-    cosine = xp.where(z > 0.0, Z_re*x5, 1.0)
-    sine = xp.where(z > 0.0, Z_im*x5, 0.0)
+    # 24 add, 71 mul, 9 div, 1 sqrt, 4 select, 2 compare
+    x1 = 1.0/(base_radius*base_radius)
+    square_1 = x1*(legs_1*legs_1)
+    square_2 = x1*(legs_2*legs_2)
+    square_3 = x1*(legs_3*legs_3)
+    x5 = 1.0/base_radius
+    ratio = x5*platform_radius
+    eta = x5*height
+    x6 = eta*eta
+    K = x6 + ratio*ratio + 1.0
+    x10 = 1.0/ratio
+    x12 = square_1 + square_3
+    a = x10*(3.0*K - x12 - square_2)/3.0
+    Z_re = x10*(2.0*square_2 - x12)/3.0
+    Z_im = 3.0**0.5*x10*(square_1 - square_3)/3.0
+    size_value = xp.sqrt(Z_im*Z_im + Z_re*Z_re)
+    x26 = 0.0 < size_value
+    x28 = xp.where(x26, 1.0/size_value, 1.0)
+    cosine = xp.where(x26, Z_re*x28, 1.0)
+    sine = xp.where(x26, Z_im*x28, 0.0)
     c3 = cosine*(4.0*(cosine*cosine) - 3.0)
-    s3 = sine*(3.0 - 4.0*(sine*sine))
-    x6 = 4.0*x2
-    base = x6 + 1.0
-    x7 = 1.0/base
-    beta = x6*x7
-    del x0, x1, ratio, K, square_2, x3, square_1, square_3, x4, Z_re, Z_im, x5, cosine, sine, base, x6
-    mu = x7*z
+    phase_sine_value = sine*(3.0 - 4.0*(sine*sine))
+    del x1, x5, eta, ratio, K, square_2, x12, square_1, square_3, x10, Z_re, Z_im, x26, x28, cosine, sine
+    x37 = 4.0*x6
+    base = x37 + 1.0
+    x38 = 1.0/base
+    beta = x37*x38
+    mu = x38*size_value
     least = beta/10000000.0
-    b_0 = z - 8.0*a*c3*x2
-    b_1 = -12.0*beta
-    b_2 = 4.0*z - 12.0*mu
-    b_3 = 16.0*beta
-    b_4 = 16.0*xp.where(least < mu, mu, least)
-    x8 = 1.0 - beta
-    x9 = (eta*eta*eta*eta)*(s3*s3)
-    octic_1 = (b_0*b_0) - 64.0*x9*(4.0*(x8*x8) - (a*a))
-    x10 = 2.0*b_0
-    octic_2 = b_1*x10 + 512.0*mu*x8*x9
-    octic_3 = (b_1*b_1) + b_2*x10 - 256.0*(mu*mu)*x9
-    x11 = 2.0*b_1
-    octic_4 = b_2*x11 + b_3*x10
-    octic_5 = (b_2*b_2) + b_3*x11 + b_4*x10
-    x12 = 2.0*b_2
-    octic_6 = b_3*x12 + b_4*x11
-    octic_7 = (b_3*b_3) + b_4*x12
-    octic_8 = 2.0*b_3*b_4
-    octic_9 = (b_4*b_4)
-    quartic_1 = b_0
-    quartic_2 = b_1
-    quartic_3 = b_2
-    del x7, c3, x2, least, beta, eta, a, x8, mu, x9, x10, x11, x12, b_0, b_1, b_2
-    quartic_4 = b_3
-    quartic_5 = b_4
-    phase_sine = s3
-    size = z
-    return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, quartic_1, quartic_2, quartic_3, quartic_4, quartic_5, phase_sine, size)
+    quartic_1 = size_value - 8.0*a*c3*x6
+    quartic_2 = -12.0*beta
+    quartic_3 = 4.0*size_value - 12.0*mu
+    quartic_4 = 16.0*beta
+    quartic_5 = 16.0*xp.where(least < mu, mu, least)
+    x50 = 1.0 - beta
+    x54 = x6*x6*(phase_sine_value*phase_sine_value)
+    octic_1 = quartic_1*quartic_1 - 64.0*x54*(4.0*(x50*x50) - a*a)
+    x57 = 2.0*quartic_1
+    octic_2 = x57*quartic_2 + 512.0*x54*mu*x50
+    octic_3 = x57*quartic_3 + quartic_2*quartic_2 - 256.0*x54*(mu*mu)
+    x69 = 2.0*quartic_2
+    octic_4 = x57*quartic_4 + x69*quartic_3
+    octic_5 = x57*quartic_5 + x69*quartic_4 + quartic_3*quartic_3
+    x76 = 2.0*quartic_3
+    octic_6 = x69*quartic_5 + x76*quartic_4
+    octic_7 = x76*quartic_5 + quartic_4*quartic_4
+    octic_8 = 2.0*quartic_4*quartic_5
+    octic_9 = quartic_5*quartic_5
+    return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, quartic_1, quartic_2, quartic_3, quartic_4, quartic_5, phase_sine_value, size_value)
 
 
 sps_octic_scaled.signature = "(3),(),(),()->(9),(5),(),()"
@@ -529,53 +517,58 @@ def sps_mode(legs, base_radius, platform_radius, height, root, sign, *, out=None
 
 
 def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, root, sign, eps, largest):
-    # 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs
-    x0 = 1.0/(base_radius*base_radius)
-    square_1 = (legs_1*legs_1)*x0
-    square_2 = (legs_2*legs_2)*x0
-    square_3 = (legs_3*legs_3)*x0
-    x1 = 1.0/base_radius
-    ratio = platform_radius*x1
-    eta = height*x1
-    x2 = 1.0/(3.0*ratio)
-    Z_re = x2*(2.0*square_2 - square_1 - square_3)
-    Z_im = 1.7320508075688772*x2*(square_1 - square_3)
-    z = xp.sqrt((Z_im*Z_im) + (Z_re*Z_re))
-    x3 = xp.where(z > 0.0, 1.0/z, 1.0)
-    cosine = xp.where(z > 0.0, Z_re*x3, 1.0)
-    sine = xp.where(z > 0.0, Z_im*x3, 0.0)
-    x4 = 4.0*(eta*eta)
-    base = x4 + 1.0
-    x5 = 1.0/base
-    beta = x4*x5
-    mu = x5*z
-    x6 = beta + mu*root
-    rho = xp.where(x6 < 0.0, 0.0, xp.where(x6 > 1.0, 1.0, x6))
-    del x0, x1, ratio, square_2, square_1, square_3, x2, Z_re, Z_im, x3, base, x4, x5, beta, mu, x6
-    x7 = 1.0/rho
-    x8 = 0.25*z
-    x11 = root + x7*x8
-    along = xp.where(((rho > (eps*eps)) | (root < -1.0)) & ((rho <= (eps*eps)) | (x11 < -1.0)), -1.0, xp.where(((rho > (eps*eps)) | (root > 1.0)) & ((rho <= (eps*eps)) | (x11 > 1.0)), 1.0, root + xp.where(rho > (eps*eps), x8*xp.where(rho > (eps*eps), x7, 1.0), 0.0)))
+    # 19 add, 50 mul, 11 div, 6 sqrt, 15 select, 12 compare, 2 abs
+    x1 = 1.0/(base_radius*base_radius)
+    square_1 = x1*(legs_1*legs_1)
+    square_2 = x1*(legs_2*legs_2)
+    square_3 = x1*(legs_3*legs_3)
+    x5 = 1.0/base_radius
+    ratio = x5*platform_radius
+    eta = x5*height
+    x6 = 1.0/ratio
+    Z_re = x6*(2.0*square_2 - square_1 - square_3)/3.0
+    Z_im = 3.0**0.5*x6*(square_1 - square_3)/3.0
+    z = xp.sqrt(Z_im*Z_im + Z_re*Z_re)
+    x18 = 0.0 < z
+    x20 = xp.where(x18, 1.0/z, 1.0)
+    cosine = xp.where(x18, Z_re*x20, 1.0)
+    sine = xp.where(x18, Z_im*x20, 0.0)
+    x24 = 4.0*(eta*eta)
+    base = x24 + 1.0
+    x25 = 1.0/base
+    beta = x24*x25
+    mu = x25*z
+    x27 = beta + mu*root
+    del x1, x5, ratio, square_2, square_1, square_3, x6, Z_re, Z_im, x18, x20, base, x24, x25, beta, mu
+    rho = xp.where(x27 < 0.0, 0.0, xp.where(1.0 < x27, 1.0, x27))
+    x32 = eps*eps < rho
+    x35 = 0.25*z
+    x40 = root + x35/rho
+    x44 = ~x32
+    x38 = root + xp.where(x32, x35*xp.where(x32, 1.0/rho, 1.0), 0.0)
+    x47 = xp.where((x32 & (1.0 < x40)) | (x44 & (1.0 < root)), 1.0, x38)
+    along = xp.where((x32 & (x40 < -1.0)) | (x44 & (root < -1.0)), -1.0, x47)
     across = sign*xp.sqrt((1.0 - along)*(along + 1.0))
     W_re = along*cosine - across*sine
     W_im = across*cosine + along*sine
     w_outer = xp.sqrt(0.5*xp.abs(W_re) + 0.5)
     w_inner = 0.5*xp.abs(W_im)/w_outer
-    w_re = xp.where(W_re < 0.0, w_inner, w_outer)
-    w_size = xp.where(W_re < 0.0, w_outer, w_inner)
+    x66 = W_re < 0.0
+    w_re = xp.where(x66, w_inner, w_outer)
+    w_size = xp.where(x66, w_outer, w_inner)
     w_im = xp.where(W_im < 0.0, -w_size, w_size)
-    x9 = 2.0*rho
-    lift_re = cosine*z - W_re*x9
-    lift_im = sine*z - W_im*x9
+    x69 = 2.0*rho
+    lift_re = cosine*z - x69*W_re
+    lift_im = sine*z - x69*W_im
+    del x27, x35, x38, x32, x40, x44, x47, across, along, w_inner, w_outer, x66, w_size, W_re, cosine, W_im, sine, x69, z
     v_re = lift_re*w_re - lift_im*w_im
     v_im = lift_im*w_re + lift_re*w_im
-    del x11, x7, x8, across, along, w_inner, w_outer, w_size, W_re, cosine, W_im, sine, x9, z, lift_im, lift_re
-    v_length = xp.sqrt((v_im*v_im) + (v_re*v_re))
-    known = v_length > 0.0
-    x10 = xp.sqrt(1.0 - rho)
-    v_factor = x10*xp.where(eta < 0.0, -1.0, 1.0)*xp.where(known, 1.0/v_length, 1.0)
+    v_length = xp.sqrt(v_im*v_im + v_re*v_re)
+    known = 0.0 < v_length
+    x82 = xp.sqrt(1.0 - rho)
+    v_factor = x82*xp.where(eta < 0.0, -1.0, 1.0)*xp.where(known, 1.0/v_length, 1.0)
     w_factor = xp.sqrt(rho)
-    quaternion_1 = xp.where(known, v_factor*v_re, x10)
+    quaternion_1 = xp.where(known, v_factor*v_re, x82)
     quaternion_2 = w_factor*w_re
     quaternion_3 = w_factor*w_im
     quaternion_4 = v_factor*v_im
@@ -627,81 +620,77 @@ def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *,
 
 
 def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs
+    # 345 add, 581 mul, 18 div, 13 sqrt, 87 select, 24 compare, 4 abs
     x0 = 1.0/base_radius
-    ratio = platform_radius*x0
-    eta = height*x0
-    x1 = 1.0/(base_radius*base_radius)
-    target_1 = (legs_1*legs_1)*x1
-    target_2 = (legs_2*legs_2)*x1
-    target_3 = (legs_3*legs_3)*x1
-    scale = (eta*eta) + (ratio*ratio) + target_1/3.0 + target_2/3.0 + target_3/3.0 + 1.0
+    ratio = x0*platform_radius
+    eta = x0*height
+    x2 = 1.0/(base_radius*base_radius)
+    target_1 = x2*(legs_1*legs_1)
+    target_2 = x2*(legs_2*legs_2)
+    target_3 = x2*(legs_3*legs_3)
+    scale = eta*eta + ratio*ratio + target_1/3.0 + target_2/3.0 + target_3/3.0 + 1.0
     settled = 16.0*(eps*eps)*(scale*scale)
-    start_length = xp.sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4))
-    x2 = 1.0/start_length
-    start_1 = quaternion_1*x2
-    start_2 = quaternion_2*x2
-    start_3 = quaternion_3*x2
-    start_4 = quaternion_4*x2
-    x3 = (start_2*start_2)
-    x4 = (start_3*start_3)
-    x5 = (start_1*start_1) - (start_4*start_4)
-    matrix_0_1_1 = x3 + x5 - x4
-    x6 = 2.0*start_1
-    x7 = start_4*x6
-    matrix_0_1_2 = 2.0*start_2*start_3 - x7
-    matrix_0_2_1 = 2.0*start_2*start_3 + x7
-    matrix_0_2_2 = x4 + x5 - x3
-    matrix_0_3_1 = 2.0*start_2*start_4 - start_3*x6
-    matrix_0_3_2 = start_2*x6 + 2.0*start_3*start_4
-    x8 = matrix_0_1_2*ratio
-    x9 = 0.5*x8
-    x10 = 1.7320508075688772
-    x11 = 0.5*x10
-    x12 = ratio*x11
-    x13 = matrix_0_1_1*x12
-    arm_0_1_1 = x13 - x9
-    x14 = matrix_0_2_2*ratio
-    x15 = 0.5*x14
-    x16 = matrix_0_2_1*x12
-    arm_0_1_2 = x16 - x15
-    x17 = matrix_0_3_2*ratio
-    x18 = 0.5*x17
-    x19 = matrix_0_3_1*x12
-    del x0, x1, scale, start_length, x2, x7, x3, x4, x5, x6, matrix_0_1_2, matrix_0_1_1, matrix_0_2_2, matrix_0_2_1, matrix_0_3_2, matrix_0_3_1
-    arm_0_1_3 = x19 - x18
-    arm_0_2_1 = x8
-    arm_0_2_2 = x14
-    arm_0_2_3 = x17
-    arm_0_3_1 = -x13 - x9
-    arm_0_3_2 = -x15 - x16
-    arm_0_3_3 = -x18 - x19
-    span_0_1_1 = arm_0_1_1 - x11
+    start_length = xp.sqrt(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4)
+    x25 = 1.0/start_length
+    start_1 = quaternion_1*x25
+    start_2 = quaternion_2*x25
+    start_3 = quaternion_3*x25
+    start_4 = quaternion_4*x25
+    x30 = start_1*start_1 - start_4*start_4
+    x31 = start_2*start_2 - start_3*start_3
+    matrix_0_1_1 = x30 + x31
+    x32 = 2.0*start_1
+    x33 = x32*start_4
+    x34 = 2.0*start_2
+    x35 = x34*start_3
+    matrix_0_1_2 = x35 - x33
+    matrix_0_2_1 = x33 + x35
+    matrix_0_2_2 = x30 - x31
+    matrix_0_3_1 = x34*start_4 - x32*start_3
+    matrix_0_3_2 = x32*start_2 + 2.0*start_4*start_3
+    x42 = 0.5*3.0**0.5
+    x44 = x42*(matrix_0_1_1*ratio)
+    x45 = 0.5*ratio
+    x46 = x45*matrix_0_1_2
+    arm_0_1_1 = x44 - x46
+    x48 = x42*(matrix_0_2_1*ratio)
+    x49 = x45*matrix_0_2_2
+    arm_0_1_2 = x48 - x49
+    x51 = x42*(matrix_0_3_1*ratio)
+    x52 = x45*matrix_0_3_2
+    arm_0_1_3 = x51 - x52
+    arm_0_2_1 = matrix_0_1_2*ratio
+    arm_0_2_2 = matrix_0_2_2*ratio
+    del x0, x2, scale, start_length, x25, x33, x35, x30, x31, x34, x32, matrix_0_1_1, matrix_0_2_1, matrix_0_3_1, matrix_0_1_2, matrix_0_2_2
+    arm_0_2_3 = matrix_0_3_2*ratio
+    arm_0_3_1 = -(x44 + x46)
+    arm_0_3_2 = -(x48 + x49)
+    arm_0_3_3 = -(x51 + x52)
+    span_0_1_1 = arm_0_1_1 - x42
     span_0_1_2 = arm_0_1_2 + 0.5
     span_0_1_3 = arm_0_1_3 + eta
-    span_0_2_1 = arm_0_2_1
     span_0_2_2 = arm_0_2_2 - 1.0
     span_0_2_3 = arm_0_2_3 + eta
-    span_0_3_1 = arm_0_3_1 + x11
+    span_0_3_1 = arm_0_3_1 + x42
     span_0_3_2 = arm_0_3_2 + 0.5
     span_0_3_3 = arm_0_3_3 + eta
-    x21 = -0.5*target_1
-    missing_0_1 = -0.5*(span_0_1_1*span_0_1_1) - 0.5*(span_0_1_2*span_0_1_2) - 0.5*(span_0_1_3*span_0_1_3) - x21
-    x22 = -0.5*target_2
-    missing_0_2 = -0.5*(span_0_2_1*span_0_2_1) - 0.5*(span_0_2_2*span_0_2_2) - 0.5*(span_0_2_3*span_0_2_3) - x22
-    del x8, x14, x17, x13, x9, x15, x16, x18, x19, target_1, span_0_1_1, span_0_1_2, span_0_1_3, target_2, span_0_2_1, span_0_2_2, span_0_2_3
-    x23 = -0.5*target_3
-    missing_0_3 = -0.5*(span_0_3_1*span_0_3_1) - 0.5*(span_0_3_2*span_0_3_2) - 0.5*(span_0_3_3*span_0_3_3) - x23
-    merit_0 = (missing_0_1*missing_0_1) + (missing_0_2*missing_0_2) + (missing_0_3*missing_0_3)
+    x62 = 0.5*target_1
+    missing_0_1 = x62 - 0.5*(span_0_1_1*span_0_1_1) - 0.5*(span_0_1_2*span_0_1_2) - 0.5*(span_0_1_3*span_0_1_3)
+    x71 = 0.5*target_2
+    missing_0_2 = x71 - 0.5*(arm_0_2_1*arm_0_2_1) - 0.5*(span_0_2_2*span_0_2_2) - 0.5*(span_0_2_3*span_0_2_3)
+    x80 = 0.5*target_3
+    missing_0_3 = x80 - 0.5*(span_0_3_1*span_0_3_1) - 0.5*(span_0_3_2*span_0_3_2) - 0.5*(span_0_3_3*span_0_3_3)
+    del matrix_0_3_2, x44, x46, x48, x49, x51, x52, target_1, span_0_1_1, span_0_1_2, span_0_1_3, target_2, span_0_2_2, span_0_2_3, target_3, span_0_3_1, span_0_3_2, span_0_3_3
+    merit_0 = missing_0_1*missing_0_1 + missing_0_2*missing_0_2 + missing_0_3*missing_0_3
     row_1_1_1 = arm_0_1_2*eta - 0.5*arm_0_1_3
-    row_1_1_2 = -arm_0_1_1*eta - arm_0_1_3*x11
-    row_1_1_3 = 0.5*arm_0_1_1 + arm_0_1_2*x11
+    row_1_1_2 = -(arm_0_1_1*eta + x42*arm_0_1_3)
+    row_1_1_3 = 0.5*arm_0_1_1 + x42*arm_0_1_2
     row_1_2_1 = arm_0_2_2*eta + arm_0_2_3
     row_1_2_2 = -arm_0_2_1*eta
     row_1_2_3 = -arm_0_2_1
     row_1_3_1 = arm_0_3_2*eta - 0.5*arm_0_3_3
-    row_1_3_2 = 0.5*arm_0_3_3*x10 - arm_0_3_1*eta
-    row_1_3_3 = 0.5*arm_0_3_1 - arm_0_3_2*x11
+    row_1_3_2 = x42*arm_0_3_3 - arm_0_3_1*eta
+    row_1_3_3 = 0.5*arm_0_3_1 - x42*arm_0_3_2
     cross_1_1_1 = row_1_2_2*row_1_3_3 - row_1_2_3*row_1_3_2
     cross_1_1_2 = row_1_2_3*row_1_3_1 - row_1_2_1*row_1_3_3
     cross_1_1_3 = row_1_2_1*row_1_3_2 - row_1_2_2*row_1_3_1
@@ -713,106 +702,105 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     cross_1_3_3 = row_1_1_1*row_1_2_2 - row_1_1_2*row_1_2_1
     determinant_1 = cross_1_1_1*row_1_1_1 + cross_1_1_2*row_1_1_2 + cross_1_1_3*row_1_1_3
     solved_1_1 = cross_1_1_1*missing_0_1 + cross_1_2_1*missing_0_2 + cross_1_3_1*missing_0_3
-    del target_3, span_0_3_1, span_0_3_2, span_0_3_3, row_1_3_3, row_1_3_1, row_1_3_2, row_1_2_3, row_1_2_1, row_1_2_2, row_1_1_1, row_1_1_2, row_1_1_3, cross_1_1_1, cross_1_2_1, cross_1_3_1
     solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3
     solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3
-    solved_size_1 = xp.sqrt((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3))
-    far_1 = solved_size_1 > trust*xp.abs(determinant_1)
-    factor_1 = xp.where(far_1, trust*xp.where(determinant_1 < 0.0, -1.0, 1.0)*xp.where(solved_size_1 > 0.0, 1.0/solved_size_1, 1.0), xp.where(far_1, 1.0, 1.0/determinant_1))
-    x24 = xp.where(solved_size_1 > 0.0, factor_1, 0.0)
-    turn_1_1 = solved_1_1*x24
-    turn_1_2 = solved_1_2*x24
-    turn_1_3 = solved_1_3*x24
-    x25 = 0.5*turn_1_1
-    x26 = 0.5*turn_1_2
-    x27 = 0.5*turn_1_3
-    moved_1_1 = start_1 - start_2*x25 - start_3*x26 - start_4*x27
-    moved_1_2 = start_1*x25 + start_2 + start_4*x26 - start_3*x27
-    moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25
-    moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26
-    del cross_1_1_2, cross_1_2_2, cross_1_3_2, cross_1_1_3, cross_1_2_3, cross_1_3_3, determinant_1, far_1, factor_1, solved_size_1, solved_1_1, solved_1_2, solved_1_3, x24, x25, x26, x27
-    unit_1_length = xp.sqrt((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4))
-    x28 = 1.0/unit_1_length
-    unit_1_1 = moved_1_1*x28
-    unit_1_2 = moved_1_2*x28
-    unit_1_3 = moved_1_3*x28
-    unit_1_4 = moved_1_4*x28
-    x29 = (unit_1_2*unit_1_2)
-    x30 = (unit_1_3*unit_1_3)
-    x31 = (unit_1_1*unit_1_1) - (unit_1_4*unit_1_4)
-    matrix_1_1_1 = x29 + x31 - x30
-    x32 = 2.0*unit_1_1
-    x33 = unit_1_4*x32
-    matrix_1_1_2 = 2.0*unit_1_2*unit_1_3 - x33
-    matrix_1_2_1 = 2.0*unit_1_2*unit_1_3 + x33
-    matrix_1_2_2 = x30 + x31 - x29
-    matrix_1_3_1 = 2.0*unit_1_2*unit_1_4 - unit_1_3*x32
-    matrix_1_3_2 = unit_1_2*x32 + 2.0*unit_1_3*unit_1_4
-    x34 = matrix_1_1_2*ratio
-    x35 = 0.5*x34
-    x36 = matrix_1_1_1*x12
-    arm_1_1_1 = x36 - x35
-    x37 = matrix_1_2_2*ratio
-    x38 = 0.5*x37
-    x39 = matrix_1_2_1*x12
-    arm_1_1_2 = x39 - x38
-    x40 = matrix_1_3_2*ratio
-    del unit_1_length, moved_1_1, moved_1_2, moved_1_3, moved_1_4, x28, x33, x29, x30, x31, x32, matrix_1_1_2, matrix_1_1_1, matrix_1_2_2, matrix_1_2_1, matrix_1_3_2
-    x41 = 0.5*x40
-    x42 = matrix_1_3_1*x12
-    arm_1_1_3 = x42 - x41
-    arm_1_2_1 = x34
-    arm_1_2_2 = x37
-    arm_1_2_3 = x40
-    arm_1_3_1 = -x35 - x36
-    arm_1_3_2 = -x38 - x39
-    arm_1_3_3 = -x41 - x42
-    span_1_1_1 = arm_1_1_1 - x11
+    del row_1_3_3, row_1_3_1, row_1_3_2, row_1_2_3, row_1_2_1, row_1_2_2, row_1_1_1, row_1_1_2, row_1_1_3, cross_1_1_1, cross_1_2_1, cross_1_3_1, cross_1_1_2, cross_1_2_2, cross_1_3_2, cross_1_1_3, cross_1_2_3, cross_1_3_3
+    solved_size_1 = xp.sqrt(solved_1_1*solved_1_1 + solved_1_2*solved_1_2 + solved_1_3*solved_1_3)
+    far_1 = trust*xp.abs(determinant_1) < solved_size_1
+    x147 = 0.0 < solved_size_1
+    x144 = xp.where(far_1, 1.0, 1.0/determinant_1)
+    factor_1 = xp.where(far_1, trust*xp.where(determinant_1 < 0.0, -1.0, 1.0)*xp.where(x147, 1.0/solved_size_1, 1.0), x144)
+    x152 = xp.where(x147, factor_1, 0.0)
+    turn_1_1 = solved_1_1*x152
+    turn_1_2 = solved_1_2*x152
+    turn_1_3 = solved_1_3*x152
+    x153 = 0.5*turn_1_1
+    x155 = 0.5*turn_1_2
+    x157 = 0.5*turn_1_3
+    moved_1_1 = start_1 - x153*start_2 - x155*start_3 - x157*start_4
+    moved_1_2 = x153*start_1 + start_2 + x155*start_4 - x157*start_3
+    moved_1_3 = x155*start_1 + x157*start_2 + start_3 - x153*start_4
+    moved_1_4 = x157*start_1 + x153*start_3 + start_4 - x155*start_2
+    unit_1_length = xp.sqrt(moved_1_1*moved_1_1 + moved_1_2*moved_1_2 + moved_1_3*moved_1_3 + moved_1_4*moved_1_4)
+    x183 = 1.0/unit_1_length
+    unit_1_1 = moved_1_1*x183
+    unit_1_2 = moved_1_2*x183
+    del determinant_1, far_1, solved_size_1, x144, factor_1, x147, solved_1_1, solved_1_2, solved_1_3, x152, x153, x155, x157, unit_1_length, moved_1_1, moved_1_2
+    unit_1_3 = moved_1_3*x183
+    unit_1_4 = moved_1_4*x183
+    x188 = unit_1_1*unit_1_1 - unit_1_4*unit_1_4
+    x189 = unit_1_2*unit_1_2 - unit_1_3*unit_1_3
+    matrix_1_1_1 = x188 + x189
+    x190 = 2.0*unit_1_1
+    x191 = x190*unit_1_4
+    x192 = 2.0*unit_1_2
+    x193 = x192*unit_1_3
+    matrix_1_1_2 = x193 - x191
+    matrix_1_2_1 = x191 + x193
+    matrix_1_2_2 = x188 - x189
+    matrix_1_3_1 = x192*unit_1_4 - x190*unit_1_3
+    matrix_1_3_2 = x190*unit_1_2 + 2.0*unit_1_4*unit_1_3
+    x200 = x42*(matrix_1_1_1*ratio)
+    x201 = x45*matrix_1_1_2
+    arm_1_1_1 = x200 - x201
+    x203 = x42*(matrix_1_2_1*ratio)
+    x204 = x45*matrix_1_2_2
+    arm_1_1_2 = x203 - x204
+    x206 = x42*(matrix_1_3_1*ratio)
+    x207 = x45*matrix_1_3_2
+    arm_1_1_3 = x206 - x207
+    arm_1_2_1 = matrix_1_1_2*ratio
+    arm_1_2_2 = matrix_1_2_2*ratio
+    arm_1_2_3 = matrix_1_3_2*ratio
+    arm_1_3_1 = -(x200 + x201)
+    del moved_1_3, moved_1_4, x183, x191, x193, x188, x189, x192, x190, matrix_1_1_1, matrix_1_2_1, matrix_1_3_1, matrix_1_1_2, matrix_1_2_2, matrix_1_3_2, x200, x201
+    arm_1_3_2 = -(x203 + x204)
+    arm_1_3_3 = -(x206 + x207)
+    span_1_1_1 = arm_1_1_1 - x42
     span_1_1_2 = arm_1_1_2 + 0.5
     span_1_1_3 = arm_1_1_3 + eta
-    span_1_2_1 = arm_1_2_1
     span_1_2_2 = arm_1_2_2 - 1.0
     span_1_2_3 = arm_1_2_3 + eta
-    span_1_3_1 = arm_1_3_1 + x11
+    span_1_3_1 = arm_1_3_1 + x42
     span_1_3_2 = arm_1_3_2 + 0.5
     span_1_3_3 = arm_1_3_3 + eta
-    missing_1_1 = -0.5*(span_1_1_1*span_1_1_1) - 0.5*(span_1_1_2*span_1_1_2) - 0.5*(span_1_1_3*span_1_1_3) - x21
-    missing_1_2 = -0.5*(span_1_2_1*span_1_2_1) - 0.5*(span_1_2_2*span_1_2_2) - 0.5*(span_1_2_3*span_1_2_3) - x22
-    del matrix_1_3_1, x34, x37, x40, x35, x36, x38, x39, x41, x42, span_1_1_1, span_1_1_2, span_1_1_3, span_1_2_1, span_1_2_2, span_1_2_3
-    missing_1_3 = -0.5*(span_1_3_1*span_1_3_1) - 0.5*(span_1_3_2*span_1_3_2) - 0.5*(span_1_3_3*span_1_3_3) - x23
-    merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3)
+    missing_1_1 = x62 - 0.5*(span_1_1_1*span_1_1_1) - 0.5*(span_1_1_2*span_1_1_2) - 0.5*(span_1_1_3*span_1_1_3)
+    missing_1_2 = x71 - 0.5*(arm_1_2_1*arm_1_2_1) - 0.5*(span_1_2_2*span_1_2_2) - 0.5*(span_1_2_3*span_1_2_3)
+    missing_1_3 = x80 - 0.5*(span_1_3_1*span_1_3_1) - 0.5*(span_1_3_2*span_1_3_2) - 0.5*(span_1_3_3*span_1_3_3)
+    merit_1 = missing_1_1*missing_1_1 + missing_1_2*missing_1_2 + missing_1_3*missing_1_3
     done_1 = merit_0 <= settled
-    better_1 = (~(done_1)) & (merit_1 < merit_0)
+    better_1 = (~done_1) & (merit_1 < merit_0)
     now_1_1 = xp.where(better_1, unit_1_1, start_1)
     now_1_2 = xp.where(better_1, unit_1_2, start_2)
+    del x203, x204, x206, x207, span_1_1_1, span_1_1_2, span_1_1_3, span_1_2_2, span_1_2_3, span_1_3_1, span_1_3_2, span_1_3_3, start_1, unit_1_1, start_2, unit_1_2
     now_1_3 = xp.where(better_1, unit_1_3, start_3)
     now_1_4 = xp.where(better_1, unit_1_4, start_4)
     taken_1_1_1 = xp.where(better_1, arm_1_1_1, arm_0_1_1)
     taken_1_1_2 = xp.where(better_1, arm_1_1_2, arm_0_1_2)
     taken_1_1_3 = xp.where(better_1, arm_1_1_3, arm_0_1_3)
-    del span_1_3_1, span_1_3_2, span_1_3_3, start_1, unit_1_1, start_2, unit_1_2, start_3, unit_1_3, start_4, unit_1_4, arm_0_1_1, arm_1_1_1, arm_0_1_2, arm_1_1_2, arm_0_1_3, arm_1_1_3
     taken_1_2_1 = xp.where(better_1, arm_1_2_1, arm_0_2_1)
     taken_1_2_2 = xp.where(better_1, arm_1_2_2, arm_0_2_2)
     taken_1_2_3 = xp.where(better_1, arm_1_2_3, arm_0_2_3)
+    del start_3, unit_1_3, start_4, unit_1_4, arm_0_1_1, arm_1_1_1, arm_0_1_2, arm_1_1_2, arm_0_1_3, arm_1_1_3, arm_0_2_1, arm_1_2_1, arm_0_2_2, arm_1_2_2, arm_0_2_3, arm_1_2_3
     taken_1_3_1 = xp.where(better_1, arm_1_3_1, arm_0_3_1)
     taken_1_3_2 = xp.where(better_1, arm_1_3_2, arm_0_3_2)
     taken_1_3_3 = xp.where(better_1, arm_1_3_3, arm_0_3_3)
     left_1_1 = xp.where(better_1, missing_1_1, missing_0_1)
     left_1_2 = xp.where(better_1, missing_1_2, missing_0_2)
-    del arm_0_2_1, arm_1_2_1, arm_0_2_2, arm_1_2_2, arm_0_2_3, arm_1_2_3, arm_0_3_1, arm_1_3_1, arm_0_3_2, arm_1_3_2, arm_0_3_3, arm_1_3_3, missing_0_1, missing_1_1, missing_0_2, missing_1_2
     left_1_3 = xp.where(better_1, missing_1_3, missing_0_3)
     merit_taken_1 = xp.where(better_1, merit_1, merit_0)
-    turned_by_1 = xp.sqrt((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3))
-    trust_1 = xp.where(better_1, 2.0*trust, xp.where(done_1, trust, 0.25*xp.where(trust > turned_by_1, turned_by_1, trust)))
+    turned_by_1 = xp.sqrt(turn_1_1*turn_1_1 + turn_1_2*turn_1_2 + turn_1_3*turn_1_3)
+    del arm_0_3_1, arm_1_3_1, arm_0_3_2, arm_1_3_2, arm_0_3_3, arm_1_3_3, missing_0_1, missing_1_1, missing_0_2, missing_1_2, missing_0_3, missing_1_3, merit_0, merit_1, turn_1_1, turn_1_2, turn_1_3
+    trust_1 = xp.where(better_1, 2.0*trust, xp.where(done_1, trust, 0.25*xp.where(turned_by_1 < trust, turned_by_1, trust)))
     row_2_1_1 = eta*taken_1_1_2 - 0.5*taken_1_1_3
-    row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11
-    row_2_1_3 = 0.5*taken_1_1_1 + taken_1_1_2*x11
+    row_2_1_2 = -(eta*taken_1_1_1 + x42*taken_1_1_3)
+    row_2_1_3 = 0.5*taken_1_1_1 + x42*taken_1_1_2
     row_2_2_1 = eta*taken_1_2_2 + taken_1_2_3
     row_2_2_2 = -eta*taken_1_2_1
     row_2_2_3 = -taken_1_2_1
     row_2_3_1 = eta*taken_1_3_2 - 0.5*taken_1_3_3
-    row_2_3_2 = 0.5*taken_1_3_3*x10 - eta*taken_1_3_1
-    row_2_3_3 = 0.5*taken_1_3_1 - taken_1_3_2*x11
+    row_2_3_2 = x42*taken_1_3_3 - eta*taken_1_3_1
+    row_2_3_3 = 0.5*taken_1_3_1 - x42*taken_1_3_2
     cross_2_1_1 = row_2_2_2*row_2_3_3 - row_2_2_3*row_2_3_2
     cross_2_1_2 = row_2_2_3*row_2_3_1 - row_2_2_1*row_2_3_3
     cross_2_1_3 = row_2_2_1*row_2_3_2 - row_2_2_2*row_2_3_1
@@ -822,109 +810,107 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     cross_2_3_1 = row_2_1_2*row_2_2_3 - row_2_1_3*row_2_2_2
     cross_2_3_2 = row_2_1_3*row_2_2_1 - row_2_1_1*row_2_2_3
     cross_2_3_3 = row_2_1_1*row_2_2_2 - row_2_1_2*row_2_2_1
-    del missing_0_3, missing_1_3, merit_0, merit_1, turn_1_1, turn_1_2, turn_1_3, better_1, done_1, turned_by_1, row_2_3_3, row_2_3_1, row_2_3_2, row_2_2_3, row_2_2_1, row_2_2_2
     determinant_2 = cross_2_1_1*row_2_1_1 + cross_2_1_2*row_2_1_2 + cross_2_1_3*row_2_1_3
     solved_2_1 = cross_2_1_1*left_1_1 + cross_2_2_1*left_1_2 + cross_2_3_1*left_1_3
     solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3
+    del better_1, done_1, turned_by_1, row_2_3_3, row_2_3_1, row_2_3_2, row_2_2_3, row_2_2_1, row_2_2_2, row_2_1_1, row_2_1_2, row_2_1_3, cross_2_1_1, cross_2_2_1, cross_2_3_1, cross_2_1_2, cross_2_2_2, cross_2_3_2
     solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3
-    solved_size_2 = xp.sqrt((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3))
-    far_2 = solved_size_2 > trust_1*xp.abs(determinant_2)
-    factor_2 = xp.where(far_2, trust_1*xp.where(determinant_2 < 0.0, -1.0, 1.0)*xp.where(solved_size_2 > 0.0, 1.0/solved_size_2, 1.0), xp.where(far_2, 1.0, 1.0/determinant_2))
-    x43 = xp.where(solved_size_2 > 0.0, factor_2, 0.0)
-    del row_2_1_1, row_2_1_2, row_2_1_3, cross_2_1_1, cross_2_2_1, cross_2_3_1, cross_2_1_2, cross_2_2_2, cross_2_3_2, cross_2_1_3, cross_2_2_3, cross_2_3_3, determinant_2, far_2, factor_2, solved_size_2
-    turn_2_1 = solved_2_1*x43
-    turn_2_2 = solved_2_2*x43
-    turn_2_3 = solved_2_3*x43
-    x44 = 0.5*turn_2_1
-    x45 = 0.5*turn_2_2
-    x46 = 0.5*turn_2_3
-    moved_2_1 = now_1_1 - now_1_2*x44 - now_1_3*x45 - now_1_4*x46
-    moved_2_2 = now_1_1*x44 + now_1_2 + now_1_4*x45 - now_1_3*x46
-    moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44
-    moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45
-    unit_2_length = xp.sqrt((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4))
-    x47 = 1.0/unit_2_length
-    unit_2_1 = moved_2_1*x47
-    unit_2_2 = moved_2_2*x47
-    unit_2_3 = moved_2_3*x47
-    unit_2_4 = moved_2_4*x47
-    x48 = (unit_2_2*unit_2_2)
-    x49 = (unit_2_3*unit_2_3)
-    x50 = (unit_2_1*unit_2_1) - (unit_2_4*unit_2_4)
-    matrix_2_1_1 = x48 + x50 - x49
-    x51 = 2.0*unit_2_1
-    x52 = unit_2_4*x51
-    matrix_2_1_2 = 2.0*unit_2_2*unit_2_3 - x52
-    matrix_2_2_1 = 2.0*unit_2_2*unit_2_3 + x52
-    matrix_2_2_2 = x49 + x50 - x48
-    del solved_2_1, solved_2_2, solved_2_3, x43, x44, x45, x46, unit_2_length, moved_2_1, moved_2_2, moved_2_3, moved_2_4, x47, x52, x48, x49, x50
-    matrix_2_3_1 = 2.0*unit_2_2*unit_2_4 - unit_2_3*x51
-    matrix_2_3_2 = unit_2_2*x51 + 2.0*unit_2_3*unit_2_4
-    x53 = matrix_2_1_2*ratio
-    x54 = 0.5*x53
-    x55 = matrix_2_1_1*x12
-    arm_2_1_1 = x55 - x54
-    x56 = matrix_2_2_2*ratio
-    x57 = 0.5*x56
-    x58 = matrix_2_2_1*x12
-    arm_2_1_2 = x58 - x57
-    x59 = matrix_2_3_2*ratio
-    x60 = 0.5*x59
-    x61 = matrix_2_3_1*x12
-    arm_2_1_3 = x61 - x60
-    arm_2_2_1 = x53
-    arm_2_2_2 = x56
-    arm_2_2_3 = x59
-    arm_2_3_1 = -x54 - x55
-    arm_2_3_2 = -x57 - x58
-    arm_2_3_3 = -x60 - x61
-    del x51, matrix_2_1_2, matrix_2_1_1, matrix_2_2_2, matrix_2_2_1, matrix_2_3_2, matrix_2_3_1, x53, x56, x59, x54, x55, x57, x58, x60, x61
-    span_2_1_1 = arm_2_1_1 - x11
+    solved_size_2 = xp.sqrt(solved_2_1*solved_2_1 + solved_2_2*solved_2_2 + solved_2_3*solved_2_3)
+    far_2 = trust_1*xp.abs(determinant_2) < solved_size_2
+    x311 = 0.0 < solved_size_2
+    x308 = xp.where(far_2, 1.0, 1.0/determinant_2)
+    factor_2 = xp.where(far_2, trust_1*xp.where(determinant_2 < 0.0, -1.0, 1.0)*xp.where(x311, 1.0/solved_size_2, 1.0), x308)
+    x316 = xp.where(x311, factor_2, 0.0)
+    turn_2_1 = solved_2_1*x316
+    turn_2_2 = solved_2_2*x316
+    turn_2_3 = solved_2_3*x316
+    x317 = 0.5*turn_2_1
+    x319 = 0.5*turn_2_2
+    x321 = 0.5*turn_2_3
+    moved_2_1 = now_1_1 - x317*now_1_2 - x319*now_1_3 - x321*now_1_4
+    moved_2_2 = x317*now_1_1 + now_1_2 + x319*now_1_4 - x321*now_1_3
+    moved_2_3 = x319*now_1_1 + x321*now_1_2 + now_1_3 - x317*now_1_4
+    moved_2_4 = x321*now_1_1 + x317*now_1_3 + now_1_4 - x319*now_1_2
+    del cross_2_1_3, cross_2_2_3, cross_2_3_3, determinant_2, far_2, solved_size_2, x308, factor_2, x311, solved_2_1, solved_2_2, solved_2_3, x316, x317, x319, x321
+    unit_2_length = xp.sqrt(moved_2_1*moved_2_1 + moved_2_2*moved_2_2 + moved_2_3*moved_2_3 + moved_2_4*moved_2_4)
+    x347 = 1.0/unit_2_length
+    unit_2_1 = moved_2_1*x347
+    unit_2_2 = moved_2_2*x347
+    unit_2_3 = moved_2_3*x347
+    unit_2_4 = moved_2_4*x347
+    x352 = unit_2_1*unit_2_1 - unit_2_4*unit_2_4
+    x353 = unit_2_2*unit_2_2 - unit_2_3*unit_2_3
+    matrix_2_1_1 = x352 + x353
+    x354 = 2.0*unit_2_1
+    x355 = x354*unit_2_4
+    x356 = 2.0*unit_2_2
+    x357 = x356*unit_2_3
+    matrix_2_1_2 = x357 - x355
+    matrix_2_2_1 = x355 + x357
+    matrix_2_2_2 = x352 - x353
+    matrix_2_3_1 = x356*unit_2_4 - x354*unit_2_3
+    matrix_2_3_2 = x354*unit_2_2 + 2.0*unit_2_4*unit_2_3
+    x364 = x42*(matrix_2_1_1*ratio)
+    x365 = x45*matrix_2_1_2
+    arm_2_1_1 = x364 - x365
+    x367 = x42*(matrix_2_2_1*ratio)
+    x368 = x45*matrix_2_2_2
+    arm_2_1_2 = x367 - x368
+    x370 = x42*(matrix_2_3_1*ratio)
+    x371 = x45*matrix_2_3_2
+    arm_2_1_3 = x370 - x371
+    arm_2_2_1 = matrix_2_1_2*ratio
+    del unit_2_length, moved_2_1, moved_2_2, moved_2_3, moved_2_4, x347, x355, x357, x352, x353, x356, x354, matrix_2_1_1, matrix_2_2_1, matrix_2_3_1, matrix_2_1_2
+    arm_2_2_2 = matrix_2_2_2*ratio
+    arm_2_2_3 = matrix_2_3_2*ratio
+    arm_2_3_1 = -(x364 + x365)
+    arm_2_3_2 = -(x367 + x368)
+    arm_2_3_3 = -(x370 + x371)
+    span_2_1_1 = arm_2_1_1 - x42
     span_2_1_2 = arm_2_1_2 + 0.5
     span_2_1_3 = arm_2_1_3 + eta
-    span_2_2_1 = arm_2_2_1
     span_2_2_2 = arm_2_2_2 - 1.0
     span_2_2_3 = arm_2_2_3 + eta
-    span_2_3_1 = arm_2_3_1 + x11
+    span_2_3_1 = arm_2_3_1 + x42
     span_2_3_2 = arm_2_3_2 + 0.5
     span_2_3_3 = arm_2_3_3 + eta
-    missing_2_1 = -0.5*(span_2_1_1*span_2_1_1) - 0.5*(span_2_1_2*span_2_1_2) - 0.5*(span_2_1_3*span_2_1_3) - x21
-    missing_2_2 = -0.5*(span_2_2_1*span_2_2_1) - 0.5*(span_2_2_2*span_2_2_2) - 0.5*(span_2_2_3*span_2_2_3) - x22
-    missing_2_3 = -0.5*(span_2_3_1*span_2_3_1) - 0.5*(span_2_3_2*span_2_3_2) - 0.5*(span_2_3_3*span_2_3_3) - x23
-    merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3)
+    missing_2_1 = x62 - 0.5*(span_2_1_1*span_2_1_1) - 0.5*(span_2_1_2*span_2_1_2) - 0.5*(span_2_1_3*span_2_1_3)
+    missing_2_2 = x71 - 0.5*(arm_2_2_1*arm_2_2_1) - 0.5*(span_2_2_2*span_2_2_2) - 0.5*(span_2_2_3*span_2_2_3)
+    missing_2_3 = x80 - 0.5*(span_2_3_1*span_2_3_1) - 0.5*(span_2_3_2*span_2_3_2) - 0.5*(span_2_3_3*span_2_3_3)
+    del matrix_2_2_2, matrix_2_3_2, x364, x365, x367, x368, x370, x371, span_2_1_1, span_2_1_2, span_2_1_3, span_2_2_2, span_2_2_3, span_2_3_1, span_2_3_2, span_2_3_3
+    merit_2 = missing_2_1*missing_2_1 + missing_2_2*missing_2_2 + missing_2_3*missing_2_3
     done_2 = merit_taken_1 <= settled
-    better_2 = (~(done_2)) & (merit_2 < merit_taken_1)
+    better_2 = (~done_2) & (merit_2 < merit_taken_1)
     now_2_1 = xp.where(better_2, unit_2_1, now_1_1)
     now_2_2 = xp.where(better_2, unit_2_2, now_1_2)
     now_2_3 = xp.where(better_2, unit_2_3, now_1_3)
     now_2_4 = xp.where(better_2, unit_2_4, now_1_4)
-    del span_2_1_1, span_2_1_2, span_2_1_3, span_2_2_1, span_2_2_2, span_2_2_3, span_2_3_1, span_2_3_2, span_2_3_3, now_1_1, unit_2_1, now_1_2, unit_2_2, now_1_3, unit_2_3, now_1_4, unit_2_4
     taken_2_1_1 = xp.where(better_2, arm_2_1_1, taken_1_1_1)
     taken_2_1_2 = xp.where(better_2, arm_2_1_2, taken_1_1_2)
     taken_2_1_3 = xp.where(better_2, arm_2_1_3, taken_1_1_3)
     taken_2_2_1 = xp.where(better_2, arm_2_2_1, taken_1_2_1)
+    del now_1_1, unit_2_1, now_1_2, unit_2_2, now_1_3, unit_2_3, now_1_4, unit_2_4, arm_2_1_1, taken_1_1_1, arm_2_1_2, taken_1_1_2, arm_2_1_3, taken_1_1_3, arm_2_2_1, taken_1_2_1
     taken_2_2_2 = xp.where(better_2, arm_2_2_2, taken_1_2_2)
     taken_2_2_3 = xp.where(better_2, arm_2_2_3, taken_1_2_3)
     taken_2_3_1 = xp.where(better_2, arm_2_3_1, taken_1_3_1)
     taken_2_3_2 = xp.where(better_2, arm_2_3_2, taken_1_3_2)
-    del arm_2_1_1, taken_1_1_1, arm_2_1_2, taken_1_1_2, arm_2_1_3, taken_1_1_3, arm_2_2_1, taken_1_2_1, arm_2_2_2, taken_1_2_2, arm_2_2_3, taken_1_2_3, arm_2_3_1, taken_1_3_1, arm_2_3_2, taken_1_3_2
     taken_2_3_3 = xp.where(better_2, arm_2_3_3, taken_1_3_3)
     left_2_1 = xp.where(better_2, missing_2_1, left_1_1)
     left_2_2 = xp.where(better_2, missing_2_2, left_1_2)
     left_2_3 = xp.where(better_2, missing_2_3, left_1_3)
+    del arm_2_2_2, taken_1_2_2, arm_2_2_3, taken_1_2_3, arm_2_3_1, taken_1_3_1, arm_2_3_2, taken_1_3_2, arm_2_3_3, taken_1_3_3, left_1_1, missing_2_1, left_1_2, missing_2_2, left_1_3, missing_2_3
     merit_taken_2 = xp.where(better_2, merit_2, merit_taken_1)
-    turned_by_2 = xp.sqrt((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3))
-    trust_2 = xp.where(better_2, 2.0*trust_1, xp.where(done_2, trust_1, 0.25*xp.where(trust_1 > turned_by_2, turned_by_2, trust_1)))
-    del arm_2_3_3, taken_1_3_3, left_1_1, missing_2_1, left_1_2, missing_2_2, left_1_3, missing_2_3, merit_2, merit_taken_1, turn_2_1, turn_2_2, turn_2_3, better_2, done_2, trust_1, turned_by_2
+    turned_by_2 = xp.sqrt(turn_2_1*turn_2_1 + turn_2_2*turn_2_2 + turn_2_3*turn_2_3)
+    trust_2 = xp.where(better_2, 2.0*trust_1, xp.where(done_2, trust_1, 0.25*xp.where(turned_by_2 < trust_1, turned_by_2, trust_1)))
     row_3_1_1 = eta*taken_2_1_2 - 0.5*taken_2_1_3
-    row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11
-    row_3_1_3 = 0.5*taken_2_1_1 + taken_2_1_2*x11
+    row_3_1_2 = -(eta*taken_2_1_1 + x42*taken_2_1_3)
+    row_3_1_3 = 0.5*taken_2_1_1 + x42*taken_2_1_2
     row_3_2_1 = eta*taken_2_2_2 + taken_2_2_3
     row_3_2_2 = -eta*taken_2_2_1
     row_3_2_3 = -taken_2_2_1
     row_3_3_1 = eta*taken_2_3_2 - 0.5*taken_2_3_3
-    row_3_3_2 = 0.5*taken_2_3_3*x10 - eta*taken_2_3_1
-    row_3_3_3 = 0.5*taken_2_3_1 - taken_2_3_2*x11
+    row_3_3_2 = x42*taken_2_3_3 - eta*taken_2_3_1
+    row_3_3_3 = 0.5*taken_2_3_1 - x42*taken_2_3_2
     cross_3_1_1 = row_3_2_2*row_3_3_3 - row_3_2_3*row_3_3_2
     cross_3_1_2 = row_3_2_3*row_3_3_1 - row_3_2_1*row_3_3_3
     cross_3_1_3 = row_3_2_1*row_3_3_2 - row_3_2_2*row_3_3_1
@@ -935,203 +921,196 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     cross_3_3_2 = row_3_1_3*row_3_2_1 - row_3_1_1*row_3_2_3
     cross_3_3_3 = row_3_1_1*row_3_2_2 - row_3_1_2*row_3_2_1
     determinant_3 = cross_3_1_1*row_3_1_1 + cross_3_1_2*row_3_1_2 + cross_3_1_3*row_3_1_3
+    del merit_2, merit_taken_1, turn_2_1, turn_2_2, turn_2_3, better_2, done_2, trust_1, turned_by_2, row_3_3_3, row_3_3_1, row_3_3_2, row_3_2_3, row_3_2_1, row_3_2_2, row_3_1_1, row_3_1_2, row_3_1_3
     solved_3_1 = cross_3_1_1*left_2_1 + cross_3_2_1*left_2_2 + cross_3_3_1*left_2_3
     solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3
     solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3
-    del row_3_3_3, row_3_3_1, row_3_3_2, row_3_2_3, row_3_2_1, row_3_2_2, row_3_1_1, row_3_1_2, row_3_1_3, cross_3_1_1, cross_3_2_1, cross_3_3_1, cross_3_1_2, cross_3_2_2, cross_3_3_2, cross_3_1_3, cross_3_2_3, cross_3_3_3
-    solved_size_3 = xp.sqrt((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3))
-    far_3 = solved_size_3 > trust_2*xp.abs(determinant_3)
-    factor_3 = xp.where(far_3, trust_2*xp.where(determinant_3 < 0.0, -1.0, 1.0)*xp.where(solved_size_3 > 0.0, 1.0/solved_size_3, 1.0), xp.where(far_3, 1.0, 1.0/determinant_3))
-    x62 = xp.where(solved_size_3 > 0.0, factor_3, 0.0)
-    turn_3_1 = solved_3_1*x62
-    turn_3_2 = solved_3_2*x62
-    turn_3_3 = solved_3_3*x62
-    x63 = 0.5*turn_3_1
-    x64 = 0.5*turn_3_2
-    x65 = 0.5*turn_3_3
-    moved_3_1 = now_2_1 - now_2_2*x63 - now_2_3*x64 - now_2_4*x65
-    moved_3_2 = now_2_1*x63 + now_2_2 + now_2_4*x64 - now_2_3*x65
-    moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63
-    moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64
-    unit_3_length = xp.sqrt((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4))
-    x66 = 1.0/unit_3_length
-    unit_3_1 = moved_3_1*x66
-    unit_3_2 = moved_3_2*x66
-    unit_3_3 = moved_3_3*x66
-    unit_3_4 = moved_3_4*x66
-    del determinant_3, far_3, factor_3, solved_size_3, solved_3_1, solved_3_2, solved_3_3, x62, x63, x64, x65, unit_3_length, moved_3_1, moved_3_2, moved_3_3, moved_3_4, x66
-    x67 = (unit_3_2*unit_3_2)
-    x68 = (unit_3_3*unit_3_3)
-    x69 = (unit_3_1*unit_3_1) - (unit_3_4*unit_3_4)
-    matrix_3_1_1 = x67 + x69 - x68
-    x70 = 2.0*unit_3_1
-    x71 = unit_3_4*x70
-    matrix_3_1_2 = 2.0*unit_3_2*unit_3_3 - x71
-    matrix_3_2_1 = 2.0*unit_3_2*unit_3_3 + x71
-    matrix_3_2_2 = x68 + x69 - x67
-    matrix_3_3_1 = 2.0*unit_3_2*unit_3_4 - unit_3_3*x70
-    matrix_3_3_2 = unit_3_2*x70 + 2.0*unit_3_3*unit_3_4
-    x72 = matrix_3_1_2*ratio
-    x73 = 0.5*x72
-    x74 = matrix_3_1_1*x12
-    arm_3_1_1 = x74 - x73
-    x75 = matrix_3_2_2*ratio
-    x76 = 0.5*x75
-    x77 = matrix_3_2_1*x12
-    arm_3_1_2 = x77 - x76
-    x78 = matrix_3_3_2*ratio
-    x79 = 0.5*x78
-    x80 = matrix_3_3_1*x12
-    arm_3_1_3 = x80 - x79
-    arm_3_2_1 = x72
-    arm_3_2_2 = x75
-    arm_3_2_3 = x78
-    arm_3_3_1 = -x73 - x74
-    del x71, x67, x68, x69, x70, matrix_3_1_2, matrix_3_1_1, matrix_3_2_2, matrix_3_2_1, matrix_3_3_2, matrix_3_3_1, x72, x75, x78, x73, x74
-    arm_3_3_2 = -x76 - x77
-    arm_3_3_3 = -x79 - x80
-    span_3_1_1 = arm_3_1_1 - x11
+    solved_size_3 = xp.sqrt(solved_3_1*solved_3_1 + solved_3_2*solved_3_2 + solved_3_3*solved_3_3)
+    far_3 = trust_2*xp.abs(determinant_3) < solved_size_3
+    x475 = 0.0 < solved_size_3
+    x472 = xp.where(far_3, 1.0, 1.0/determinant_3)
+    factor_3 = xp.where(far_3, trust_2*xp.where(determinant_3 < 0.0, -1.0, 1.0)*xp.where(x475, 1.0/solved_size_3, 1.0), x472)
+    x480 = xp.where(x475, factor_3, 0.0)
+    turn_3_1 = solved_3_1*x480
+    del cross_3_1_1, cross_3_2_1, cross_3_3_1, cross_3_1_2, cross_3_2_2, cross_3_3_2, cross_3_1_3, cross_3_2_3, cross_3_3_3, determinant_3, far_3, solved_size_3, x472, factor_3, x475, solved_3_1
+    turn_3_2 = solved_3_2*x480
+    turn_3_3 = solved_3_3*x480
+    x481 = 0.5*turn_3_1
+    x483 = 0.5*turn_3_2
+    x485 = 0.5*turn_3_3
+    moved_3_1 = now_2_1 - x481*now_2_2 - x483*now_2_3 - x485*now_2_4
+    moved_3_2 = x481*now_2_1 + now_2_2 + x483*now_2_4 - x485*now_2_3
+    moved_3_3 = x483*now_2_1 + x485*now_2_2 + now_2_3 - x481*now_2_4
+    moved_3_4 = x485*now_2_1 + x481*now_2_3 + now_2_4 - x483*now_2_2
+    unit_3_length = xp.sqrt(moved_3_1*moved_3_1 + moved_3_2*moved_3_2 + moved_3_3*moved_3_3 + moved_3_4*moved_3_4)
+    x511 = 1.0/unit_3_length
+    unit_3_1 = moved_3_1*x511
+    unit_3_2 = moved_3_2*x511
+    unit_3_3 = moved_3_3*x511
+    unit_3_4 = moved_3_4*x511
+    x516 = unit_3_1*unit_3_1 - unit_3_4*unit_3_4
+    x517 = unit_3_2*unit_3_2 - unit_3_3*unit_3_3
+    matrix_3_1_1 = x516 + x517
+    x518 = 2.0*unit_3_1
+    x519 = x518*unit_3_4
+    x520 = 2.0*unit_3_2
+    x521 = x520*unit_3_3
+    matrix_3_1_2 = x521 - x519
+    matrix_3_2_1 = x519 + x521
+    matrix_3_2_2 = x516 - x517
+    del solved_3_2, solved_3_3, x480, x481, x483, x485, unit_3_length, moved_3_1, moved_3_2, moved_3_3, moved_3_4, x511, x519, x521, x516, x517
+    matrix_3_3_1 = x520*unit_3_4 - x518*unit_3_3
+    matrix_3_3_2 = x518*unit_3_2 + 2.0*unit_3_4*unit_3_3
+    x528 = x42*(matrix_3_1_1*ratio)
+    x529 = x45*matrix_3_1_2
+    arm_3_1_1 = x528 - x529
+    x531 = x42*(matrix_3_2_1*ratio)
+    x532 = x45*matrix_3_2_2
+    arm_3_1_2 = x531 - x532
+    x534 = x42*(matrix_3_3_1*ratio)
+    x535 = x45*matrix_3_3_2
+    arm_3_1_3 = x534 - x535
+    arm_3_2_1 = matrix_3_1_2*ratio
+    arm_3_2_2 = matrix_3_2_2*ratio
+    arm_3_2_3 = matrix_3_3_2*ratio
+    arm_3_3_1 = -(x528 + x529)
+    arm_3_3_2 = -(x531 + x532)
+    arm_3_3_3 = -(x534 + x535)
+    span_3_1_1 = arm_3_1_1 - x42
     span_3_1_2 = arm_3_1_2 + 0.5
     span_3_1_3 = arm_3_1_3 + eta
-    span_3_2_1 = arm_3_2_1
     span_3_2_2 = arm_3_2_2 - 1.0
     span_3_2_3 = arm_3_2_3 + eta
-    span_3_3_1 = arm_3_3_1 + x11
+    span_3_3_1 = arm_3_3_1 + x42
     span_3_3_2 = arm_3_3_2 + 0.5
     span_3_3_3 = arm_3_3_3 + eta
-    missing_3_1 = -0.5*(span_3_1_1*span_3_1_1) - 0.5*(span_3_1_2*span_3_1_2) - 0.5*(span_3_1_3*span_3_1_3) - x21
-    missing_3_2 = -0.5*(span_3_2_1*span_3_2_1) - 0.5*(span_3_2_2*span_3_2_2) - 0.5*(span_3_2_3*span_3_2_3) - x22
-    missing_3_3 = -0.5*(span_3_3_1*span_3_3_1) - 0.5*(span_3_3_2*span_3_3_2) - 0.5*(span_3_3_3*span_3_3_3) - x23
-    merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3)
+    missing_3_1 = x62 - 0.5*(span_3_1_1*span_3_1_1) - 0.5*(span_3_1_2*span_3_1_2) - 0.5*(span_3_1_3*span_3_1_3)
+    del x520, x518, matrix_3_1_1, matrix_3_2_1, matrix_3_3_1, matrix_3_1_2, matrix_3_2_2, matrix_3_3_2, x528, x529, x531, x532, x534, x535, span_3_1_1, span_3_1_2, span_3_1_3
+    missing_3_2 = x71 - 0.5*(arm_3_2_1*arm_3_2_1) - 0.5*(span_3_2_2*span_3_2_2) - 0.5*(span_3_2_3*span_3_2_3)
+    missing_3_3 = x80 - 0.5*(span_3_3_1*span_3_3_1) - 0.5*(span_3_3_2*span_3_3_2) - 0.5*(span_3_3_3*span_3_3_3)
+    merit_3 = missing_3_1*missing_3_1 + missing_3_2*missing_3_2 + missing_3_3*missing_3_3
     done_3 = merit_taken_2 <= settled
-    better_3 = (~(done_3)) & (merit_3 < merit_taken_2)
+    better_3 = (~done_3) & (merit_3 < merit_taken_2)
     now_3_1 = xp.where(better_3, unit_3_1, now_2_1)
     now_3_2 = xp.where(better_3, unit_3_2, now_2_2)
-    del x76, x77, x79, x80, span_3_1_1, span_3_1_2, span_3_1_3, span_3_2_1, span_3_2_2, span_3_2_3, span_3_3_1, span_3_3_2, span_3_3_3, now_2_1, unit_3_1, now_2_2, unit_3_2
     now_3_3 = xp.where(better_3, unit_3_3, now_2_3)
     now_3_4 = xp.where(better_3, unit_3_4, now_2_4)
     taken_3_1_1 = xp.where(better_3, arm_3_1_1, taken_2_1_1)
     taken_3_1_2 = xp.where(better_3, arm_3_1_2, taken_2_1_2)
+    del span_3_2_2, span_3_2_3, span_3_3_1, span_3_3_2, span_3_3_3, now_2_1, unit_3_1, now_2_2, unit_3_2, now_2_3, unit_3_3, now_2_4, unit_3_4, arm_3_1_1, taken_2_1_1, arm_3_1_2, taken_2_1_2
     taken_3_1_3 = xp.where(better_3, arm_3_1_3, taken_2_1_3)
     taken_3_2_1 = xp.where(better_3, arm_3_2_1, taken_2_2_1)
     taken_3_2_2 = xp.where(better_3, arm_3_2_2, taken_2_2_2)
     taken_3_2_3 = xp.where(better_3, arm_3_2_3, taken_2_2_3)
-    del now_2_3, unit_3_3, now_2_4, unit_3_4, arm_3_1_1, taken_2_1_1, arm_3_1_2, taken_2_1_2, arm_3_1_3, taken_2_1_3, arm_3_2_1, taken_2_2_1, arm_3_2_2, taken_2_2_2, arm_3_2_3, taken_2_2_3
     taken_3_3_1 = xp.where(better_3, arm_3_3_1, taken_2_3_1)
     taken_3_3_2 = xp.where(better_3, arm_3_3_2, taken_2_3_2)
     taken_3_3_3 = xp.where(better_3, arm_3_3_3, taken_2_3_3)
     left_3_1 = xp.where(better_3, missing_3_1, left_2_1)
+    del arm_3_1_3, taken_2_1_3, arm_3_2_1, taken_2_2_1, arm_3_2_2, taken_2_2_2, arm_3_2_3, taken_2_2_3, arm_3_3_1, taken_2_3_1, arm_3_3_2, taken_2_3_2, arm_3_3_3, taken_2_3_3, left_2_1, missing_3_1
     left_3_2 = xp.where(better_3, missing_3_2, left_2_2)
     left_3_3 = xp.where(better_3, missing_3_3, left_2_3)
     merit_taken_3 = xp.where(better_3, merit_3, merit_taken_2)
-    turned_by_3 = xp.sqrt((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3))
-    del arm_3_3_1, taken_2_3_1, arm_3_3_2, taken_2_3_2, arm_3_3_3, taken_2_3_3, left_2_1, missing_3_1, left_2_2, missing_3_2, left_2_3, missing_3_3, merit_3, merit_taken_2, turn_3_1, turn_3_2, turn_3_3
-    trust_3 = xp.where(better_3, 2.0*trust_2, xp.where(done_3, trust_2, 0.25*xp.where(trust_2 > turned_by_3, turned_by_3, trust_2)))
+    turned_by_3 = xp.sqrt(turn_3_1*turn_3_1 + turn_3_2*turn_3_2 + turn_3_3*turn_3_3)
+    trust_3 = xp.where(better_3, 2.0*trust_2, xp.where(done_3, trust_2, 0.25*xp.where(turned_by_3 < trust_2, turned_by_3, trust_2)))
     row_4_1_1 = eta*taken_3_1_2 - 0.5*taken_3_1_3
-    row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11
-    row_4_1_3 = 0.5*taken_3_1_1 + taken_3_1_2*x11
+    row_4_1_2 = -(eta*taken_3_1_1 + x42*taken_3_1_3)
+    row_4_1_3 = 0.5*taken_3_1_1 + x42*taken_3_1_2
+    del left_2_2, missing_3_2, left_2_3, missing_3_3, merit_3, merit_taken_2, turn_3_1, turn_3_2, turn_3_3, better_3, done_3, trust_2, turned_by_3, taken_3_1_3, taken_3_1_1, taken_3_1_2
     row_4_2_1 = eta*taken_3_2_2 + taken_3_2_3
     row_4_2_2 = -eta*taken_3_2_1
     row_4_2_3 = -taken_3_2_1
     row_4_3_1 = eta*taken_3_3_2 - 0.5*taken_3_3_3
-    row_4_3_2 = 0.5*taken_3_3_3*x10 - eta*taken_3_3_1
-    row_4_3_3 = 0.5*taken_3_3_1 - taken_3_3_2*x11
+    row_4_3_2 = x42*taken_3_3_3 - eta*taken_3_3_1
+    row_4_3_3 = 0.5*taken_3_3_1 - x42*taken_3_3_2
     cross_4_1_1 = row_4_2_2*row_4_3_3 - row_4_2_3*row_4_3_2
     cross_4_1_2 = row_4_2_3*row_4_3_1 - row_4_2_1*row_4_3_3
     cross_4_1_3 = row_4_2_1*row_4_3_2 - row_4_2_2*row_4_3_1
     cross_4_2_1 = row_4_1_3*row_4_3_2 - row_4_1_2*row_4_3_3
     cross_4_2_2 = row_4_1_1*row_4_3_3 - row_4_1_3*row_4_3_1
     cross_4_2_3 = row_4_1_2*row_4_3_1 - row_4_1_1*row_4_3_2
-    del better_3, done_3, trust_2, turned_by_3, taken_3_1_3, taken_3_1_1, taken_3_1_2, taken_3_2_2, taken_3_2_3, taken_3_2_1, taken_3_3_3, x10, taken_3_3_1, taken_3_3_2, row_4_3_3, row_4_3_1, row_4_3_2
     cross_4_3_1 = row_4_1_2*row_4_2_3 - row_4_1_3*row_4_2_2
     cross_4_3_2 = row_4_1_3*row_4_2_1 - row_4_1_1*row_4_2_3
     cross_4_3_3 = row_4_1_1*row_4_2_2 - row_4_1_2*row_4_2_1
     determinant_4 = cross_4_1_1*row_4_1_1 + cross_4_1_2*row_4_1_2 + cross_4_1_3*row_4_1_3
     solved_4_1 = cross_4_1_1*left_3_1 + cross_4_2_1*left_3_2 + cross_4_3_1*left_3_3
+    del taken_3_2_2, taken_3_2_3, taken_3_2_1, taken_3_3_3, taken_3_3_1, taken_3_3_2, row_4_3_3, row_4_3_1, row_4_3_2, row_4_2_3, row_4_2_1, row_4_2_2, row_4_1_1, row_4_1_2, row_4_1_3, cross_4_1_1, cross_4_2_1, cross_4_3_1
     solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3
     solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3
-    del row_4_2_3, row_4_2_1, row_4_2_2, row_4_1_1, row_4_1_2, row_4_1_3, cross_4_1_1, cross_4_2_1, cross_4_3_1, cross_4_1_2, cross_4_2_2, cross_4_3_2, cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3
-    solved_size_4 = xp.sqrt((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3))
-    far_4 = solved_size_4 > trust_3*xp.abs(determinant_4)
-    factor_4 = xp.where(far_4, trust_3*xp.where(determinant_4 < 0.0, -1.0, 1.0)*xp.where(solved_size_4 > 0.0, 1.0/solved_size_4, 1.0), xp.where(far_4, 1.0, 1.0/determinant_4))
-    x81 = xp.where(solved_size_4 > 0.0, factor_4, 0.0)
-    turn_4_1 = solved_4_1*x81
-    turn_4_2 = solved_4_2*x81
-    turn_4_3 = solved_4_3*x81
-    x82 = 0.5*turn_4_1
-    x83 = 0.5*turn_4_2
-    x84 = 0.5*turn_4_3
-    moved_4_1 = now_3_1 - now_3_2*x82 - now_3_3*x83 - now_3_4*x84
-    moved_4_2 = now_3_1*x82 + now_3_2 + now_3_4*x83 - now_3_3*x84
-    moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82
-    moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83
-    unit_4_length = xp.sqrt((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4))
-    x85 = 1.0/unit_4_length
-    unit_4_1 = moved_4_1*x85
-    unit_4_2 = moved_4_2*x85
-    unit_4_3 = moved_4_3*x85
-    unit_4_4 = moved_4_4*x85
-    del determinant_4, far_4, factor_4, solved_size_4, solved_4_1, solved_4_2, solved_4_3, x81, x82, x83, x84, unit_4_length, moved_4_1, moved_4_2, moved_4_3, moved_4_4, x85
-    x86 = (unit_4_2*unit_4_2)
-    x87 = (unit_4_3*unit_4_3)
-    x88 = (unit_4_1*unit_4_1) - (unit_4_4*unit_4_4)
-    matrix_4_1_1 = x86 + x88 - x87
-    x89 = 2.0*unit_4_1
-    x90 = unit_4_4*x89
-    matrix_4_1_2 = 2.0*unit_4_2*unit_4_3 - x90
-    matrix_4_2_1 = 2.0*unit_4_2*unit_4_3 + x90
-    matrix_4_2_2 = x87 + x88 - x86
-    matrix_4_3_1 = 2.0*unit_4_2*unit_4_4 - unit_4_3*x89
-    matrix_4_3_2 = unit_4_2*x89 + 2.0*unit_4_3*unit_4_4
-    x91 = matrix_4_1_2*ratio
-    x92 = 0.5*x91
-    x93 = matrix_4_1_1*x12
-    arm_4_1_1 = x93 - x92
-    x94 = matrix_4_2_2*ratio
-    x95 = 0.5*x94
-    x96 = matrix_4_2_1*x12
-    arm_4_1_2 = x96 - x95
-    x97 = matrix_4_3_2*ratio
-    x98 = 0.5*x97
-    x99 = matrix_4_3_1*x12
-    arm_4_1_3 = x99 - x98
-    arm_4_2_1 = x91
-    arm_4_2_2 = x94
-    arm_4_2_3 = x97
-    del x90, x86, x87, x88, x89, matrix_4_1_2, matrix_4_1_1, matrix_4_2_2, matrix_4_2_1, matrix_4_3_2, ratio, matrix_4_3_1, x12, x91, x94, x97
-    arm_4_3_1 = -x92 - x93
-    arm_4_3_2 = -x95 - x96
-    arm_4_3_3 = -x98 - x99
-    span_4_1_1 = arm_4_1_1 - x11
+    solved_size_4 = xp.sqrt(solved_4_1*solved_4_1 + solved_4_2*solved_4_2 + solved_4_3*solved_4_3)
+    far_4 = trust_3*xp.abs(determinant_4) < solved_size_4
+    x639 = 0.0 < solved_size_4
+    x636 = xp.where(far_4, 1.0, 1.0/determinant_4)
+    factor_4 = xp.where(far_4, trust_3*xp.where(determinant_4 < 0.0, -1.0, 1.0)*xp.where(x639, 1.0/solved_size_4, 1.0), x636)
+    x644 = xp.where(x639, factor_4, 0.0)
+    turn_4_1 = solved_4_1*x644
+    del cross_4_1_2, cross_4_2_2, cross_4_3_2, cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3, determinant_4, far_4, solved_size_4, x636, factor_4, x639, solved_4_1
+    turn_4_2 = solved_4_2*x644
+    turn_4_3 = solved_4_3*x644
+    x645 = 0.5*turn_4_1
+    x647 = 0.5*turn_4_2
+    x649 = 0.5*turn_4_3
+    moved_4_1 = now_3_1 - x645*now_3_2 - x647*now_3_3 - x649*now_3_4
+    moved_4_2 = x645*now_3_1 + now_3_2 + x647*now_3_4 - x649*now_3_3
+    moved_4_3 = x647*now_3_1 + x649*now_3_2 + now_3_3 - x645*now_3_4
+    moved_4_4 = x649*now_3_1 + x645*now_3_3 + now_3_4 - x647*now_3_2
+    unit_4_length = xp.sqrt(moved_4_1*moved_4_1 + moved_4_2*moved_4_2 + moved_4_3*moved_4_3 + moved_4_4*moved_4_4)
+    x675 = 1.0/unit_4_length
+    unit_4_1 = moved_4_1*x675
+    unit_4_2 = moved_4_2*x675
+    unit_4_3 = moved_4_3*x675
+    unit_4_4 = moved_4_4*x675
+    x680 = unit_4_1*unit_4_1 - unit_4_4*unit_4_4
+    x681 = unit_4_2*unit_4_2 - unit_4_3*unit_4_3
+    matrix_4_1_1 = x680 + x681
+    x682 = 2.0*unit_4_1
+    x683 = x682*unit_4_4
+    x684 = 2.0*unit_4_2
+    x685 = x684*unit_4_3
+    matrix_4_1_2 = x685 - x683
+    matrix_4_2_1 = x683 + x685
+    matrix_4_2_2 = x680 - x681
+    del solved_4_2, solved_4_3, x644, x645, x647, x649, unit_4_length, moved_4_1, moved_4_2, moved_4_3, moved_4_4, x675, x683, x685, x680, x681
+    matrix_4_3_1 = x684*unit_4_4 - x682*unit_4_3
+    matrix_4_3_2 = x682*unit_4_2 + 2.0*unit_4_4*unit_4_3
+    x692 = x42*(matrix_4_1_1*ratio)
+    x693 = x45*matrix_4_1_2
+    arm_4_1_1 = x692 - x693
+    x695 = x42*(matrix_4_2_1*ratio)
+    x696 = x45*matrix_4_2_2
+    arm_4_1_2 = x695 - x696
+    x698 = x42*(matrix_4_3_1*ratio)
+    x699 = x45*matrix_4_3_2
+    arm_4_1_3 = x698 - x699
+    arm_4_2_1 = matrix_4_1_2*ratio
+    arm_4_2_2 = matrix_4_2_2*ratio
+    arm_4_2_3 = matrix_4_3_2*ratio
+    arm_4_3_1 = -(x692 + x693)
+    arm_4_3_2 = -(x695 + x696)
+    arm_4_3_3 = -(x698 + x699)
+    del x684, x682, matrix_4_1_1, matrix_4_2_1, matrix_4_3_1, x45, matrix_4_1_2, matrix_4_2_2, matrix_4_3_2, ratio, x692, x693, x695, x696, x698, x699
+    span_4_1_1 = arm_4_1_1 - x42
     span_4_1_2 = arm_4_1_2 + 0.5
     span_4_1_3 = arm_4_1_3 + eta
-    span_4_2_1 = arm_4_2_1
     span_4_2_2 = arm_4_2_2 - 1.0
     span_4_2_3 = arm_4_2_3 + eta
-    span_4_3_1 = arm_4_3_1 + x11
+    span_4_3_1 = arm_4_3_1 + x42
     span_4_3_2 = arm_4_3_2 + 0.5
     span_4_3_3 = arm_4_3_3 + eta
-    del x92, x93, x95, x96, x98, x99, arm_4_1_1, arm_4_1_2, arm_4_1_3, arm_4_2_1, arm_4_2_2, arm_4_2_3, arm_4_3_1, x11, arm_4_3_2, arm_4_3_3, eta
-    missing_4_1 = -0.5*(span_4_1_1*span_4_1_1) - 0.5*(span_4_1_2*span_4_1_2) - 0.5*(span_4_1_3*span_4_1_3) - x21
-    missing_4_2 = -0.5*(span_4_2_1*span_4_2_1) - 0.5*(span_4_2_2*span_4_2_2) - 0.5*(span_4_2_3*span_4_2_3) - x22
-    missing_4_3 = -0.5*(span_4_3_1*span_4_3_1) - 0.5*(span_4_3_2*span_4_3_2) - 0.5*(span_4_3_3*span_4_3_3) - x23
-    merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3)
+    missing_4_1 = x62 - 0.5*(span_4_1_1*span_4_1_1) - 0.5*(span_4_1_2*span_4_1_2) - 0.5*(span_4_1_3*span_4_1_3)
+    missing_4_2 = x71 - 0.5*(arm_4_2_1*arm_4_2_1) - 0.5*(span_4_2_2*span_4_2_2) - 0.5*(span_4_2_3*span_4_2_3)
+    del arm_4_1_1, arm_4_1_2, arm_4_1_3, arm_4_2_2, arm_4_2_3, arm_4_3_1, x42, arm_4_3_2, arm_4_3_3, eta, span_4_1_1, span_4_1_2, span_4_1_3, x62, arm_4_2_1, span_4_2_2, span_4_2_3, x71
+    missing_4_3 = x80 - 0.5*(span_4_3_1*span_4_3_1) - 0.5*(span_4_3_2*span_4_3_2) - 0.5*(span_4_3_3*span_4_3_3)
+    merit_4 = missing_4_1*missing_4_1 + missing_4_2*missing_4_2 + missing_4_3*missing_4_3
     done_4 = merit_taken_3 <= settled
-    del span_4_1_1, span_4_1_2, span_4_1_3, x21, span_4_2_1, span_4_2_2, span_4_2_3, x22, span_4_3_1, span_4_3_2, span_4_3_3, x23, missing_4_1, missing_4_2, missing_4_3, settled
-    better_4 = (~(done_4)) & (merit_4 < merit_taken_3)
-    now_4_1 = xp.where(better_4, unit_4_1, now_3_1)
-    now_4_2 = xp.where(better_4, unit_4_2, now_3_2)
-    now_4_3 = xp.where(better_4, unit_4_3, now_3_3)
-    now_4_4 = xp.where(better_4, unit_4_4, now_3_4)
-    turned_by_4 = xp.sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3))
-    trust_4 = xp.where(better_4, 2.0*trust_3, xp.where(done_4, trust_3, 0.25*xp.where(trust_3 > turned_by_4, turned_by_4, trust_3)))
-    del merit_4, merit_taken_3, now_3_1, unit_4_1, now_3_2, unit_4_2, now_3_3, unit_4_3, now_3_4, unit_4_4, turn_4_1, turn_4_2, turn_4_3, better_4, done_4, trust_3, turned_by_4
-    polished_1 = now_4_1
-    polished_2 = now_4_2
-    polished_3 = now_4_3
-    polished_4 = now_4_4
-    radius = trust_4
-    return (polished_1, polished_2, polished_3, polished_4, radius)
+    better_4 = (~done_4) & (merit_4 < merit_taken_3)
+    polished_1 = xp.where(better_4, unit_4_1, now_3_1)
+    polished_2 = xp.where(better_4, unit_4_2, now_3_2)
+    polished_3 = xp.where(better_4, unit_4_3, now_3_3)
+    del span_4_3_1, span_4_3_2, span_4_3_3, x80, missing_4_1, missing_4_2, missing_4_3, settled, merit_4, merit_taken_3, now_3_1, unit_4_1, now_3_2, unit_4_2, now_3_3, unit_4_3
+    polished_4 = xp.where(better_4, unit_4_4, now_3_4)
+    turned_by_4 = xp.sqrt(turn_4_1*turn_4_1 + turn_4_2*turn_4_2 + turn_4_3*turn_4_3)
+    radius_value = xp.where(better_4, 2.0*trust_3, xp.where(done_4, trust_3, 0.25*xp.where(turned_by_4 < trust_3, turned_by_4, trust_3)))
+    return (polished_1, polished_2, polished_3, polished_4, radius_value)
 
 
 sps_polish.signature = "(4),(),(3),(),(),()->(4),()"

@@ -71,36 +71,20 @@ def tricept_point(pose, q_x, q_y, q_z, *, out=None):
 
 def _tricept_point(xp, pose_1, pose_2, pose_3, q_x, q_y, q_z, eps, largest):
     # 7 add, 13 mul, 2 cos, 2 sin
-    alpha = pose_1
-    beta = pose_2
-    sa = xp.sin(alpha)
-    ca = xp.cos(alpha)
-    sb = xp.sin(beta)
-    cb = xp.cos(beta)
-    rotation__1_1 = cb
-    rotation__1_2 = -sa*sb
-    rotation__1_3 = ca*sb
-    rotation__2_1 = 0.0
-    rotation__2_2 = ca
-    rotation__2_3 = sa
-    rotation__3_1 = -sb
-    rotation__3_2 = -cb*sa
-    rotation__3_3 = ca*cb
-    x0 = pose_3 + q_z
-    point_1 = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0
-    point_2 = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0
-    point_3 = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0
-    rotation_1_1 = rotation__1_1
-    rotation_1_2 = rotation__1_2
-    rotation_1_3 = rotation__1_3
-    rotation_2_1 = rotation__2_1
-    rotation_2_2 = rotation__2_2
-    rotation_2_3 = rotation__2_3
-    rotation_3_1 = rotation__3_1
-    rotation_3_2 = rotation__3_2
-    rotation_3_3 = rotation__3_3
-    del alpha, beta, sb, sa, ca, cb, x0, rotation__1_1, rotation__1_2, rotation__1_3, rotation__2_1, rotation__2_2, rotation__2_3, rotation__3_1, rotation__3_2, rotation__3_3
-    return (point_1, point_2, point_3, rotation_1_1, rotation_1_2, rotation_1_3, rotation_2_1, rotation_2_2, rotation_2_3, rotation_3_1, rotation_3_2, rotation_3_3)
+    rotation_2_3 = xp.sin(pose_1)
+    rotation_2_2 = xp.cos(pose_1)
+    sb = xp.sin(pose_2)
+    rotation_1_1 = xp.cos(pose_2)
+    rotation_1_2 = -rotation_2_3*sb
+    rotation_1_3 = rotation_2_2*sb
+    rotation_3_1 = -sb
+    rotation_3_2 = -rotation_1_1*rotation_2_3
+    rotation_3_3 = rotation_2_2*rotation_1_1
+    x4 = pose_3 + q_z
+    point_1 = q_x*rotation_1_1 + q_y*rotation_1_2 + rotation_1_3*x4
+    point_2 = q_x*0.0 + q_y*rotation_2_2 + rotation_2_3*x4
+    point_3 = q_x*rotation_3_1 + q_y*rotation_3_2 + rotation_3_3*x4
+    return (point_1, point_2, point_3, rotation_1_1, rotation_1_2, rotation_1_3, 0.0, rotation_2_2, rotation_2_3, rotation_3_1, rotation_3_2, rotation_3_3)
 
 
 tricept_point.signature = "(3),(),(),()->(3),(3,3)"
@@ -138,43 +122,34 @@ def tricept_legs(pose, r, R, *, out=None):
 
 
 def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
-    # 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin
-    alpha = pose_1
-    beta = pose_2
-    sa = xp.sin(alpha)
-    ca = xp.cos(alpha)
-    sb = xp.sin(beta)
-    cb = xp.cos(beta)
+    # 21 add, 29 mul, 3 sqrt, 2 cos, 2 sin
+    sa = xp.sin(pose_1)
+    ca = xp.cos(pose_1)
+    sb = xp.sin(pose_2)
+    cb = xp.cos(pose_2)
     x0 = ca*pose_3
-    x1 = sb*x0
-    rod_a_1 = cb*r + x1 - R
-    x2 = pose_3*sa
-    rod_a_2 = x2
-    x3 = cb*x0
-    rod_a_3 = x3 - r*sb
-    x4 = 0.5*cb
-    x5 = 0.5*sb
-    x6 = 1.7320508075688772
-    x7 = sa*x6
-    x8 = x5*x7
-    x9 = 0.5*R
-    x10 = x1 + x9
-    rod_b_1 = r*(-x4 - x8) + x10
-    x11 = x6*x9
-    x12 = 0.5*ca*r*x6
-    rod_b_2 = x12 + x2 - x11
-    x13 = x4*x7
-    rod_b_3 = r*(0.5*sb - x13) + x3
-    rod_c_1 = r*(x8 - x4) + x10
-    rod_c_2 = x11 + x2 - x12
-    del alpha, beta, x0, cb, sa, x1, x9, ca, x6, x7, sb, x10, x4, x8, x11, x12, x2
-    rod_c_3 = r*(x13 + x5) + x3
-    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    legs_1 = rod_length_1
-    legs_2 = rod_length_2
-    legs_3 = rod_length_3
+    x1 = x0*sb
+    rod_a_1 = x1 + cb*r - R
+    rod_a_2 = pose_3*sa
+    x4 = x0*cb
+    rod_a_3 = x4 - r*sb
+    x7 = 0.5*cb
+    x9 = 0.5*3.0**0.5
+    x11 = x9*(sa*sb)
+    x14 = 0.5*R + x1
+    rod_b_1 = x14 - r*(x7 + x11)
+    x18 = x9*(ca*r) - x9*R
+    rod_b_2 = x18 + rod_a_2
+    x20 = x9*(cb*sa)
+    x21 = 0.5*sb
+    rod_b_3 = x4 + r*(x21 - x20)
+    rod_c_1 = x14 + r*(x11 - x7)
+    rod_c_2 = rod_a_2 - x18
+    rod_c_3 = x4 + r*(x20 + x21)
+    legs_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
+    del x0, x1, ca, cb, sa, x9, sb, x11, x14, x7, x18, x20, x21, x4, rod_a_1, rod_a_2, rod_a_3
+    legs_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
+    legs_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
     return (legs_1, legs_2, legs_3)
 
 
@@ -229,169 +204,152 @@ def tricept_inverse(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
 
 
 def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
-    # 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2
-    level_squared = (point_1*point_1) + (point_3*point_3)
+    # 107 add, 125 mul, 2 div, 15 sqrt, 53 select, 37 compare, 8 abs, 4 atan2
+    level_squared = point_1*point_1 + point_3*point_3
     level = xp.sqrt(level_squared)
-    x0 = xp.abs(q_x)
-    g_squared = (level - x0)*(level + x0)
-    x1 = 16.0*eps
-    g_band = x1*(level_squared + (q_x*q_x))
-    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
-    x2 = (point_2*point_2)
-    u_band = g_band + x1*((q_y*q_y) + x2)
+    x2 = xp.abs(q_x)
+    g_squared = (level - x2)*(level + x2)
+    x7 = 16.0*eps
+    g_band = x7*(level_squared + q_x*q_x)
+    x11 = 0.0 < g_squared
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(x11, g_squared, 0.0)
+    x13 = point_2*point_2
+    u_band = x7*(x13 + q_y*q_y) + g_band
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
-    g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
-    u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
-    whole = (g*g) + x2
+    g = xp.where(x11, xp.sqrt(g_squared), 0.0)
+    u = xp.where(0.0 < u_squared, xp.sqrt(u_squared), 0.0)
+    whole = g*g + x13
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
     by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
     by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
-    valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
-    x3 = g*point_1
-    x4 = point_3*q_x
-    sb_plus = xp.where(free_beta, 0.0, by_level*(x3 - x4))
-    x5 = g*point_3
-    cb_plus = xp.where(free_beta, 1.0, by_level*(point_1*q_x + x5))
-    sb_minus = xp.where(free_beta, 0.0, by_level*(-x3 - x4))
-    cb_minus = xp.where(free_beta, 1.0, by_level*(point_1*q_x - x5))
-    x6 = g*q_y
-    sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - x6))
-    x7 = g*u
-    ca_plus = xp.where(free_alpha, 1.0, by_whole*(point_2*q_y + x7))
-    sa_minus = xp.where(free_alpha, 0.0, by_whole*(point_2*u + x6))
-    del level, x1, g_band, u_band, g_squared, u_squared, x2, level_squared, whole, x0, x3, x4, by_level, x5, g, x6
-    ca_minus = xp.where(free_alpha, 1.0, by_whole*(point_2*q_y - x7))
+    x45 = xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + x2 + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest
+    valid = (shortest <= longest) & (whole <= largest) & x45 & (0.0 < R) & (0.0 < r)
+    x51 = g*point_1
+    x52 = point_3*q_x
+    sb_plus = xp.where(free_beta, 0.0, by_level*(x51 - x52))
+    x55 = g*point_3
+    x56 = point_1*q_x
+    cb_plus = xp.where(free_beta, 1.0, by_level*(x55 + x56))
+    sb_minus = xp.where(free_beta, 0.0, -by_level*(x51 + x52))
+    cb_minus = xp.where(free_beta, 1.0, by_level*(x56 - x55))
+    del level, x7, g_band, u_band, g_squared, x11, u_squared, x13, level_squared, x2, whole, x45, x51, x52, by_level, x55, x56
+    x64 = g*q_y
+    x65 = point_2*u
+    sa_plus = xp.where(free_alpha, 0.0, by_whole*(x65 - x64))
+    x68 = g*u
+    x69 = point_2*q_y
+    ca_plus = xp.where(free_alpha, 1.0, by_whole*(x68 + x69))
+    sa_minus = xp.where(free_alpha, 0.0, by_whole*(x64 + x65))
+    ca_minus = xp.where(free_alpha, 1.0, by_whole*(x69 - x68))
     beta_plus = xp.atan2(sb_plus, cb_plus)
     beta_minus = xp.atan2(sb_minus, cb_minus)
     alpha_plus = xp.atan2(sa_plus, ca_plus)
     alpha_minus = xp.atan2(sa_minus, ca_minus)
-    x8 = u - q_z
-    z_a = x8
-    x9 = ca_plus*z_a
-    x10 = sb_plus*x9
-    x12 = cb_plus*r - R
-    rod_ax_1 = x10 + x12
-    x13 = sa_plus*z_a
-    rod_ax_2 = x13
-    x14 = -r*sb_plus
-    x15 = cb_plus*x9
-    rod_ax_3 = x14 + x15
-    x16 = 0.5*cb_plus
-    x17 = 0.5*sb_plus
-    x18 = 1.7320508075688772
-    x19 = sa_plus*x18
-    x20 = x17*x19
-    x21 = 0.5*R
-    x22 = x10 + x21
-    rod_ay_1 = r*(-x16 - x20) + x22
-    x23 = x18*x21
-    x25 = 0.5*r*x18
-    x26 = ca_plus*x25
-    x27 = x26 - x23
-    rod_ay_2 = x13 + x27
-    x28 = -0.5*sb_plus
-    x29 = x16*x19
-    rod_ay_3 = r*(-x28 - x29) + x15
-    rod_az_1 = r*(x20 - x16) + x22
-    x30 = x23 - x26
-    rod_az_2 = x13 + x30
-    rod_az_3 = r*(x17 + x29) + x15
-    rods_a_length_1 = xp.sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3))
-    rods_a_length_2 = xp.sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3))
-    del by_whole, x7, x9, x10, x20, x22, x26, x13, x15, x29, rod_ax_1, rod_ax_2, rod_ax_3, rod_ay_1, rod_ay_2, rod_ay_3
-    rods_a_length_3 = xp.sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3))
-    z_b = x8
-    x31 = ca_minus*z_b
-    x32 = sb_minus*x31
-    x33 = cb_minus*r - R
-    rod_bx_1 = x32 + x33
-    x34 = sa_minus*z_b
-    rod_bx_2 = x34
-    x35 = -r*sb_minus
-    x36 = cb_minus*x31
-    rod_bx_3 = x35 + x36
-    x37 = 0.5*cb_minus
-    x38 = 0.5*sb_minus
-    x39 = sa_minus*x18
-    x40 = x38*x39
-    x41 = x21 + x32
-    rod_by_1 = r*(-x37 - x40) + x41
-    x42 = ca_minus*x25
-    x43 = x42 - x23
-    rod_by_2 = x34 + x43
-    x44 = -0.5*sb_minus
-    x45 = x37*x39
-    rod_by_3 = r*(-x44 - x45) + x36
-    rod_bz_1 = r*(x40 - x37) + x41
-    x46 = x23 - x42
-    rod_bz_2 = x34 + x46
-    rod_bz_3 = r*(x38 + x45) + x36
-    rods_b_length_1 = xp.sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3))
-    del rod_az_1, rod_az_2, rod_az_3, x8, x31, x18, x32, x25, x40, x41, x23, x42, x34, x36, x45, rod_bx_1, rod_bx_2, rod_bx_3
-    rods_b_length_2 = xp.sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3))
-    rods_b_length_3 = xp.sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3))
-    x47 = -q_z - u
-    z_c = x47
-    x48 = ca_minus*z_c
-    x49 = sb_plus*x48
-    rod_cx_1 = x12 + x49
-    x50 = sa_minus*z_c
-    rod_cx_2 = -x50
-    x51 = cb_plus*x48
-    rod_cx_3 = x14 + x51
-    x52 = x17*x39
-    x53 = x21 + x49
-    rod_cy_1 = r*(x52 - x16) + x53
-    rod_cy_2 = -x46 - x50
-    del rod_by_1, rod_by_2, rod_by_3, rod_bz_1, rod_bz_2, rod_bz_3, u, ca_minus, sb_plus, x12, sa_minus, cb_plus, x48, x14, x49, x46
-    x54 = x16*x39
-    rod_cy_3 = r*(x17 + x54) + x51
-    rod_cz_1 = r*(-x16 - x52) + x53
-    rod_cz_2 = -x43 - x50
-    rod_cz_3 = r*(-x28 - x54) + x51
-    rods_c_length_1 = xp.sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3))
-    rods_c_length_2 = xp.sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3))
-    del x39, x17, x16, x52, x53, x43, x50, x28, x51, x54, rod_cx_1, rod_cx_2, rod_cx_3, rod_cy_1, rod_cy_2, rod_cy_3
-    rods_c_length_3 = xp.sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3))
-    z_d = x47
-    x55 = ca_plus*z_d
-    x56 = sb_minus*x55
-    rod_dx_1 = x33 + x56
-    x57 = sa_plus*z_d
-    rod_dx_2 = -x57
-    x58 = cb_minus*x55
-    rod_dx_3 = x35 + x58
-    x59 = x19*x38
-    x60 = x21 + x56
-    rod_dy_1 = r*(x59 - x37) + x60
-    rod_dy_2 = -x30 - x57
-    x61 = x19*x37
-    rod_dy_3 = r*(x38 + x61) + x58
-    del rod_cz_1, rod_cz_2, rod_cz_3, x47, ca_plus, sb_minus, x33, sa_plus, cb_minus, x55, x35, x21, x56, x30, x19, x38
-    rod_dz_1 = r*(-x37 - x59) + x60
-    rod_dz_2 = -x27 - x57
-    rod_dz_3 = r*(-x44 - x61) + x58
-    rods_d_length_1 = xp.sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3))
-    rods_d_length_2 = xp.sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3))
-    rods_d_length_3 = xp.sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3))
-    del x37, x59, x60, x27, x57, x44, x58, x61, rod_dx_1, rod_dx_2, rod_dx_3, rod_dy_1, rod_dy_2, rod_dy_3, rod_dz_1, rod_dz_2, rod_dz_3
-    there = (valid) & (~(no_root))
+    z_a = u - q_z
+    x76 = ca_plus*z_a
+    x77 = x76*sb_plus
+    x79 = cb_plus*r - R
+    rod_ax_1 = x77 + x79
+    rod_ax_2 = sa_plus*z_a
+    x80 = x76*cb_plus
+    x81 = r*sb_plus
+    rod_ax_3 = x80 - x81
+    x82 = 0.5*R
+    x83 = 0.5*cb_plus
+    x85 = 0.5*3.0**0.5
+    x87 = x85*(sa_plus*sb_plus)
+    x90 = x82 + x77
+    rod_ay_1 = x90 - r*(x83 + x87)
+    x91 = x85*R
+    x94 = x85*(ca_plus*r) - x91
+    rod_ay_2 = x94 + rod_ax_2
+    x96 = x85*(cb_plus*sa_plus)
+    x97 = 0.5*sb_plus
+    rod_ay_3 = x80 + r*(x97 - x96)
+    rod_az_1 = x90 + r*(x87 - x83)
+    rod_az_2 = rod_ax_2 - x94
+    rod_az_3 = x80 + r*(x96 + x97)
+    rods_a_length_1 = xp.sqrt(rod_ax_1*rod_ax_1 + rod_ax_2*rod_ax_2 + rod_ax_3*rod_ax_3)
+    rods_a_length_2 = xp.sqrt(rod_ay_1*rod_ay_1 + rod_ay_2*rod_ay_2 + rod_ay_3*rod_ay_3)
+    del g, x64, x65, by_whole, x68, x69, x76, x77, x87, x90, x80, x96, rod_ax_1, rod_ax_2, rod_ax_3, rod_ay_1, rod_ay_2, rod_ay_3
+    rods_a_length_3 = xp.sqrt(rod_az_1*rod_az_1 + rod_az_2*rod_az_2 + rod_az_3*rod_az_3)
+    x119 = ca_minus*z_a
+    x120 = x119*sb_minus
+    x122 = cb_minus*r - R
+    rod_bx_1 = x120 + x122
+    rod_bx_2 = sa_minus*z_a
+    x123 = x119*cb_minus
+    x124 = r*sb_minus
+    rod_bx_3 = x123 - x124
+    x125 = 0.5*cb_minus
+    x127 = x85*(sa_minus*sb_minus)
+    x130 = x82 + x120
+    rod_by_1 = x130 - r*(x125 + x127)
+    x133 = x85*(ca_minus*r) - x91
+    rod_by_2 = x133 + rod_bx_2
+    x135 = x85*(cb_minus*sa_minus)
+    x136 = 0.5*sb_minus
+    rod_by_3 = x123 + r*(x136 - x135)
+    rod_bz_1 = x130 + r*(x127 - x125)
+    rod_bz_2 = rod_bx_2 - x133
+    rod_bz_3 = x123 + r*(x135 + x136)
+    rods_b_length_1 = xp.sqrt(rod_bx_1*rod_bx_1 + rod_bx_2*rod_bx_2 + rod_bx_3*rod_bx_3)
+    rods_b_length_2 = xp.sqrt(rod_by_1*rod_by_1 + rod_by_2*rod_by_2 + rod_by_3*rod_by_3)
+    del rod_az_1, rod_az_2, rod_az_3, x119, x120, x91, x127, x130, x123, x135, rod_bx_1, rod_bx_2, rod_bx_3, rod_by_1, rod_by_2, rod_by_3
+    rods_b_length_3 = xp.sqrt(rod_bz_1*rod_bz_1 + rod_bz_2*rod_bz_2 + rod_bz_3*rod_bz_3)
+    z_c = -(q_z + u)
+    x159 = ca_minus*z_c
+    x160 = x159*sb_plus
+    rod_cx_1 = x160 + x79
+    x161 = sa_minus*z_c
+    rod_cx_2 = -x161
+    x162 = x159*cb_plus
+    rod_cx_3 = x162 - x81
+    x164 = x85*(sa_minus*sb_plus)
+    x167 = x82 + x160
+    rod_cy_1 = x167 + r*(x164 - x83)
+    rod_cy_2 = x133 - x161
+    x169 = x85*(cb_plus*sa_minus)
+    rod_cy_3 = x162 + r*(x169 + x97)
+    rod_cz_1 = x167 - r*(x83 + x164)
+    rod_cz_2 = -(x133 + x161)
+    del rod_bz_1, rod_bz_2, rod_bz_3, u, ca_minus, x79, x159, x81, sb_plus, x160, cb_plus, sa_minus, x164, x167, x83, x133, x161
+    rod_cz_3 = x162 + r*(x97 - x169)
+    rods_c_length_1 = xp.sqrt(rod_cx_1*rod_cx_1 + rod_cx_2*rod_cx_2 + rod_cx_3*rod_cx_3)
+    rods_c_length_2 = xp.sqrt(rod_cy_1*rod_cy_1 + rod_cy_2*rod_cy_2 + rod_cy_3*rod_cy_3)
+    rods_c_length_3 = xp.sqrt(rod_cz_1*rod_cz_1 + rod_cz_2*rod_cz_2 + rod_cz_3*rod_cz_3)
+    x192 = ca_plus*z_c
+    x193 = x192*sb_minus
+    rod_dx_1 = x193 + x122
+    x194 = sa_plus*z_c
+    rod_dx_2 = -x194
+    x195 = x192*cb_minus
+    rod_dx_3 = x195 - x124
+    del x162, x169, x97, rod_cx_1, rod_cx_2, rod_cx_3, rod_cy_1, rod_cy_2, rod_cy_3, rod_cz_1, rod_cz_2, rod_cz_3, ca_plus, x122, x192, x124
+    x197 = x85*(sa_plus*sb_minus)
+    x200 = x82 + x193
+    rod_dy_1 = x200 + r*(x197 - x125)
+    rod_dy_2 = x94 - x194
+    x202 = x85*(cb_minus*sa_plus)
+    rod_dy_3 = x195 + r*(x202 + x136)
+    rod_dz_1 = x200 - r*(x125 + x197)
+    rod_dz_2 = -(x94 + x194)
+    rod_dz_3 = x195 + r*(x136 - x202)
+    rods_d_length_1 = xp.sqrt(rod_dx_1*rod_dx_1 + rod_dx_2*rod_dx_2 + rod_dx_3*rod_dx_3)
+    del sb_minus, x193, x82, cb_minus, sa_plus, x85, x125, x197, x200, x194, x94, x136, x195, x202, rod_dx_1, rod_dx_2, rod_dx_3
+    rods_d_length_2 = xp.sqrt(rod_dy_1*rod_dy_1 + rod_dy_2*rod_dy_2 + rod_dy_3*rod_dy_3)
+    rods_d_length_3 = xp.sqrt(rod_dz_1*rod_dz_1 + rod_dz_2*rod_dz_2 + rod_dz_3*rod_dz_3)
+    there = valid & (~no_root)
     poses_1_1 = xp.where(there, alpha_plus, xp.nan)
-    x62 = xp.where(there, beta_plus, xp.nan)
-    poses_1_2 = x62
+    poses_1_2 = xp.where(there, beta_plus, xp.nan)
     poses_1_3 = xp.where(there, z_a, xp.nan)
     poses_2_1 = xp.where(there, alpha_minus, xp.nan)
-    x63 = xp.where(there, beta_minus, xp.nan)
-    poses_2_2 = x63
-    poses_2_3 = xp.where(there, z_b, xp.nan)
+    poses_2_2 = xp.where(there, beta_minus, xp.nan)
     poses_3_1 = xp.where(there, -alpha_minus, xp.nan)
-    poses_3_2 = x62
     poses_3_3 = xp.where(there, z_c, xp.nan)
     poses_4_1 = xp.where(there, -alpha_plus, xp.nan)
-    poses_4_2 = x63
-    poses_4_3 = xp.where(there, z_d, xp.nan)
     legs_1_1 = xp.where(there, rods_a_length_1, xp.nan)
     legs_1_2 = xp.where(there, rods_a_length_2, xp.nan)
     legs_1_3 = xp.where(there, rods_a_length_3, xp.nan)
@@ -404,12 +362,19 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     legs_4_1 = xp.where(there, rods_d_length_1, xp.nan)
     legs_4_2 = xp.where(there, rods_d_length_2, xp.nan)
     legs_4_3 = xp.where(there, rods_d_length_3, xp.nan)
-    status_1 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_a_length_1 > longest) | (rods_a_length_2 > longest) | (rods_a_length_3 > longest) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest), 1.0, 0.0)))))
-    status_2 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_b_length_1 > longest) | (rods_b_length_2 > longest) | (rods_b_length_3 > longest) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest), 1.0, 0.0)))))
-    del beta_plus, z_a, beta_minus, z_b, alpha_minus, x62, z_c, alpha_plus, x63, z_d, there, rods_a_length_1, rods_a_length_2, rods_a_length_3, rods_b_length_1, rods_b_length_2, rods_b_length_3
-    status_3 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_c_length_1 > longest) | (rods_c_length_2 > longest) | (rods_c_length_3 > longest) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest), 1.0, 0.0)))))
-    status_4 = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rods_d_length_1 > longest) | (rods_d_length_2 > longest) | (rods_d_length_3 > longest) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest), 1.0, 0.0)))))
-    return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_2_3, poses_3_1, poses_3_2, poses_3_3, poses_4_1, poses_4_2, poses_4_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
+    x238 = (longest < rods_a_length_1) | (longest < rods_a_length_2) | (longest < rods_a_length_3) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest)
+    del rod_dy_1, rod_dy_2, rod_dy_3, rod_dz_1, rod_dz_2, rod_dz_3, beta_plus, z_a, beta_minus, alpha_minus, z_c, alpha_plus, there, rods_a_length_1, rods_a_length_2, rods_a_length_3
+    x241 = free_alpha | free_beta
+    x244 = ~valid
+    status_1 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x238, 1.0, 0.0)))))
+    x255 = (longest < rods_b_length_1) | (longest < rods_b_length_2) | (longest < rods_b_length_3) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest)
+    status_2 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x255, 1.0, 0.0)))))
+    x270 = (longest < rods_c_length_1) | (longest < rods_c_length_2) | (longest < rods_c_length_3) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest)
+    status_3 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x270, 1.0, 0.0)))))
+    x285 = (longest < rods_d_length_1) | (longest < rods_d_length_2) | (longest < rods_d_length_3) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest)
+    status_4 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x285, 1.0, 0.0)))))
+    del free_alpha, free_beta, valid, x238, rods_b_length_1, rods_b_length_2, rods_b_length_3, x255, rods_c_length_1, rods_c_length_2, rods_c_length_3, x270, rods_d_length_1, rods_d_length_2, rods_d_length_3, double_root, no_root, x241, x244, x285
+    return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_1_3, poses_3_1, poses_1_2, poses_3_3, poses_4_1, poses_2_2, poses_3_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
 
 
 tricept_inverse.signature = "(3),(),(),(),(),(),(),()->(4,3),(4,3),(4)"
@@ -463,69 +428,68 @@ def tricept_pose(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
 
 
 def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
-    # 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2
-    level_squared = (point_1*point_1) + (point_3*point_3)
+    # 43 add, 52 mul, 2 div, 6 sqrt, 20 select, 19 compare, 8 abs, 2 atan2
+    level_squared = point_1*point_1 + point_3*point_3
     level = xp.sqrt(level_squared)
-    x0 = xp.abs(q_x)
-    g_squared = (level - x0)*(level + x0)
-    x1 = 16.0*eps
-    g_band = x1*(level_squared + (q_x*q_x))
-    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
-    x2 = (point_2*point_2)
-    u_band = g_band + x1*((q_y*q_y) + x2)
+    x2 = xp.abs(q_x)
+    g_squared = (level - x2)*(level + x2)
+    x7 = 16.0*eps
+    g_band = x7*(level_squared + q_x*q_x)
+    x11 = 0.0 < g_squared
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(x11, g_squared, 0.0)
+    x13 = point_2*point_2
+    u_band = x7*(x13 + q_y*q_y) + g_band
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
-    g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
-    u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
-    whole = (g*g) + x2
+    g = xp.where(x11, xp.sqrt(g_squared), 0.0)
+    u = xp.where(0.0 < u_squared, xp.sqrt(u_squared), 0.0)
+    whole = g*g + x13
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
     by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
     by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
-    valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
+    x45 = xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + x2 + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest
+    valid = (shortest <= longest) & (whole <= largest) & x45 & (0.0 < R) & (0.0 < r)
     sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
     ca_plus = xp.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
     sb_plus = xp.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
     cb_plus = xp.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
     z = u - q_z
-    x3 = ca_plus*z
-    x4 = sb_plus*x3
-    rod_a_1 = cb_plus*r + x4 - R
-    x5 = sa_plus*z
-    rod_a_2 = x5
-    x6 = cb_plus*x3
-    rod_a_3 = x6 - r*sb_plus
-    x7 = 0.5*cb_plus
-    x8 = 0.5*sb_plus
-    x9 = 1.7320508075688772
-    x10 = sa_plus*x9
-    x11 = x10*x8
-    x12 = 0.5*R
-    x13 = x12 + x4
-    del level, x1, g_band, u_band, g_squared, u_squared, x2, level_squared, whole, x0, by_whole, by_level, g, u, x3, x4
-    rod_b_1 = r*(-x11 - x7) + x13
-    x14 = x12*x9
-    x15 = 0.5*ca_plus*r*x9
-    rod_b_2 = x15 + x5 - x14
-    x16 = x10*x7
-    rod_b_3 = r*(0.5*sb_plus - x16) + x6
-    rod_c_1 = r*(x11 - x7) + x13
-    rod_c_2 = x14 + x5 - x15
-    rod_c_3 = r*(x16 + x8) + x6
-    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del x12, x9, x10, x11, x13, x7, x14, x15, x5, x16, x6, x8, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    there = (valid) & (~(no_root))
+    del level, x7, g_band, u_band, g_squared, x11, u_squared, x13, level_squared, x2, whole, x45, by_whole, by_level, g, u
+    x67 = ca_plus*z
+    x68 = x67*sb_plus
+    rod_a_1 = x68 + cb_plus*r - R
+    rod_a_2 = sa_plus*z
+    x71 = x67*cb_plus
+    rod_a_3 = x71 - r*sb_plus
+    x74 = 0.5*cb_plus
+    x76 = 0.5*3.0**0.5
+    x78 = x76*(sa_plus*sb_plus)
+    x81 = 0.5*R + x68
+    rod_b_1 = x81 - r*(x74 + x78)
+    x85 = x76*(ca_plus*r) - x76*R
+    rod_b_2 = x85 + rod_a_2
+    x87 = x76*(cb_plus*sa_plus)
+    x88 = 0.5*sb_plus
+    rod_b_3 = x71 + r*(x88 - x87)
+    rod_c_1 = x81 + r*(x78 - x74)
+    rod_c_2 = rod_a_2 - x85
+    rod_c_3 = x71 + r*(x87 + x88)
+    rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
+    rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
+    del x67, x68, x76, x74, x78, x81, x85, x71, x87, x88, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
+    rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
+    there = valid & (~no_root)
     pose_1 = xp.where(there, xp.atan2(sa_plus, ca_plus), xp.nan)
     pose_2 = xp.where(there, xp.atan2(sb_plus, cb_plus), xp.nan)
     pose_3 = xp.where(there, z, xp.nan)
     legs_1 = xp.where(there, rod_length_1, xp.nan)
     legs_2 = xp.where(there, rod_length_2, xp.nan)
     legs_3 = xp.where(there, rod_length_3, xp.nan)
-    status = xp.where(~(valid), 7.0, xp.where(no_root, 4.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))
-    del rod_c_1, rod_c_2, rod_c_3, ca_plus, sa_plus, cb_plus, sb_plus, z, there, double_root, free_alpha, free_beta, no_root, rod_length_1, rod_length_2, rod_length_3, valid
-    return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status)
+    x123 = (longest < rod_length_1) | (longest < rod_length_2) | (longest < rod_length_3) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest)
+    status_value = xp.where(~valid, 7.0, xp.where(no_root, 4.0, xp.where(free_alpha | free_beta, 3.0, xp.where(double_root, 2.0, xp.where(x123, 1.0, 0.0)))))
+    del rod_c_1, rod_c_2, rod_c_3, ca_plus, sa_plus, cb_plus, sb_plus, z, there, rod_length_1, rod_length_2, rod_length_3, double_root, free_alpha, free_beta, no_root, valid, x123
+    return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status_value)
 
 
 tricept_pose.signature = "(3),(),(),(),(),(),(),()->(3),(3),()"
@@ -567,51 +531,49 @@ def tricept_direct(legs, r, R, *, out=None):
 
 
 def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
-    # 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2
-    square_a = (legs_1*legs_1)
-    square_b = (legs_2*legs_2)
-    square_c = (legs_3*legs_3)
+    # 236 add, 499 mul, 26 div, 5 sqrt, 48 select, 56 compare, 24 abs, 2 atan2
+    square_a = legs_1*legs_1
+    square_b = legs_2*legs_2
+    square_c = legs_3*legs_3
     third_of_sum = square_a/3.0 + square_b/3.0 + square_c/3.0
-    x0 = (r*r)
-    c1 = (R*R) + x0 - third_of_sum
-    c2 = 1.7320508075688772*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0
+    x5 = r*r
+    c1 = R*R + x5 - third_of_sum
+    c2 = 3.0**0.5*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0
     c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/3.0 + (legs_1 - legs_3)*(legs_1 + legs_3)/3.0
-    x3 = R*r
-    start_squared = 2.0*x3 - c1
-    x4 = xp.abs(r)
-    x5 = 0.25*x4
-    x86 = 0.0625*x0
-    start_height = xp.where(start_squared > x86, xp.sqrt(start_squared), x5)
-    x6 = 0.5/(R*start_height)
-    first_sa = -c2*x6
-    start_sa = xp.where(xp.abs(first_sa) <= 0.875, first_sa, xp.where(first_sa > 0.0, 0.875, -0.875))
-    start_ca = xp.sqrt(1.0 - (start_sa*start_sa))
-    first_sb = -c3*x6
-    start_sb = xp.where(xp.abs(first_sb) <= 0.875, first_sb, xp.where(first_sb > 0.0, 0.875, -0.875))
-    start_cb = xp.sqrt(1.0 - (start_sb*start_sb))
-    x7 = x3*(start_ca + start_cb)
-    tilted_squared = x7 - c1
-    start_z = xp.where(tilted_squared > x86, xp.sqrt(tilted_squared), x5)
-    L1_1 = c1 + (start_z*start_z) - x7
-    x8 = 2.0*start_z
-    x9 = r*start_sb
-    x10 = R*(x8 + x9)
-    L1_2 = c2 + start_sa*x10
-    x11 = start_sb*x8
-    L1_3 = R*(r*(start_cb - start_ca) + start_ca*x11) + c3
-    x12 = start_sa*x3
-    W1_1_1 = x12
-    W1_1_2 = R*x9
-    W1_1_3 = x8
-    W1_2_1 = start_ca*x10
-    W1_2_2 = start_cb*x12
-    del square_a, square_b, square_c, x0, start_squared, start_height, first_sa, x6, first_sb, tilted_squared, x5, x86, x7, x8, x10, x12
-    x13 = R*start_sa
-    W1_2_3 = 2.0*x13
-    W1_3_1 = x13*(r - x11)
-    W1_3_2 = R*(2.0*start_ca*start_cb*start_z - x9)
-    x14 = 2.0*start_ca
-    W1_3_3 = R*start_sb*x14
+    x20 = R*r
+    start_squared = 2.0*x20 - c1
+    x22 = xp.abs(r)
+    x23 = 0.25*x22
+    x24 = 0.0625*x5
+    start_height = xp.where(x24 < start_squared, xp.sqrt(start_squared), x23)
+    x28 = 1.0/start_height
+    x29 = 0.5*(1.0/R)
+    first_sa = -x29*c2*x28
+    start_sa = xp.where(xp.abs(first_sa) <= 0.875, first_sa, xp.where(0.0 < first_sa, 0.875, -0.875))
+    start_ca = xp.sqrt(1.0 - start_sa*start_sa)
+    first_sb = -x29*c3*x28
+    start_sb = xp.where(xp.abs(first_sb) <= 0.875, first_sb, xp.where(0.0 < first_sb, 0.875, -0.875))
+    start_cb = xp.sqrt(1.0 - start_sb*start_sb)
+    tilted_squared = x20*(start_ca + start_cb) - c1
+    start_z = xp.where(x24 < tilted_squared, xp.sqrt(tilted_squared), x23)
+    L1_1 = start_z*start_z - tilted_squared
+    x51 = r*start_sb
+    W1_1_3 = 2.0*start_z
+    x52 = x51 + W1_1_3
+    x53 = R*start_sa
+    L1_2 = x53*x52 + c2
+    x57 = start_ca*start_sb
+    L1_3 = R*(r*(start_cb - start_ca) + W1_1_3*x57) + c3
+    W1_1_1 = x20*start_sa
+    W1_1_2 = x20*start_sb
+    W1_2_1 = R*start_ca*x52
+    W1_2_2 = W1_1_1*start_cb
+    x62 = 2.0*R
+    W1_2_3 = x62*start_sa
+    W1_3_1 = x53*(r - W1_1_3*start_sb)
+    W1_3_2 = R*(W1_1_3*start_ca*start_cb - x51)
+    del square_a, square_b, square_c, x5, start_squared, start_height, first_sa, x28, x29, first_sb, x23, x24, tilted_squared, x52, x53, x51
+    W1_3_3 = x62*x57
     adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2
     adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3
     adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2
@@ -623,48 +585,43 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1
     determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1
     inverse1 = xp.where(determinant1 == 0.0, 1.0, 1.0/determinant1)
-    move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3)
-    del x11, x13, x9, W1_3_3, W1_2_3, W1_3_1, W1_3_2, W1_2_1, W1_2_2, W1_1_1, W1_1_2, W1_1_3, determinant1, adjugate1_1_1, adjugate1_1_2, adjugate1_1_3
-    move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3)
-    move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3)
-    half_a1 = xp.where(xp.abs(move1_1) <= 1.0, 0.5*move1_1, 0.5*xp.where(move1_1 > 0.0, 1.0, -1.0))
-    half_b1 = xp.where(xp.abs(move1_2) <= 1.0, 0.5*move1_2, 0.5*xp.where(move1_2 > 0.0, 1.0, -1.0))
-    x15 = -0.5*start_z
-    down1 = xp.where(move1_3 > x15, move1_3, x15)
-    x16 = (half_a1*half_a1)
-    by_a1 = 1.0/(x16 + 1.0)
-    turn_a1 = by_a1*(1.0 - x16)
-    x17 = by_a1*half_a1
-    del adjugate1_2_1, adjugate1_2_2, adjugate1_2_3, L1_1, L1_2, L1_3, adjugate1_3_1, adjugate1_3_2, adjugate1_3_3, inverse1, move1_1, move1_2, move1_3, x15, x16, by_a1, half_a1
-    sa1 = start_sa*turn_a1 + x14*x17
-    ca1 = start_ca*turn_a1 - 2.0*start_sa*x17
-    x18 = (half_b1*half_b1)
-    by_b1 = 1.0/(x18 + 1.0)
-    turn_b1 = by_b1*(1.0 - x18)
-    x19 = 2.0*by_b1*half_b1
-    sb1 = start_cb*x19 + start_sb*turn_b1
-    cb1 = start_cb*turn_b1 - start_sb*x19
+    move1_1 = -inverse1*(L1_1*adjugate1_1_1 + L1_2*adjugate1_1_2 + L1_3*adjugate1_1_3)
+    move1_2 = -inverse1*(L1_1*adjugate1_2_1 + L1_2*adjugate1_2_2 + L1_3*adjugate1_2_3)
+    del x57, W1_3_3, W1_2_3, W1_3_1, W1_3_2, W1_2_1, W1_2_2, W1_1_1, W1_1_2, W1_1_3, determinant1, adjugate1_1_1, adjugate1_1_2, adjugate1_1_3, adjugate1_2_1, adjugate1_2_2, adjugate1_2_3
+    move1_3 = -inverse1*(L1_1*adjugate1_3_1 + L1_2*adjugate1_3_2 + L1_3*adjugate1_3_3)
+    half_a1 = xp.where(xp.abs(move1_1) <= 1.0, 0.5*move1_1, 0.5*xp.where(0.0 < move1_1, 1.0, -1.0))
+    half_b1 = xp.where(xp.abs(move1_2) <= 1.0, 0.5*move1_2, 0.5*xp.where(0.0 < move1_2, 1.0, -1.0))
+    x123 = -0.5*start_z
+    down1 = xp.where(x123 < move1_3, move1_3, x123)
+    x125 = half_a1*half_a1
+    by_a1 = 1.0/(x125 + 1.0)
+    turn_a1 = by_a1*(1.0 - x125)
+    x129 = by_a1*half_a1
+    sa1 = 2.0*start_ca*x129 + start_sa*turn_a1
+    ca1 = start_ca*turn_a1 - 2.0*start_sa*x129
+    del L1_1, L1_2, L1_3, adjugate1_3_1, adjugate1_3_2, adjugate1_3_3, inverse1, move1_1, move1_2, move1_3, x123, x125, by_a1, half_a1, start_ca, start_sa, turn_a1, x129
+    x135 = half_b1*half_b1
+    by_b1 = 1.0/(x135 + 1.0)
+    turn_b1 = by_b1*(1.0 - x135)
+    sb1 = 2.0*by_b1*half_b1*start_cb + start_sb*turn_b1
+    cb1 = start_cb*turn_b1 - 2.0*start_sb*(by_b1*half_b1)
     z1 = down1 + start_z
-    L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1)
-    x20 = 2.0*z1
-    x21 = r*sb1
-    x22 = R*(x20 + x21)
-    L2_2 = c2 + sa1*x22
-    x23 = sb1*x20
-    L2_3 = R*(ca1*x23 + r*(cb1 - ca1)) + c3
-    x24 = sa1*x3
-    W2_1_1 = x24
-    W2_1_2 = R*x21
-    W2_1_3 = x20
-    W2_2_1 = ca1*x22
-    W2_2_2 = cb1*x24
-    del x14, start_ca, start_sa, turn_a1, x17, x18, by_b1, half_b1, start_cb, start_sb, turn_b1, x19, down1, start_z, x22, x24
-    x25 = R*sa1
-    W2_2_3 = 2.0*x25
-    W2_3_1 = x25*(r - x23)
-    W2_3_2 = R*(ca1*cb1*x20 - x21)
-    x26 = 2.0*ca1
-    W2_3_3 = R*sb1*x26
+    L2_1 = c1 + z1*z1 - x20*(ca1 + cb1)
+    x150 = r*sb1
+    W2_1_3 = 2.0*z1
+    x151 = x150 + W2_1_3
+    x152 = R*sa1
+    L2_2 = x152*x151 + c2
+    x154 = ca1*sb1
+    L2_3 = R*(W2_1_3*x154 + r*(cb1 - ca1)) + c3
+    W2_1_1 = x20*sa1
+    W2_1_2 = x20*sb1
+    W2_2_1 = R*ca1*x151
+    W2_2_2 = W2_1_1*cb1
+    W2_2_3 = x62*sa1
+    W2_3_1 = x152*(r - W2_1_3*sb1)
+    W2_3_2 = R*(W2_1_3*ca1*cb1 - x150)
+    W2_3_3 = x62*x154
     adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2
     adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3
     adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2
@@ -673,51 +630,47 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3
     adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1
     adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2
+    del x135, by_b1, half_b1, start_cb, start_sb, turn_b1, down1, start_z, x151, x152, x150, x154, W2_3_3, W2_2_3, W2_3_1, W2_3_2
     adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1
     determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1
     inverse2 = xp.where(determinant2 == 0.0, 1.0, 1.0/determinant2)
-    move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3)
-    del x23, x25, x20, x21, W2_3_3, W2_2_3, W2_3_1, W2_3_2, W2_2_1, W2_2_2, W2_1_1, W2_1_2, W2_1_3, determinant2, adjugate2_1_1, adjugate2_1_2, adjugate2_1_3
-    move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3)
-    move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3)
-    half_a2 = xp.where(xp.abs(move2_1) <= 1.0, 0.5*move2_1, 0.5*xp.where(move2_1 > 0.0, 1.0, -1.0))
-    half_b2 = xp.where(xp.abs(move2_2) <= 1.0, 0.5*move2_2, 0.5*xp.where(move2_2 > 0.0, 1.0, -1.0))
-    x27 = -0.5*z1
-    down2 = xp.where(move2_3 > x27, move2_3, x27)
-    x28 = (half_a2*half_a2)
-    by_a2 = 1.0/(x28 + 1.0)
-    turn_a2 = by_a2*(1.0 - x28)
-    x29 = by_a2*half_a2
-    del adjugate2_2_1, adjugate2_2_2, adjugate2_2_3, L2_1, L2_2, L2_3, adjugate2_3_1, adjugate2_3_2, adjugate2_3_3, inverse2, move2_1, move2_2, move2_3, x27, x28, by_a2, half_a2
-    sa2 = sa1*turn_a2 + x26*x29
-    ca2 = ca1*turn_a2 - 2.0*sa1*x29
-    x30 = (half_b2*half_b2)
-    by_b2 = 1.0/(x30 + 1.0)
-    turn_b2 = by_b2*(1.0 - x30)
-    x31 = 2.0*by_b2*half_b2
-    sb2 = cb1*x31 + sb1*turn_b2
-    cb2 = cb1*turn_b2 - sb1*x31
+    move2_1 = -inverse2*(L2_1*adjugate2_1_1 + L2_2*adjugate2_1_2 + L2_3*adjugate2_1_3)
+    move2_2 = -inverse2*(L2_1*adjugate2_2_1 + L2_2*adjugate2_2_2 + L2_3*adjugate2_2_3)
+    move2_3 = -inverse2*(L2_1*adjugate2_3_1 + L2_2*adjugate2_3_2 + L2_3*adjugate2_3_3)
+    del W2_2_1, W2_2_2, W2_1_1, W2_1_2, W2_1_3, determinant2, adjugate2_1_1, adjugate2_1_2, adjugate2_1_3, adjugate2_2_1, adjugate2_2_2, adjugate2_2_3, L2_1, L2_2, L2_3, adjugate2_3_1, adjugate2_3_2, adjugate2_3_3, inverse2
+    half_a2 = xp.where(xp.abs(move2_1) <= 1.0, 0.5*move2_1, 0.5*xp.where(0.0 < move2_1, 1.0, -1.0))
+    half_b2 = xp.where(xp.abs(move2_2) <= 1.0, 0.5*move2_2, 0.5*xp.where(0.0 < move2_2, 1.0, -1.0))
+    x221 = -0.5*z1
+    down2 = xp.where(x221 < move2_3, move2_3, x221)
+    x223 = half_a2*half_a2
+    by_a2 = 1.0/(x223 + 1.0)
+    turn_a2 = by_a2*(1.0 - x223)
+    x227 = by_a2*half_a2
+    sa2 = 2.0*ca1*x227 + sa1*turn_a2
+    ca2 = ca1*turn_a2 - 2.0*sa1*x227
+    x233 = half_b2*half_b2
+    by_b2 = 1.0/(x233 + 1.0)
+    turn_b2 = by_b2*(1.0 - x233)
+    sb2 = 2.0*by_b2*cb1*half_b2 + sb1*turn_b2
+    cb2 = cb1*turn_b2 - 2.0*sb1*(by_b2*half_b2)
+    del move2_1, move2_2, move2_3, x221, x223, by_a2, half_a2, ca1, sa1, turn_a2, x227, x233, by_b2, cb1, half_b2, sb1, turn_b2
     z2 = down2 + z1
-    L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2)
-    x32 = 2.0*z2
-    x33 = r*sb2
-    x34 = R*(x32 + x33)
-    L3_2 = c2 + sa2*x34
-    x35 = sb2*x32
-    L3_3 = R*(ca2*x35 + r*(cb2 - ca2)) + c3
-    x36 = sa2*x3
-    W3_1_1 = x36
-    W3_1_2 = R*x33
-    W3_1_3 = x32
-    W3_2_1 = ca2*x34
-    W3_2_2 = cb2*x36
-    del x26, ca1, sa1, turn_a2, x29, x30, by_b2, half_b2, cb1, sb1, turn_b2, x31, down2, z1, x34, x36
-    x37 = R*sa2
-    W3_2_3 = 2.0*x37
-    W3_3_1 = x37*(r - x35)
-    W3_3_2 = R*(ca2*cb2*x32 - x33)
-    x38 = 2.0*ca2
-    W3_3_3 = R*sb2*x38
+    L3_1 = c1 + z2*z2 - x20*(ca2 + cb2)
+    x248 = r*sb2
+    W3_1_3 = 2.0*z2
+    x249 = x248 + W3_1_3
+    x250 = R*sa2
+    L3_2 = x250*x249 + c2
+    x252 = ca2*sb2
+    L3_3 = R*(W3_1_3*x252 + r*(cb2 - ca2)) + c3
+    W3_1_1 = x20*sa2
+    W3_1_2 = x20*sb2
+    W3_2_1 = R*ca2*x249
+    W3_2_2 = W3_1_1*cb2
+    W3_2_3 = x62*sa2
+    W3_3_1 = x250*(r - W3_1_3*sb2)
+    W3_3_2 = R*(W3_1_3*ca2*cb2 - x248)
+    W3_3_3 = x62*x252
     adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2
     adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3
     adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2
@@ -729,48 +682,44 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1
     determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1
     inverse3 = xp.where(determinant3 == 0.0, 1.0, 1.0/determinant3)
-    move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3)
-    del x35, x37, x32, x33, W3_3_3, W3_2_3, W3_3_1, W3_3_2, W3_2_1, W3_2_2, W3_1_1, W3_1_2, W3_1_3, determinant3, adjugate3_1_1, adjugate3_1_2, adjugate3_1_3
-    move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3)
-    move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3)
-    half_a3 = xp.where(xp.abs(move3_1) <= 1.0, 0.5*move3_1, 0.5*xp.where(move3_1 > 0.0, 1.0, -1.0))
-    half_b3 = xp.where(xp.abs(move3_2) <= 1.0, 0.5*move3_2, 0.5*xp.where(move3_2 > 0.0, 1.0, -1.0))
-    x39 = -0.5*z2
-    down3 = xp.where(move3_3 > x39, move3_3, x39)
-    x40 = (half_a3*half_a3)
-    by_a3 = 1.0/(x40 + 1.0)
-    turn_a3 = by_a3*(1.0 - x40)
-    x41 = by_a3*half_a3
-    del adjugate3_2_1, adjugate3_2_2, adjugate3_2_3, L3_1, L3_2, L3_3, adjugate3_3_1, adjugate3_3_2, adjugate3_3_3, inverse3, move3_1, move3_2, move3_3, x39, x40, by_a3, half_a3
-    sa3 = sa2*turn_a3 + x38*x41
-    ca3 = ca2*turn_a3 - 2.0*sa2*x41
-    x42 = (half_b3*half_b3)
-    by_b3 = 1.0/(x42 + 1.0)
-    turn_b3 = by_b3*(1.0 - x42)
-    x43 = 2.0*by_b3*half_b3
-    sb3 = cb2*x43 + sb2*turn_b3
-    cb3 = cb2*turn_b3 - sb2*x43
+    del down2, z1, x249, x250, x248, x252, W3_3_3, W3_2_3, W3_3_1, W3_3_2, W3_2_1, W3_2_2, W3_1_1, W3_1_2, W3_1_3, determinant3
+    move3_1 = -inverse3*(L3_1*adjugate3_1_1 + L3_2*adjugate3_1_2 + L3_3*adjugate3_1_3)
+    move3_2 = -inverse3*(L3_1*adjugate3_2_1 + L3_2*adjugate3_2_2 + L3_3*adjugate3_2_3)
+    move3_3 = -inverse3*(L3_1*adjugate3_3_1 + L3_2*adjugate3_3_2 + L3_3*adjugate3_3_3)
+    half_a3 = xp.where(xp.abs(move3_1) <= 1.0, 0.5*move3_1, 0.5*xp.where(0.0 < move3_1, 1.0, -1.0))
+    half_b3 = xp.where(xp.abs(move3_2) <= 1.0, 0.5*move3_2, 0.5*xp.where(0.0 < move3_2, 1.0, -1.0))
+    x319 = -0.5*z2
+    down3 = xp.where(x319 < move3_3, move3_3, x319)
+    del adjugate3_1_1, adjugate3_1_2, adjugate3_1_3, adjugate3_2_1, adjugate3_2_2, adjugate3_2_3, L3_1, L3_2, L3_3, adjugate3_3_1, adjugate3_3_2, adjugate3_3_3, inverse3, move3_1, move3_2, move3_3, x319
+    x321 = half_a3*half_a3
+    by_a3 = 1.0/(x321 + 1.0)
+    turn_a3 = by_a3*(1.0 - x321)
+    x325 = by_a3*half_a3
+    sa3 = 2.0*ca2*x325 + sa2*turn_a3
+    ca3 = ca2*turn_a3 - 2.0*sa2*x325
+    x331 = half_b3*half_b3
+    by_b3 = 1.0/(x331 + 1.0)
+    turn_b3 = by_b3*(1.0 - x331)
+    sb3 = 2.0*by_b3*cb2*half_b3 + sb2*turn_b3
+    cb3 = cb2*turn_b3 - 2.0*sb2*(by_b3*half_b3)
     z3 = down3 + z2
-    L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3)
-    x44 = 2.0*z3
-    x45 = r*sb3
-    x46 = R*(x44 + x45)
-    L4_2 = c2 + sa3*x46
-    x47 = sb3*x44
-    L4_3 = R*(ca3*x47 + r*(cb3 - ca3)) + c3
-    x48 = sa3*x3
-    W4_1_1 = x48
-    W4_1_2 = R*x45
-    W4_1_3 = x44
-    W4_2_1 = ca3*x46
-    W4_2_2 = cb3*x48
-    del x38, ca2, sa2, turn_a3, x41, x42, by_b3, half_b3, cb2, sb2, turn_b3, x43, down3, z2, x46, x48
-    x49 = R*sa3
-    W4_2_3 = 2.0*x49
-    W4_3_1 = x49*(r - x47)
-    W4_3_2 = R*(ca3*cb3*x44 - x45)
-    x50 = 2.0*ca3
-    W4_3_3 = R*sb3*x50
+    L4_1 = c1 + z3*z3 - x20*(ca3 + cb3)
+    x346 = r*sb3
+    W4_1_3 = 2.0*z3
+    x347 = x346 + W4_1_3
+    x348 = R*sa3
+    L4_2 = x348*x347 + c2
+    x350 = ca3*sb3
+    L4_3 = R*(W4_1_3*x350 + r*(cb3 - ca3)) + c3
+    W4_1_1 = x20*sa3
+    W4_1_2 = x20*sb3
+    W4_2_1 = R*ca3*x347
+    del x321, by_a3, half_a3, ca2, sa2, turn_a3, x325, x331, by_b3, cb2, half_b3, sb2, turn_b3, down3, z2, x347
+    W4_2_2 = W4_1_1*cb3
+    W4_2_3 = x62*sa3
+    W4_3_1 = x348*(r - W4_1_3*sb3)
+    W4_3_2 = R*(W4_1_3*ca3*cb3 - x346)
+    W4_3_3 = x62*x350
     adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2
     adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3
     adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2
@@ -782,48 +731,44 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1
     determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1
     inverse4 = xp.where(determinant4 == 0.0, 1.0, 1.0/determinant4)
-    move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3)
-    del x47, x49, x44, x45, W4_3_3, W4_2_3, W4_3_1, W4_3_2, W4_2_1, W4_2_2, W4_1_1, W4_1_2, W4_1_3, determinant4, adjugate4_1_1, adjugate4_1_2, adjugate4_1_3
-    move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3)
-    move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3)
-    half_a4 = xp.where(xp.abs(move4_1) <= 1.0, 0.5*move4_1, 0.5*xp.where(move4_1 > 0.0, 1.0, -1.0))
-    half_b4 = xp.where(xp.abs(move4_2) <= 1.0, 0.5*move4_2, 0.5*xp.where(move4_2 > 0.0, 1.0, -1.0))
-    x51 = -0.5*z3
-    down4 = xp.where(move4_3 > x51, move4_3, x51)
-    x52 = (half_a4*half_a4)
-    by_a4 = 1.0/(x52 + 1.0)
-    turn_a4 = by_a4*(1.0 - x52)
-    x53 = by_a4*half_a4
-    del adjugate4_2_1, adjugate4_2_2, adjugate4_2_3, L4_1, L4_2, L4_3, adjugate4_3_1, adjugate4_3_2, adjugate4_3_3, inverse4, move4_1, move4_2, move4_3, x51, x52, by_a4, half_a4
-    sa4 = sa3*turn_a4 + x50*x53
-    ca4 = ca3*turn_a4 - 2.0*sa3*x53
-    x54 = (half_b4*half_b4)
-    by_b4 = 1.0/(x54 + 1.0)
-    turn_b4 = by_b4*(1.0 - x54)
-    x55 = 2.0*by_b4*half_b4
-    sb4 = cb3*x55 + sb3*turn_b4
-    cb4 = cb3*turn_b4 - sb3*x55
+    move4_1 = -inverse4*(L4_1*adjugate4_1_1 + L4_2*adjugate4_1_2 + L4_3*adjugate4_1_3)
+    del x348, x346, x350, W4_3_3, W4_2_3, W4_3_1, W4_3_2, W4_2_1, W4_2_2, W4_1_1, W4_1_2, W4_1_3, determinant4, adjugate4_1_1, adjugate4_1_2, adjugate4_1_3
+    move4_2 = -inverse4*(L4_1*adjugate4_2_1 + L4_2*adjugate4_2_2 + L4_3*adjugate4_2_3)
+    move4_3 = -inverse4*(L4_1*adjugate4_3_1 + L4_2*adjugate4_3_2 + L4_3*adjugate4_3_3)
+    half_a4 = xp.where(xp.abs(move4_1) <= 1.0, 0.5*move4_1, 0.5*xp.where(0.0 < move4_1, 1.0, -1.0))
+    half_b4 = xp.where(xp.abs(move4_2) <= 1.0, 0.5*move4_2, 0.5*xp.where(0.0 < move4_2, 1.0, -1.0))
+    x417 = -0.5*z3
+    down4 = xp.where(x417 < move4_3, move4_3, x417)
+    x419 = half_a4*half_a4
+    by_a4 = 1.0/(x419 + 1.0)
+    turn_a4 = by_a4*(1.0 - x419)
+    x423 = by_a4*half_a4
+    del adjugate4_2_1, adjugate4_2_2, adjugate4_2_3, L4_1, L4_2, L4_3, adjugate4_3_1, adjugate4_3_2, adjugate4_3_3, inverse4, move4_1, move4_2, move4_3, x417, x419, by_a4, half_a4
+    sa4 = 2.0*ca3*x423 + sa3*turn_a4
+    ca4 = ca3*turn_a4 - 2.0*sa3*x423
+    x429 = half_b4*half_b4
+    by_b4 = 1.0/(x429 + 1.0)
+    turn_b4 = by_b4*(1.0 - x429)
+    sb4 = 2.0*by_b4*cb3*half_b4 + sb3*turn_b4
+    cb4 = cb3*turn_b4 - 2.0*sb3*(by_b4*half_b4)
     z4 = down4 + z3
-    L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4)
-    x56 = 2.0*z4
-    x57 = r*sb4
-    x58 = R*(x56 + x57)
-    L5_2 = c2 + sa4*x58
-    x59 = sb4*x56
-    L5_3 = R*(ca4*x59 + r*(cb4 - ca4)) + c3
-    x60 = sa4*x3
-    W5_1_1 = x60
-    W5_1_2 = R*x57
-    W5_1_3 = x56
-    W5_2_1 = ca4*x58
-    W5_2_2 = cb4*x60
-    del x50, ca3, sa3, turn_a4, x53, x54, by_b4, half_b4, cb3, sb3, turn_b4, x55, down4, z3, x58, x60
-    x61 = R*sa4
-    W5_2_3 = 2.0*x61
-    W5_3_1 = x61*(r - x59)
-    W5_3_2 = R*(ca4*cb4*x56 - x57)
-    x62 = 2.0*ca4
-    W5_3_3 = R*sb4*x62
+    L5_1 = c1 + z4*z4 - x20*(ca4 + cb4)
+    x444 = r*sb4
+    W5_1_3 = 2.0*z4
+    x445 = x444 + W5_1_3
+    x446 = R*sa4
+    L5_2 = x446*x445 + c2
+    x448 = ca4*sb4
+    L5_3 = R*(W5_1_3*x448 + r*(cb4 - ca4)) + c3
+    W5_1_1 = x20*sa4
+    W5_1_2 = x20*sb4
+    W5_2_1 = R*ca4*x445
+    W5_2_2 = W5_1_1*cb4
+    W5_2_3 = x62*sa4
+    W5_3_1 = x446*(r - W5_1_3*sb4)
+    W5_3_2 = R*(W5_1_3*ca4*cb4 - x444)
+    W5_3_3 = x62*x448
+    del ca3, sa3, turn_a4, x423, x429, by_b4, cb3, half_b4, sb3, turn_b4, down4, z3, x445, x446, x444, x448
     adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2
     adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3
     adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2
@@ -835,48 +780,44 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1
     determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1
     inverse5 = xp.where(determinant5 == 0.0, 1.0, 1.0/determinant5)
-    move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3)
-    del x59, x61, x56, x57, W5_3_3, W5_2_3, W5_3_1, W5_3_2, W5_2_1, W5_2_2, W5_1_1, W5_1_2, W5_1_3, determinant5, adjugate5_1_1, adjugate5_1_2, adjugate5_1_3
-    move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3)
-    move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3)
-    half_a5 = xp.where(xp.abs(move5_1) <= 1.0, 0.5*move5_1, 0.5*xp.where(move5_1 > 0.0, 1.0, -1.0))
-    half_b5 = xp.where(xp.abs(move5_2) <= 1.0, 0.5*move5_2, 0.5*xp.where(move5_2 > 0.0, 1.0, -1.0))
-    x63 = -0.5*z4
-    down5 = xp.where(move5_3 > x63, move5_3, x63)
-    x64 = (half_a5*half_a5)
-    by_a5 = 1.0/(x64 + 1.0)
-    turn_a5 = by_a5*(1.0 - x64)
-    x65 = by_a5*half_a5
-    del adjugate5_2_1, adjugate5_2_2, adjugate5_2_3, L5_1, L5_2, L5_3, adjugate5_3_1, adjugate5_3_2, adjugate5_3_3, inverse5, move5_1, move5_2, move5_3, x63, x64, by_a5, half_a5
-    sa5 = sa4*turn_a5 + x62*x65
-    ca5 = ca4*turn_a5 - 2.0*sa4*x65
-    x66 = (half_b5*half_b5)
-    by_b5 = 1.0/(x66 + 1.0)
-    turn_b5 = by_b5*(1.0 - x66)
-    x67 = 2.0*by_b5*half_b5
-    sb5 = cb4*x67 + sb4*turn_b5
-    cb5 = cb4*turn_b5 - sb4*x67
+    move5_1 = -inverse5*(L5_1*adjugate5_1_1 + L5_2*adjugate5_1_2 + L5_3*adjugate5_1_3)
+    move5_2 = -inverse5*(L5_1*adjugate5_2_1 + L5_2*adjugate5_2_2 + L5_3*adjugate5_2_3)
+    del W5_3_3, W5_2_3, W5_3_1, W5_3_2, W5_2_1, W5_2_2, W5_1_1, W5_1_2, W5_1_3, determinant5, adjugate5_1_1, adjugate5_1_2, adjugate5_1_3, adjugate5_2_1, adjugate5_2_2, adjugate5_2_3
+    move5_3 = -inverse5*(L5_1*adjugate5_3_1 + L5_2*adjugate5_3_2 + L5_3*adjugate5_3_3)
+    half_a5 = xp.where(xp.abs(move5_1) <= 1.0, 0.5*move5_1, 0.5*xp.where(0.0 < move5_1, 1.0, -1.0))
+    half_b5 = xp.where(xp.abs(move5_2) <= 1.0, 0.5*move5_2, 0.5*xp.where(0.0 < move5_2, 1.0, -1.0))
+    x515 = -0.5*z4
+    down5 = xp.where(x515 < move5_3, move5_3, x515)
+    x517 = half_a5*half_a5
+    by_a5 = 1.0/(x517 + 1.0)
+    turn_a5 = by_a5*(1.0 - x517)
+    x521 = by_a5*half_a5
+    sa5 = 2.0*ca4*x521 + sa4*turn_a5
+    ca5 = ca4*turn_a5 - 2.0*sa4*x521
+    del L5_1, L5_2, L5_3, adjugate5_3_1, adjugate5_3_2, adjugate5_3_3, inverse5, move5_1, move5_2, move5_3, x515, x517, by_a5, half_a5, ca4, sa4, turn_a5, x521
+    x527 = half_b5*half_b5
+    by_b5 = 1.0/(x527 + 1.0)
+    turn_b5 = by_b5*(1.0 - x527)
+    sb5 = 2.0*by_b5*cb4*half_b5 + sb4*turn_b5
+    cb5 = cb4*turn_b5 - 2.0*sb4*(by_b5*half_b5)
     z5 = down5 + z4
-    L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5)
-    x68 = 2.0*z5
-    x69 = r*sb5
-    x70 = R*(x68 + x69)
-    L6_2 = c2 + sa5*x70
-    del x62, ca4, sa4, turn_a5, x65, x66, by_b5, half_b5, cb4, sb4, turn_b5, x67, down5, z4, c1, c2
-    x71 = sb5*x68
-    L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3
-    x72 = sa5*x3
-    W6_1_1 = x72
-    W6_1_2 = R*x69
-    W6_1_3 = x68
-    W6_2_1 = ca5*x70
-    W6_2_2 = cb5*x72
-    x73 = R*sa5
-    W6_2_3 = 2.0*x73
-    W6_3_1 = x73*(r - x71)
-    W6_3_2 = R*(ca5*cb5*x68 - x69)
-    x74 = 2.0*ca5
-    W6_3_3 = R*sb5*x74
+    L6_1 = c1 + z5*z5 - x20*(ca5 + cb5)
+    x542 = r*sb5
+    W6_1_3 = 2.0*z5
+    x543 = x542 + W6_1_3
+    x544 = R*sa5
+    L6_2 = x544*x543 + c2
+    x546 = ca5*sb5
+    L6_3 = R*(W6_1_3*x546 + r*(cb5 - ca5)) + c3
+    W6_1_1 = x20*sa5
+    W6_1_2 = x20*sb5
+    W6_2_1 = R*ca5*x543
+    W6_2_2 = W6_1_1*cb5
+    W6_2_3 = x62*sa5
+    W6_3_1 = x544*(r - W6_1_3*sb5)
+    W6_3_2 = R*(W6_1_3*ca5*cb5 - x542)
+    W6_3_3 = x62*x546
+    del x527, by_b5, cb4, half_b5, sb4, turn_b5, down5, z4, c1, c2, c3, x20, x543, x544, x542, x546, x62
     adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2
     adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3
     adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2
@@ -886,45 +827,45 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1
     adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2
     adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1
-    x75 = W6_1_1*adjugate6_1_1
-    x76 = W6_1_2*adjugate6_2_1
-    del c3, x3, x70, x72, x71, x73, x68, x69, W6_3_3, W6_2_3, W6_3_1, W6_3_2, W6_2_1, W6_2_2, W6_1_1, W6_1_2
-    x77 = W6_1_3*adjugate6_3_1
-    determinant6 = x75 + x76 + x77
+    x576 = W6_1_1*adjugate6_1_1
+    x577 = W6_1_2*adjugate6_2_1
+    x578 = W6_1_3*adjugate6_3_1
+    determinant6 = x576 + x577 + x578
     inverse6 = xp.where(determinant6 == 0.0, 1.0, 1.0/determinant6)
-    move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3)
-    move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3)
-    move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3)
-    x83 = xp.abs(move6_1)
-    half_a6 = xp.where(x83 <= 1.0, 0.5*move6_1, 0.5*xp.where(move6_1 > 0.0, 1.0, -1.0))
-    x85 = xp.abs(move6_2)
-    half_b6 = xp.where(x85 <= 1.0, 0.5*move6_2, 0.5*xp.where(move6_2 > 0.0, 1.0, -1.0))
-    del W6_1_3, adjugate6_1_1, adjugate6_1_2, adjugate6_1_3, adjugate6_2_1, adjugate6_2_2, adjugate6_2_3, L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6, move6_1, move6_2
-    x78 = -0.5*z5
-    down6 = xp.where(move6_3 > x78, move6_3, x78)
-    x79 = (half_a6*half_a6)
-    by_a6 = 1.0/(x79 + 1.0)
-    turn_a6 = by_a6*(1.0 - x79)
-    x80 = by_a6*half_a6
-    sa6 = sa5*turn_a6 + x74*x80
-    ca6 = ca5*turn_a6 - 2.0*sa5*x80
-    x81 = (half_b6*half_b6)
-    by_b6 = 1.0/(x81 + 1.0)
-    turn_b6 = by_b6*(1.0 - x81)
-    x82 = 2.0*by_b6*half_b6
-    sb6 = cb5*x82 + sb5*turn_b6
-    cb6 = cb5*turn_b6 - sb5*x82
-    del x78, x79, by_a6, half_a6, x74, ca5, sa5, turn_a6, x80, x81, by_b6, half_b6, cb5, sb5, turn_b6, x82
+    move6_1 = -inverse6*(L6_1*adjugate6_1_1 + L6_2*adjugate6_1_2 + L6_3*adjugate6_1_3)
+    move6_2 = -inverse6*(L6_1*adjugate6_2_1 + L6_2*adjugate6_2_2 + L6_3*adjugate6_2_3)
+    move6_3 = -inverse6*(L6_1*adjugate6_3_1 + L6_2*adjugate6_3_2 + L6_3*adjugate6_3_3)
+    del W6_3_3, W6_2_3, W6_3_1, W6_3_2, W6_2_1, W6_2_2, W6_1_1, W6_1_2, W6_1_3, adjugate6_1_1, adjugate6_1_2, adjugate6_1_3, adjugate6_2_1, adjugate6_2_2, adjugate6_2_3, L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6
+    x603 = xp.abs(move6_1)
+    half_a6 = xp.where(x603 <= 1.0, 0.5*move6_1, 0.5*xp.where(0.0 < move6_1, 1.0, -1.0))
+    x609 = xp.abs(move6_2)
+    half_b6 = xp.where(x609 <= 1.0, 0.5*move6_2, 0.5*xp.where(0.0 < move6_2, 1.0, -1.0))
+    x613 = -0.5*z5
+    down6 = xp.where(x613 < move6_3, move6_3, x613)
+    x615 = half_a6*half_a6
+    by_a6 = 1.0/(x615 + 1.0)
+    turn_a6 = by_a6*(1.0 - x615)
+    x619 = by_a6*half_a6
+    sa6 = 2.0*ca5*x619 + sa5*turn_a6
+    ca6 = ca5*turn_a6 - 2.0*sa5*x619
+    x625 = half_b6*half_b6
+    by_b6 = 1.0/(x625 + 1.0)
+    turn_b6 = by_b6*(1.0 - x625)
+    sb6 = 2.0*by_b6*cb5*half_b6 + sb5*turn_b6
+    cb6 = cb5*turn_b6 - 2.0*sb5*(by_b6*half_b6)
+    del move6_1, move6_2, x613, x615, by_a6, half_a6, ca5, sa5, turn_a6, x619, x625, by_b6, cb5, half_b6, sb5, turn_b6
     z6 = down6 + z5
-    valid = (third_of_sum <= largest) & (x4 + xp.abs(R) + xp.abs(legs_1) + xp.abs(legs_2) + xp.abs(legs_3) <= largest) & (R > 0.0) & (legs_1 > 0.0) & (legs_2 > 0.0) & (legs_3 > 0.0) & (r > 0.0)
-    x84 = 4.0*eps**0.5
-    there = (valid) & (x83 <= x84) & (x85 <= x84) & (xp.abs(move6_3) <= x84*z6) & (ca6 > 0.0) & (cb6 > 0.0) & (z6 > 0.0)
+    x653 = (third_of_sum <= largest) & (xp.abs(R) + xp.abs(legs_1) + xp.abs(legs_2) + xp.abs(legs_3) + x22 <= largest) & (0.0 < R) & (0.0 < legs_1)
+    valid = x653 & (0.0 < legs_2) & (0.0 < legs_3) & (0.0 < r)
+    x657 = 4.0*eps**0.5
+    x670 = valid & (x603 <= x657) & (x609 <= x657) & (xp.abs(move6_3) <= x657*z6) & (0.0 < ca6) & (0.0 < cb6)
+    there = x670 & (0.0 < z6)
     pose_1 = xp.where(there, xp.atan2(sa6, ca6), xp.nan)
     pose_2 = xp.where(there, xp.atan2(sb6, cb6), xp.nan)
     pose_3 = xp.where(there, z6, xp.nan)
-    status = xp.where(~(valid), 7.0, xp.where(~(there), 4.0, xp.where(xp.abs(determinant6) <= 16.0*eps*(xp.abs(x75) + xp.abs(x76) + xp.abs(x77)), 5.0, 0.0)))
-    del down6, z5, third_of_sum, x4, move6_3, x83, x84, x85, ca6, sa6, cb6, sb6, z6, determinant6, there, valid, x75, x76, x77
-    return (pose_1, pose_2, pose_3, status)
+    status_value = xp.where(~valid, 7.0, xp.where(~there, 4.0, xp.where(xp.abs(determinant6) <= 16.0*eps*(xp.abs(x576) + xp.abs(x577) + xp.abs(x578)), 5.0, 0.0)))
+    del down6, z5, third_of_sum, x22, x653, move6_3, x603, x609, x657, x670, ca6, sa6, cb6, sb6, z6, determinant6, there, valid, x576, x577, x578
+    return (pose_1, pose_2, pose_3, status_value)
 
 
 tricept_direct.signature = "(3),(),()->(3),()"
@@ -976,80 +917,66 @@ def tricept_matrices(pose, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
-    alpha = pose_1
-    beta = pose_2
-    sa = xp.sin(alpha)
-    ca = xp.cos(alpha)
-    sb = xp.sin(beta)
-    cb = xp.cos(beta)
-    x0 = cb*r
-    x1 = ca*pose_3
-    x2 = sb*x1
-    x3 = x0 + x2 - R
-    rod_a_1 = x3
-    x4 = pose_3*sa
-    rod_a_2 = x4
-    x5 = r*sb
-    x7 = cb*x1
-    x8 = x7 - x5
-    rod_a_3 = x8
-    x9 = 0.5*cb
-    x10 = 0.5*sb
-    x11 = 1.7320508075688772
-    x12 = sa*x11
-    x13 = x10*x12
-    x14 = -x13 - x9
-    x15 = r*x14
-    x16 = 0.5*R
-    x17 = x16 + x2
-    x18 = x15 + x17
-    rod_b_1 = x18
-    x19 = x11*x16
-    x20 = 0.5*x11
-    x21 = r*x20
-    x22 = ca*x21
-    x23 = x22 + x4
-    x24 = x23 - x19
-    rod_b_2 = x24
-    x25 = x12*x9
-    x26 = 0.5*sb - x25
-    x27 = r*x26 + x7
-    rod_b_3 = x27
-    x28 = x13 - x9
-    x29 = r*x28
-    x30 = x17 + x29
-    rod_c_1 = x30
-    x31 = x19 + x4 - x22
-    rod_c_2 = x31
-    x32 = x10 + x25
-    x33 = r*x32 + x7
-    rod_c_3 = x33
-    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    del alpha, beta, x2, x12, x13, x9, x17, x19, x25, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3, rod_c_1, rod_c_2, rod_c_3
-    P_1_1 = R*sb*x4
-    P_1_2 = -R*x8
-    x34 = ca*cb
-    x35 = ca*sb
-    P_1_3 = pose_3*(sa*sa) + x3*x35 + x34*x8
-    x36 = sa*x21
-    P_2_1 = R*(0.5*x11*(x36 - x1) - x10*x23)
-    P_2_2 = x16*x27
-    P_2_3 = sa*x24 + x18*x35 + x27*x34
-    P_3_1 = R*(-x10*(pose_3*sa - x22) - x20*(-x1 - x36))
-    P_3_2 = x16*x33
-    P_3_3 = sa*x31 + x30*x35 + x33*x34
-    by_r_1 = cb*x3 - sb*x8
-    by_r_2 = ca*x20*x24 + x14*x18 + x26*x27
-    x37 = x20*x31
-    by_r_3 = x28*x30 + x32*x33 - ca*x37
-    del x4, x21, x23, x22, x36, x16, x8, x14, x18, x26, x27, x20, x31, x28, x30, x32, x33
-    by_R_1 = x3
-    x38 = 0.25*R + x1*x10
-    by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38
-    by_R_3 = -0.5*x29 - x37 - x38
+    # 111 add, 230 mul, 7 div, 3 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
+    M33_2_3 = xp.sin(pose_1)
+    ca = xp.cos(pose_1)
+    sb = xp.sin(pose_2)
+    cb = xp.cos(pose_2)
+    M33_1_3 = ca*sb
+    x0 = M33_1_3*pose_3
+    x1 = cb*r
+    rod_a_1 = x0 + x1 - R
+    rod_a_2 = pose_3*M33_2_3
+    M33_3_3 = ca*cb
+    x3 = M33_3_3*pose_3
+    x4 = r*sb
+    rod_a_3 = x3 - x4
+    x5 = 0.5*R
+    x6 = 0.5*cb
+    x7 = 3.0**0.5
+    x8 = 0.5*x7
+    x10 = x8*(M33_2_3*sb)
+    x11 = x6 + x10
+    x13 = x5 + x0
+    rod_b_1 = x13 - r*x11
+    x14 = x8*R
+    x16 = x8*(ca*r)
+    x17 = x16 + rod_a_2
+    rod_b_2 = x17 - x14
+    x19 = x8*(cb*M33_2_3)
+    x20 = 0.5*sb
+    x21 = x20 - x19
+    rod_b_3 = x3 + r*x21
+    x23 = x10 - x6
+    rod_c_1 = x13 + r*x23
+    rod_c_2 = x14 - x16 + rod_a_2
+    x26 = x19 + x20
+    rod_c_3 = x3 + r*x26
+    rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
+    rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
+    rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
+    x43 = R*M33_2_3
+    x44 = pose_3*sb
+    P_1_1 = x43*x44
+    P_1_2 = -R*rod_a_3
+    P_1_3 = M33_3_3*rod_a_3 + M33_1_3*rod_a_1 + pose_3*(M33_2_3*M33_2_3)
+    x52 = ca*pose_3
+    x54 = x8*(r*M33_2_3)
+    P_2_1 = R*(x8*(x54 - x52) - x20*x17)
+    P_2_2 = x5*rod_b_3
+    P_2_3 = M33_3_3*rod_b_3 + M33_1_3*rod_b_1 + M33_2_3*rod_b_2
+    P_3_1 = R*(x8*(x52 + x54) - x20*(rod_a_2 - x16))
+    P_3_2 = x5*rod_c_3
+    P_3_3 = M33_3_3*rod_c_3 + M33_1_3*rod_c_1 + M33_2_3*rod_c_2
+    by_r_1 = cb*rod_a_1 - sb*rod_a_3
+    x73 = x8*ca
+    by_r_2 = x73*rod_b_2 + x21*rod_b_3 - x11*rod_b_1
+    del x10, x6, x13, x14, x19, x3, x17, rod_a_2, x16, x20, x52, x54, x5, rod_a_3, rod_b_1, rod_b_3, x21
+    by_r_3 = x23*rod_c_1 + x26*rod_c_3 - x73*rod_c_2
+    x84 = 0.5*r
+    x87 = 0.25*R + 0.5*x0
+    by_R_2 = x84*x11 + x8*rod_b_2 - x87
+    by_R_3 = -(x87 + x84*x23 + x8*rod_c_2)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
@@ -1058,114 +985,94 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
+    del rod_c_1, rod_c_3, x26, x73, x0, rod_b_2, x11, rod_c_2, x23, x8, x84, x87, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    x39 = P_1_1*adjugate_1_1
-    x40 = P_1_2*adjugate_2_1
-    del x3, x1, x10, x15, x24, x29, x37, x38, P_3_3, P_2_3, P_3_1, P_3_2, P_2_1, P_2_2, P_1_1, P_1_2
-    x41 = P_1_3*adjugate_3_1
-    determinant = x39 + x40 + x41
-    determinant_size = xp.abs(x39) + xp.abs(x40) + xp.abs(x41)
+    x111 = P_1_1*adjugate_1_1
+    x112 = P_1_2*adjugate_2_1
+    x113 = P_1_3*adjugate_3_1
+    determinant = x111 + x112 + x113
+    determinant_size = xp.abs(x111) + xp.abs(x112) + xp.abs(x113)
     singular = xp.abs(determinant) <= 16.0*determinant_size*eps
-    x42 = R*sa
-    W33_1_1 = r*x42
-    W33_1_2 = R*x5
-    x43 = 2.0*pose_3
-    W33_1_3 = x43
-    x44 = x43 + x5
-    W33_2_1 = R*ca*x44
-    W33_2_2 = x0*x42
-    x45 = 2.0*R
-    W33_2_3 = sa*x45
-    x46 = sb*x43 - r
-    W33_3_1 = -x42*x46
-    W33_3_2 = R*(2.0*x7 - x5)
-    W33_3_3 = x35*x45
+    W33_1_1 = x43*r
+    W33_1_2 = R*x4
+    W33_1_3 = 2.0*pose_3
+    x122 = W33_1_3 + x4
+    W33_2_1 = R*ca*x122
+    W33_2_2 = x43*x1
+    W33_2_3 = 2.0*x43
+    x125 = r - 2.0*x44
+    W33_3_1 = x43*x125
+    W33_3_2 = R*(W33_1_3*M33_3_3 - x4)
+    x128 = 2.0*R
+    W33_3_3 = x128*M33_1_3
     W35_1_1 = -2.0*rod_length_1/3.0
-    x47 = 2.0*rod_length_2/3.0
-    W35_1_2 = -x47
-    x49 = 2.0*rod_length_3/3.0
-    W35_1_3 = -x49
-    x51 = ca + cb
-    W35_1_4 = 2.0*r - R*x51
-    W35_1_5 = x45 - r*x51
-    W35_2_1 = 0.0
-    W35_2_2 = x11*x47
-    W35_2_3 = -x11*x49
-    W35_2_4 = sb*x42
-    W35_2_5 = sa*x44
+    x131 = 2.0*rod_length_2
+    W35_1_2 = -x131/3.0
+    x133 = 2.0*rod_length_3
+    W35_1_3 = -x133/3.0
+    x135 = ca + cb
+    W35_1_4 = 2.0*r - R*x135
+    W35_1_5 = x128 - r*x135
+    W35_2_2 = x131*x7/3.0
+    W35_2_3 = -x133*x7/3.0
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x111, x112, x113, determinant_size, x44, x4, x128, x135, x131, x133, x7
+    W35_2_4 = x43*sb
+    W35_2_5 = M33_2_3*x122
     W35_3_1 = 4.0*rod_length_1/3.0
-    W35_3_2 = -x47
-    W35_3_3 = -x49
     W35_3_4 = R*(cb - ca)
-    W35_3_5 = ca*x46 + x0
-    del P_1_3, x39, x40, x41, determinant_size, x43, x5, x7, x45, x51, x11, x42, x44, x47, x49, x0, x46
-    x52 = pose_3 + q_z
-    x53 = -ca*q_y - sa*x52
-    M33__1_1 = sb*x53
-    x54 = ca*x52 - q_y*sa
-    M33__1_2 = cb*x54 - q_x*sb
-    M33__1_3 = x35
-    M33__2_1 = x54
-    M33__2_2 = 0.0
-    M33__2_3 = sa
-    M33__3_1 = cb*x53
-    M33__3_2 = -cb*q_x - sb*x54
-    M33__3_3 = x34
+    W35_3_5 = x1 - ca*x125
+    x146 = pose_3 + q_z
+    x148 = ca*q_y + M33_2_3*x146
+    M33_1_1 = -sb*x148
+    M33_2_1 = ca*x146 - q_y*M33_2_3
+    M33_1_2 = cb*M33_2_1 - q_x*sb
+    M33_3_1 = -cb*x148
+    M33_3_2 = -(cb*q_x + sb*M33_2_1)
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
-    point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1)
-    point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2)
-    point_by_P_1_3 = inverse_determinant*(M33__1_1*adjugate_1_3 + M33__1_2*adjugate_2_3 + M33__1_3*adjugate_3_3)
-    point_by_P_2_1 = inverse_determinant*(M33__2_1*adjugate_1_1 + M33__2_2*adjugate_2_1 + M33__2_3*adjugate_3_1)
-    point_by_P_2_2 = inverse_determinant*(M33__2_1*adjugate_1_2 + M33__2_2*adjugate_2_2 + M33__2_3*adjugate_3_2)
-    point_by_P_2_3 = inverse_determinant*(M33__2_1*adjugate_1_3 + M33__2_2*adjugate_2_3 + M33__2_3*adjugate_3_3)
-    point_by_P_3_1 = inverse_determinant*(M33__3_1*adjugate_1_1 + M33__3_2*adjugate_2_1 + M33__3_3*adjugate_3_1)
-    point_by_P_3_2 = inverse_determinant*(M33__3_1*adjugate_1_2 + M33__3_2*adjugate_2_2 + M33__3_3*adjugate_3_2)
-    point_by_P_3_3 = inverse_determinant*(M33__3_1*adjugate_1_3 + M33__3_2*adjugate_2_3 + M33__3_3*adjugate_3_3)
+    point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
+    point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
+    point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3)
+    point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + 0.0*adjugate_2_1 + M33_2_3*adjugate_3_1)
+    point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + 0.0*adjugate_2_2 + M33_2_3*adjugate_3_2)
+    point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + 0.0*adjugate_2_3 + M33_2_3*adjugate_3_3)
+    point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1)
+    point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2)
+    point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3)
     A_1_1 = point_by_P_1_1*rod_length_1
     A_1_2 = point_by_P_1_2*rod_length_2
     A_1_3 = point_by_P_1_3*rod_length_3
-    A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3
-    A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
+    A_1_4 = -(by_r_1*point_by_P_1_1 + by_r_2*point_by_P_1_2 + by_r_3*point_by_P_1_3)
+    A_1_5 = rod_a_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
     A_2_1 = point_by_P_2_1*rod_length_1
     A_2_2 = point_by_P_2_2*rod_length_2
     A_2_3 = point_by_P_2_3*rod_length_3
-    A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3
-    A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
-    del ca, x52, x35, sa, x53, cb, sb, x54, x34, determinant, point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
+    A_2_4 = -(by_r_1*point_by_P_2_1 + by_r_2*point_by_P_2_2 + by_r_3*point_by_P_2_3)
+    A_2_5 = rod_a_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
+    del x43, x122, x1, x125, ca, x146, x148, cb, sb, determinant, point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
-    A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3
-    A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    M33_1_1 = M33__1_1
-    M33_1_2 = M33__1_2
-    M33_1_3 = M33__1_3
-    M33_2_1 = M33__2_1
-    M33_2_2 = M33__2_2
-    M33_2_3 = M33__2_3
-    M33_3_1 = M33__3_1
-    M33_3_2 = M33__3_2
-    M33_3_3 = M33__3_3
-    x55 = inverse_determinant*rod_length_1
-    M35_1_1 = xp.where(singular, xp.nan, adjugate_1_1*x55)
-    x56 = inverse_determinant*rod_length_2
-    M35_1_2 = xp.where(singular, xp.nan, adjugate_1_2*x56)
-    x57 = inverse_determinant*rod_length_3
-    M35_1_3 = xp.where(singular, xp.nan, adjugate_1_3*x57)
-    M35_1_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3))
-    M35_1_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3))
-    del point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, M33__1_1, M33__1_2, M33__1_3, M33__2_1, M33__2_2, M33__2_3, M33__3_1, M33__3_2, M33__3_3, rod_length_1, rod_length_2, rod_length_3, adjugate_1_1, adjugate_1_2, adjugate_1_3
-    M35_2_1 = xp.where(singular, xp.nan, adjugate_2_1*x55)
-    M35_2_2 = xp.where(singular, xp.nan, adjugate_2_2*x56)
-    M35_2_3 = xp.where(singular, xp.nan, adjugate_2_3*x57)
-    M35_2_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3))
-    M35_2_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3))
-    M35_3_1 = xp.where(singular, xp.nan, adjugate_3_1*x55)
-    M35_3_2 = xp.where(singular, xp.nan, adjugate_3_2*x56)
-    M35_3_3 = xp.where(singular, xp.nan, adjugate_3_3*x57)
-    M35_3_4 = xp.where(singular, xp.nan, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3))
-    M35_3_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3))
-    del adjugate_2_1, adjugate_2_2, adjugate_2_3, x55, x56, x57, by_r_1, by_r_2, by_r_3, adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_1, by_R_2, by_R_3, inverse_determinant
+    A_3_4 = -(by_r_1*point_by_P_3_1 + by_r_2*point_by_P_3_2 + by_r_3*point_by_P_3_3)
+    A_3_5 = rod_a_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
+    x231 = inverse_determinant*rod_length_1
+    M35_1_1 = xp.where(singular, xp.nan, adjugate_1_1*x231)
+    x233 = inverse_determinant*rod_length_2
+    M35_1_2 = xp.where(singular, xp.nan, adjugate_1_2*x233)
+    x235 = inverse_determinant*rod_length_3
+    M35_1_3 = xp.where(singular, xp.nan, adjugate_1_3*x235)
+    M35_1_4 = xp.where(singular, xp.nan, -inverse_determinant*(adjugate_1_1*by_r_1 + adjugate_1_2*by_r_2 + adjugate_1_3*by_r_3))
+    M35_1_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_1_1*rod_a_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3))
+    M35_2_1 = xp.where(singular, xp.nan, adjugate_2_1*x231)
+    M35_2_2 = xp.where(singular, xp.nan, adjugate_2_2*x233)
+    M35_2_3 = xp.where(singular, xp.nan, adjugate_2_3*x235)
+    M35_2_4 = xp.where(singular, xp.nan, -inverse_determinant*(adjugate_2_1*by_r_1 + adjugate_2_2*by_r_2 + adjugate_2_3*by_r_3))
+    M35_2_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_2_1*rod_a_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3))
+    M35_3_1 = xp.where(singular, xp.nan, adjugate_3_1*x231)
+    M35_3_2 = xp.where(singular, xp.nan, adjugate_3_2*x233)
+    M35_3_3 = xp.where(singular, xp.nan, adjugate_3_3*x235)
+    M35_3_4 = xp.where(singular, xp.nan, -inverse_determinant*(adjugate_3_1*by_r_1 + adjugate_3_2*by_r_2 + adjugate_3_3*by_r_3))
+    del point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, rod_length_1, rod_length_2, rod_length_3, adjugate_1_1, adjugate_1_2, adjugate_1_3, adjugate_2_1, adjugate_2_2, adjugate_2_3, x231, x233, x235, by_r_1, by_r_2, by_r_3
+    M35_3_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_3_1*rod_a_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3))
     A35_1_1 = xp.where(singular, xp.nan, A_1_1)
     A35_1_2 = xp.where(singular, xp.nan, A_1_2)
     A35_1_3 = xp.where(singular, xp.nan, A_1_3)
@@ -1175,14 +1082,14 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     A35_2_2 = xp.where(singular, xp.nan, A_2_2)
     A35_2_3 = xp.where(singular, xp.nan, A_2_3)
     A35_2_4 = xp.where(singular, xp.nan, A_2_4)
+    del adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_2, by_R_3, inverse_determinant, rod_a_1, A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4
     A35_2_5 = xp.where(singular, xp.nan, A_2_5)
     A35_3_1 = xp.where(singular, xp.nan, A_3_1)
     A35_3_2 = xp.where(singular, xp.nan, A_3_2)
     A35_3_3 = xp.where(singular, xp.nan, A_3_3)
     A35_3_4 = xp.where(singular, xp.nan, A_3_4)
     A35_3_5 = xp.where(singular, xp.nan, A_3_5)
-    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, singular
-    return (W33_1_1, W33_1_2, W33_1_3, W33_2_1, W33_2_2, W33_2_3, W33_3_1, W33_3_2, W33_3_3, W35_1_1, W35_1_2, W35_1_3, W35_1_4, W35_1_5, W35_2_1, W35_2_2, W35_2_3, W35_2_4, W35_2_5, W35_3_1, W35_3_2, W35_3_3, W35_3_4, W35_3_5, M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, M33_3_1, M33_3_2, M33_3_3, M35_1_1, M35_1_2, M35_1_3, M35_1_4, M35_1_5, M35_2_1, M35_2_2, M35_2_3, M35_2_4, M35_2_5, M35_3_1, M35_3_2, M35_3_3, M35_3_4, M35_3_5, A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
+    return (W33_1_1, W33_1_2, W33_1_3, W33_2_1, W33_2_2, W33_2_3, W33_3_1, W33_3_2, W33_3_3, W35_1_1, W35_1_2, W35_1_3, W35_1_4, W35_1_5, 0.0, W35_2_2, W35_2_3, W35_2_4, W35_2_5, W35_3_1, W35_1_2, W35_1_3, W35_3_4, W35_3_5, M33_1_1, M33_1_2, M33_1_3, M33_2_1, 0.0, M33_2_3, M33_3_1, M33_3_2, M33_3_3, M35_1_1, M35_1_2, M35_1_3, M35_1_4, M35_1_5, M35_2_1, M35_2_2, M35_2_3, M35_2_4, M35_2_5, M35_3_1, M35_3_2, M35_3_3, M35_3_4, M35_3_5, A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
 tricept_matrices.signature = "(3),(),(),(),(),()->(3,3),(3,5),(3,3),(3,5),(3,5)"
@@ -1226,78 +1133,62 @@ def tricept_sensitivity(pose, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
-    alpha = pose_1
-    beta = pose_2
-    sa = xp.sin(alpha)
-    ca = xp.cos(alpha)
-    sb = xp.sin(beta)
-    cb = xp.cos(beta)
-    x0 = ca*pose_3
-    x1 = sb*x0
-    x2 = cb*r + x1 - R
-    rod_a_1 = x2
-    x3 = pose_3*sa
-    rod_a_2 = x3
-    x4 = cb*x0
-    x5 = x4 - r*sb
-    rod_a_3 = x5
+    # 91 add, 166 mul, 1 div, 3 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
+    sa = xp.sin(pose_1)
+    ca = xp.cos(pose_1)
+    sb = xp.sin(pose_2)
+    cb = xp.cos(pose_2)
+    M33_1_3 = ca*sb
+    x0 = M33_1_3*pose_3
+    rod_a_1 = x0 + cb*r - R
+    rod_a_2 = pose_3*sa
+    M33_3_3 = ca*cb
+    x3 = M33_3_3*pose_3
+    rod_a_3 = x3 - r*sb
+    x5 = 0.5*R
     x6 = 0.5*cb
-    x7 = 0.5*sb
-    x8 = 1.7320508075688772
-    x9 = sa*x8
-    x10 = x7*x9
-    x11 = -x10 - x6
-    x12 = r*x11
-    x13 = 0.5*R
-    x14 = x1 + x13
-    x15 = x12 + x14
-    rod_b_1 = x15
-    x16 = x13*x8
-    x17 = 0.5*x8
-    x18 = r*x17
-    x19 = ca*x18
-    x20 = x19 + x3
-    x21 = x20 - x16
-    rod_b_2 = x21
-    x22 = x6*x9
-    x23 = 0.5*sb - x22
-    x24 = r*x23 + x4
-    rod_b_3 = x24
-    x25 = x10 - x6
-    x26 = r*x25
-    x27 = x14 + x26
-    rod_c_1 = x27
-    x28 = x16 + x3 - x19
-    rod_c_2 = x28
-    x29 = x22 + x7
-    x30 = r*x29 + x4
-    rod_c_3 = x30
-    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    del alpha, beta, x1, x9, x10, x6, x14, x16, x22, x4, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
-    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    P_1_1 = R*sb*x3
-    P_1_2 = -R*x5
-    x31 = ca*cb
-    x32 = ca*sb
-    P_1_3 = pose_3*(sa*sa) + x2*x32 + x31*x5
-    x33 = sa*x18
-    P_2_1 = R*(0.5*x8*(x33 - x0) - x20*x7)
-    P_2_2 = x13*x24
-    P_2_3 = sa*x21 + x15*x32 + x24*x31
-    P_3_1 = R*(-x17*(-x0 - x33) - x7*(pose_3*sa - x19))
-    P_3_2 = x13*x30
-    P_3_3 = sa*x28 + x27*x32 + x30*x31
-    by_r_1 = cb*x2 - sb*x5
-    by_r_2 = ca*x17*x21 + x11*x15 + x23*x24
-    x34 = x17*x28
-    del rod_c_1, rod_c_2, rod_c_3, x3, x18, x20, x19, x33, x13, x5, x11, x15, x23, x24, x17, x28
-    by_r_3 = x25*x27 + x29*x30 - ca*x34
-    by_R_1 = x2
-    x35 = 0.25*R + x0*x7
-    by_R_2 = 0.5*x21*x8 - 0.5*x12 - x35
-    by_R_3 = -0.5*x26 - x34 - x35
+    x8 = 0.5*3.0**0.5
+    x9 = sa*sb
+    x10 = x8*x9
+    x11 = x6 + x10
+    x13 = x5 + x0
+    rod_b_1 = x13 - r*x11
+    x14 = x8*R
+    x16 = x8*(ca*r)
+    x17 = x16 + rod_a_2
+    rod_b_2 = x17 - x14
+    x19 = x8*(cb*sa)
+    x20 = 0.5*sb
+    x21 = x20 - x19
+    rod_b_3 = x3 + r*x21
+    x23 = x10 - x6
+    rod_c_1 = x13 + r*x23
+    rod_c_2 = x14 - x16 + rod_a_2
+    x26 = x19 + x20
+    rod_c_3 = x3 + r*x26
+    rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
+    rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
+    rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
+    P_1_1 = R*pose_3*x9
+    P_1_2 = -R*rod_a_3
+    P_1_3 = M33_3_3*rod_a_3 + M33_1_3*rod_a_1 + pose_3*(sa*sa)
+    x51 = ca*pose_3
+    x53 = x8*(r*sa)
+    P_2_1 = R*(x8*(x53 - x51) - x20*x17)
+    P_2_2 = x5*rod_b_3
+    P_2_3 = M33_3_3*rod_b_3 + M33_1_3*rod_b_1 + sa*rod_b_2
+    P_3_1 = R*(x8*(x51 + x53) - x20*(rod_a_2 - x16))
+    P_3_2 = x5*rod_c_3
+    P_3_3 = M33_3_3*rod_c_3 + M33_1_3*rod_c_1 + sa*rod_c_2
+    by_r_1 = cb*rod_a_1 - sb*rod_a_3
+    x72 = x8*ca
+    by_r_2 = x72*rod_b_2 + x21*rod_b_3 - x11*rod_b_1
+    del x0, x10, x6, x13, x14, x19, x3, x9, x17, rod_a_2, x16, x53, x5, rod_a_3, rod_b_1, rod_b_3, x21
+    by_r_3 = x23*rod_c_1 + x26*rod_c_3 - x72*rod_c_2
+    x83 = 0.5*r
+    x86 = 0.25*R + x20*x51
+    by_R_2 = x83*x11 + x8*rod_b_2 - x86
+    by_R_3 = -(x86 + x83*x23 + x8*rod_c_2)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
@@ -1306,55 +1197,50 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del x25, x27, x29, x30, x2, x0, x7, x12, x21, x8, x26, x34, x35, P_3_3, P_2_3, P_3_1, P_3_2
+    del rod_c_1, rod_c_3, x26, x72, x20, x51, rod_b_2, x11, rod_c_2, x23, x8, x83, x86, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    x36 = P_1_1*adjugate_1_1
-    x37 = P_1_2*adjugate_2_1
-    x38 = P_1_3*adjugate_3_1
-    determinant = x36 + x37 + x38
-    determinant_size = xp.abs(x36) + xp.abs(x37) + xp.abs(x38)
+    x110 = P_1_1*adjugate_1_1
+    x111 = P_1_2*adjugate_2_1
+    x112 = P_1_3*adjugate_3_1
+    determinant = x110 + x111 + x112
+    determinant_size = xp.abs(x110) + xp.abs(x111) + xp.abs(x112)
     singular = xp.abs(determinant) <= 16.0*determinant_size*eps
-    x39 = pose_3 + q_z
-    x40 = -ca*q_y - sa*x39
-    M33_1_1 = sb*x40
-    x41 = ca*x39 - q_y*sa
-    M33_1_2 = cb*x41 - q_x*sb
-    M33_1_3 = x32
-    M33_2_1 = x41
-    M33_2_2 = 0.0
-    M33_2_3 = sa
-    M33_3_1 = cb*x40
-    M33_3_2 = -cb*q_x - sb*x41
-    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x36, x37, x38, determinant_size, ca, x39, x32, sa, x40, cb, sb, x41
-    M33_3_3 = x31
+    x122 = pose_3 + q_z
+    x124 = ca*q_y + sa*x122
+    M33_1_1 = -sb*x124
+    M33_2_1 = ca*x122 - q_y*sa
+    M33_1_2 = cb*M33_2_1 - q_x*sb
+    M33_3_1 = -cb*x124
+    M33_3_2 = -(cb*q_x + sb*M33_2_1)
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
     point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3)
-    point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1)
-    point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2)
-    point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3)
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x110, x111, x112, determinant_size, ca, x122, x124, cb, sb, determinant, M33_1_1, M33_1_2, M33_1_3
+    point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + 0.0*adjugate_2_1 + sa*adjugate_3_1)
+    point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + 0.0*adjugate_2_2 + sa*adjugate_3_2)
+    point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + 0.0*adjugate_2_3 + sa*adjugate_3_3)
     point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1)
     point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2)
     point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3)
-    del x31, determinant, M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
     A_1_1 = point_by_P_1_1*rod_length_1
     A_1_2 = point_by_P_1_2*rod_length_2
     A_1_3 = point_by_P_1_3*rod_length_3
-    A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3
-    A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
+    A_1_4 = -(by_r_1*point_by_P_1_1 + by_r_2*point_by_P_1_2 + by_r_3*point_by_P_1_3)
+    A_1_5 = rod_a_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
+    del M33_2_1, sa, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant, point_by_P_1_1, point_by_P_1_2, point_by_P_1_3
     A_2_1 = point_by_P_2_1*rod_length_1
     A_2_2 = point_by_P_2_2*rod_length_2
     A_2_3 = point_by_P_2_3*rod_length_3
-    A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3
-    A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
+    A_2_4 = -(by_r_1*point_by_P_2_1 + by_r_2*point_by_P_2_2 + by_r_3*point_by_P_2_3)
+    A_2_5 = rod_a_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
-    A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3
-    A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, rod_length_1, rod_length_2, rod_length_3, by_r_1, by_r_2, by_r_3, by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
+    A_3_4 = -(by_r_1*point_by_P_3_1 + by_r_2*point_by_P_3_2 + by_r_3*point_by_P_3_3)
+    A_3_5 = rod_a_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
     A35_1_1 = xp.where(singular, xp.nan, A_1_1)
+    del point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, rod_length_1, rod_length_2, rod_length_3, by_r_1, by_r_2, by_r_3, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, rod_a_1, A_1_1
     A35_1_2 = xp.where(singular, xp.nan, A_1_2)
     A35_1_3 = xp.where(singular, xp.nan, A_1_3)
     A35_1_4 = xp.where(singular, xp.nan, A_1_4)
@@ -1369,7 +1255,6 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     A35_3_3 = xp.where(singular, xp.nan, A_3_3)
     A35_3_4 = xp.where(singular, xp.nan, A_3_4)
     A35_3_5 = xp.where(singular, xp.nan, A_3_5)
-    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, singular
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
@@ -1418,54 +1303,53 @@ def tricept_at_point(point, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 83 add, 161 mul, 3 div, 10 sqrt
-    level_squared = (point_1*point_1) + (point_3*point_3)
-    x0 = level_squared - (q_x*q_x)
-    whole_squared = (point_2*point_2) + x0
-    g = xp.sqrt(x0)
+    # 83 add, 161 mul, 15 div, 9 sqrt
+    level_squared = point_1*point_1 + point_3*point_3
+    x4 = level_squared - q_x*q_x
+    whole_squared = x4 + point_2*point_2
+    g = xp.sqrt(x4)
     by_b = 1.0/xp.sqrt(level_squared)
     sb_point = by_b*point_1
     cb_point = by_b*point_3
     sb_less = by_b*q_x
-    cb_less = xp.sqrt(1.0 - (sb_less*sb_less))
+    cb_less = xp.sqrt(1.0 - sb_less*sb_less)
     sb = cb_less*sb_point - cb_point*sb_less
     cb = cb_less*cb_point + sb_less*sb_point
     by_a = 1.0/xp.sqrt(whole_squared)
     sa_point = by_a*point_2
     ca_point = by_a*g
     sa_less = by_a*q_y
-    ca_less = xp.sqrt(1.0 - (sa_less*sa_less))
+    ca_less = xp.sqrt(1.0 - sa_less*sa_less)
     sa = ca_less*sa_point - ca_point*sa_less
     ca = ca_less*ca_point + sa_less*sa_point
-    z = xp.sqrt(whole_squared - (q_y*q_y)) - q_z
+    z = xp.sqrt(whole_squared - q_y*q_y) - q_z
     lean = sb*z
-    x1 = cb*r
-    middle = ca*(0.75*r - 0.5*lean) + 0.25*x1
-    x2 = 1.7320508075688772
-    x3 = r*sb
-    side = 0.5*sa*x2*(0.5*x3 + z)
-    shared = (R*R) + (r*r) + (z*z)
-    along = ca*lean + x1
-    x5 = 2.0*R
-    rod_length_1 = xp.sqrt(shared - along*x5)
-    rod_length_2 = xp.sqrt(shared - x5*(middle + side))
-    rod_length_3 = xp.sqrt(shared - x5*(middle - side))
-    del x0, level_squared, by_b, cb_less, cb_point, sb_less, sb_point, by_a, ca_less, ca_point, sa_less, sa_point, whole_squared, along, middle, shared, side
-    x6 = R*sa
-    W33_1_1 = r*x6
-    W33_1_2 = R*x3
-    x7 = 2.0*z
-    W33_1_3 = x7
-    x8 = x3 + x7
-    W33_2_1 = R*ca*x8
-    W33_2_2 = x1*x6
-    W33_2_3 = sa*x5
-    x9 = 2.0*lean - r
-    W33_3_1 = -x6*x9
-    x10 = ca*cb
-    W33_3_2 = R*(x10*x7 - x3)
-    x11 = ca*sb
-    W33_3_3 = x11*x5
+    x26 = cb*r
+    middle = ca*(0.75*r - 0.5*lean) + 0.25*x26
+    x28 = 3.0**0.5
+    x29 = r*sb
+    side = 0.5*x28*sa*(0.5*x29 + z)
+    shared = R*R + r*r + z*z
+    along = ca*lean + x26
+    x39 = 2.0*R
+    legs_1 = xp.sqrt(shared - x39*along)
+    legs_2 = xp.sqrt(shared - x39*(middle + side))
+    legs_3 = xp.sqrt(shared - x39*(middle - side))
+    del x4, level_squared, by_b, cb_less, cb_point, sb_less, sb_point, by_a, ca_less, ca_point, sa_less, sa_point, whole_squared, along, middle, shared, side
+    x48 = R*sa
+    W33_1_1 = x48*r
+    W33_1_2 = R*x29
+    W33_1_3 = 2.0*z
+    x49 = x29 + W33_1_3
+    W33_2_1 = R*ca*x49
+    W33_2_2 = x48*x26
+    W33_2_3 = x39*sa
+    x52 = r - 2.0*lean
+    W33_3_1 = x48*x52
+    M33_3_3 = ca*cb
+    W33_3_2 = R*(W33_1_3*M33_3_3 - x29)
+    M33_1_3 = ca*sb
+    W33_3_3 = x39*M33_1_3
     adjugate_1_1 = W33_2_2*W33_3_3 - W33_2_3*W33_3_2
     adjugate_1_2 = W33_1_3*W33_3_2 - W33_1_2*W33_3_3
     adjugate_1_3 = W33_1_2*W33_2_3 - W33_1_3*W33_2_2
@@ -1477,65 +1361,56 @@ def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, l
     adjugate_3_3 = W33_1_1*W33_2_2 - W33_1_2*W33_2_1
     inverse_determinant = 1.0/(W33_1_1*adjugate_1_1 + W33_1_2*adjugate_2_1 + W33_1_3*adjugate_3_1)
     M33_1_1 = -point_2*sb
-    M33_1_2 = point_3
-    M33_1_3 = x11
-    M33_2_1 = g
-    M33_2_2 = 0.0
-    M33_2_3 = sa
     M33_3_1 = -cb*point_2
     M33_3_2 = -point_1
-    M33_3_3 = x10
-    del z, lean, x3, x7, W33_3_3, W33_2_3, W33_3_1, W33_3_2, W33_2_1, W33_2_2, W33_1_1, W33_1_2, W33_1_3, x11, g, x10
-    N_1_1 = M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1
-    N_1_2 = M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2
-    N_1_3 = M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3
-    N_2_1 = M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1
-    N_2_2 = M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2
-    N_2_3 = M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3
+    N_1_1 = M33_1_1*adjugate_1_1 + point_3*adjugate_2_1 + M33_1_3*adjugate_3_1
+    N_1_2 = M33_1_1*adjugate_1_2 + point_3*adjugate_2_2 + M33_1_3*adjugate_3_2
+    N_1_3 = M33_1_1*adjugate_1_3 + point_3*adjugate_2_3 + M33_1_3*adjugate_3_3
+    N_2_1 = g*adjugate_1_1 + 0.0*adjugate_2_1 + sa*adjugate_3_1
+    N_2_2 = g*adjugate_1_2 + 0.0*adjugate_2_2 + sa*adjugate_3_2
+    N_2_3 = g*adjugate_1_3 + 0.0*adjugate_2_3 + sa*adjugate_3_3
     N_3_1 = M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1
+    del z, lean, x29, W33_3_3, W33_2_3, W33_3_1, W33_3_2, W33_2_1, W33_2_2, W33_1_1, W33_1_2, W33_1_3, M33_1_1, M33_1_3, g, adjugate_1_1, adjugate_2_1, adjugate_3_1
     N_3_2 = M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2
     N_3_3 = M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3
-    del M33_1_1, M33_1_2, M33_1_3, M33_2_1, M33_2_2, M33_2_3, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3
-    x12 = ca + cb
-    W35_radii_1_1 = 2.0*r - R*x12
-    W35_radii_1_2 = x5 - r*x12
-    W35_radii_2_1 = sb*x6
-    W35_radii_2_2 = sa*x8
+    x116 = ca + cb
+    W35_radii_1_1 = 2.0*r - R*x116
+    W35_radii_1_2 = x39 - r*x116
+    W35_radii_2_1 = x48*sb
+    W35_radii_2_2 = sa*x49
     W35_radii_3_1 = R*(cb - ca)
-    W35_radii_3_2 = ca*x9 + x1
-    x13 = 2.0*N_1_1/3.0
-    x14 = inverse_determinant*rod_length_1
-    A35_1_1 = x14*(x13 - 4.0*N_1_3/3.0)
-    x15 = 2.0*x2/3.0
-    x16 = N_1_2*x15
-    x17 = 2.0*N_1_3/3.0 + x13
-    x18 = inverse_determinant*rod_length_2
-    A35_1_2 = x18*(x17 - x16)
-    x19 = inverse_determinant*rod_length_3
-    A35_1_3 = x19*(x16 + x17)
-    A35_1_4 = inverse_determinant*(-N_1_1*W35_radii_1_1 - N_1_2*W35_radii_2_1 - N_1_3*W35_radii_3_1)
-    A35_1_5 = inverse_determinant*(-N_1_1*W35_radii_1_2 - N_1_2*W35_radii_2_2 - N_1_3*W35_radii_3_2)
-    del x12, x5, sb, x6, sa, x8, cb, ca, x1, x9, x2, x13, x16, x17, N_1_1, N_1_2, N_1_3
-    x20 = 2.0*N_2_1/3.0
-    A35_2_1 = x14*(x20 - 4.0*N_2_3/3.0)
-    x21 = N_2_2*x15
-    x22 = 2.0*N_2_3/3.0 + x20
-    A35_2_2 = x18*(x22 - x21)
-    A35_2_3 = x19*(x21 + x22)
-    A35_2_4 = inverse_determinant*(-N_2_1*W35_radii_1_1 - N_2_2*W35_radii_2_1 - N_2_3*W35_radii_3_1)
-    A35_2_5 = inverse_determinant*(-N_2_1*W35_radii_1_2 - N_2_2*W35_radii_2_2 - N_2_3*W35_radii_3_2)
-    x23 = 2.0*N_3_1/3.0
-    A35_3_1 = x14*(x23 - 4.0*N_3_3/3.0)
-    x24 = N_3_2*x15
-    x25 = 2.0*N_3_3/3.0 + x23
-    A35_3_2 = x18*(x25 - x24)
-    A35_3_3 = x19*(x24 + x25)
-    A35_3_4 = inverse_determinant*(-N_3_1*W35_radii_1_1 - N_3_2*W35_radii_2_1 - N_3_3*W35_radii_3_1)
-    del x20, x21, x22, N_2_1, N_2_2, N_2_3, x14, x15, x23, x18, x19, x24, x25, W35_radii_1_1, W35_radii_2_1, W35_radii_3_1
-    A35_3_5 = inverse_determinant*(-N_3_1*W35_radii_1_2 - N_3_2*W35_radii_2_2 - N_3_3*W35_radii_3_2)
-    legs_1 = rod_length_1
-    legs_2 = rod_length_2
-    legs_3 = rod_length_3
+    del adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, x116, x39, sb, x48, sa, x49, cb
+    W35_radii_3_2 = x26 - ca*x52
+    x123 = 2.0*N_1_1/3.0
+    x127 = inverse_determinant*legs_1
+    A35_1_1 = x127*(x123 - 4.0*N_1_3/3.0)
+    x128 = 2.0*x28
+    x130 = x128*N_1_2/3.0
+    x133 = x123 + 2.0*N_1_3/3.0
+    x135 = inverse_determinant*legs_2
+    A35_1_2 = x135*(x133 - x130)
+    x137 = inverse_determinant*legs_3
+    A35_1_3 = x137*(x133 + x130)
+    A35_1_4 = -inverse_determinant*(N_1_1*W35_radii_1_1 + N_1_2*W35_radii_2_1 + N_1_3*W35_radii_3_1)
+    A35_1_5 = -inverse_determinant*(N_1_1*W35_radii_1_2 + N_1_2*W35_radii_2_2 + N_1_3*W35_radii_3_2)
+    x151 = 2.0*N_2_1/3.0
+    A35_2_1 = x127*(x151 - 4.0*N_2_3/3.0)
+    x156 = x128*N_2_2/3.0
+    x159 = x151 + 2.0*N_2_3/3.0
+    A35_2_2 = x135*(x159 - x156)
+    A35_2_3 = x137*(x159 + x156)
+    A35_2_4 = -inverse_determinant*(N_2_1*W35_radii_1_1 + N_2_2*W35_radii_2_1 + N_2_3*W35_radii_3_1)
+    A35_2_5 = -inverse_determinant*(N_2_1*W35_radii_1_2 + N_2_2*W35_radii_2_2 + N_2_3*W35_radii_3_2)
+    del ca, x26, x52, x28, x123, x130, x133, N_1_1, N_1_2, N_1_3, x151, x156, x159, N_2_1, N_2_2, N_2_3
+    x175 = 2.0*N_3_1/3.0
+    A35_3_1 = x127*(x175 - 4.0*N_3_3/3.0)
+    x180 = x128*N_3_2/3.0
+    x183 = x175 + 2.0*N_3_3/3.0
+    A35_3_2 = x135*(x183 - x180)
+    A35_3_3 = x137*(x183 + x180)
+    A35_3_4 = -inverse_determinant*(N_3_1*W35_radii_1_1 + N_3_2*W35_radii_2_1 + N_3_3*W35_radii_3_1)
+    A35_3_5 = -inverse_determinant*(N_3_1*W35_radii_1_2 + N_3_2*W35_radii_2_2 + N_3_3*W35_radii_3_2)
+    del x127, x128, x175, x135, x137, x180, x183, W35_radii_1_1, W35_radii_2_1, W35_radii_3_1, N_3_1, N_3_2, N_3_3, W35_radii_1_2, W35_radii_2_2, W35_radii_3_2, inverse_determinant
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5, legs_1, legs_2, legs_3)
 
 
@@ -1588,97 +1463,85 @@ def tricept_propagate(point, r, R, q_x, q_y, q_z, shortest, longest, U_x, *, out
 
 
 def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
-    # 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow
-    level_squared = (point_1*point_1) + (point_3*point_3)
+    # 227 add, 361 mul, 13 div, 11 sqrt, 37 select, 64 compare, 22 abs, 1 pow
+    level_squared = point_1*point_1 + point_3*point_3
     level = xp.sqrt(level_squared)
-    x0 = xp.abs(q_x)
-    g_squared = (level - x0)*(level + x0)
-    x1 = 16.0*eps
-    g_band = x1*(level_squared + (q_x*q_x))
-    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(g_squared > 0.0, g_squared, 0.0)
-    x2 = (point_2*point_2)
-    u_band = g_band + x1*((q_y*q_y) + x2)
+    x2 = xp.abs(q_x)
+    g_squared = (level - x2)*(level + x2)
+    x7 = 16.0*eps
+    g_band = x7*(level_squared + q_x*q_x)
+    x11 = 0.0 < g_squared
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + xp.where(x11, g_squared, 0.0)
+    x13 = point_2*point_2
+    u_band = x7*(x13 + q_y*q_y) + g_band
     no_root = (g_squared < -g_band) | (u_squared < -u_band)
     double_root = (g_squared <= g_band) | (u_squared <= u_band)
-    g = xp.where(g_squared > 0.0, xp.sqrt(g_squared), 0.0)
-    u = xp.where(u_squared > 0.0, xp.sqrt(u_squared), 0.0)
-    whole = (g*g) + x2
+    g = xp.where(x11, xp.sqrt(g_squared), 0.0)
+    u = xp.where(0.0 < u_squared, xp.sqrt(u_squared), 0.0)
+    whole = g*g + x13
     free_beta = level_squared == 0.0
     free_alpha = whole == 0.0
     by_level = xp.where(free_beta, 1.0, 1.0/level_squared)
     by_whole = xp.where(free_alpha, 1.0, 1.0/whole)
-    valid = (shortest <= longest) & (whole <= largest) & (x0 + xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
+    x45 = xp.abs(R) + xp.abs(point_1) + xp.abs(point_2) + xp.abs(point_3) + x2 + xp.abs(q_y) + xp.abs(q_z) + xp.abs(r) <= largest
+    valid = (shortest <= longest) & (whole <= largest) & x45 & (0.0 < R) & (0.0 < r)
     sa_plus = xp.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
     ca_plus = xp.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
     sb_plus = xp.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
     cb_plus = xp.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
     z = u - q_z
-    x3 = ca_plus*z
-    x4 = sb_plus*x3
-    x5 = cb_plus*r + x4 - R
-    rod_a_1 = x5
-    x6 = sa_plus*z
-    rod_a_2 = x6
-    x7 = cb_plus*x3
-    x8 = x7 - r*sb_plus
-    rod_a_3 = x8
-    x9 = 0.5*cb_plus
-    x10 = 0.5*sb_plus
-    x11 = 1.7320508075688772
-    x12 = sa_plus*x11
-    x13 = x10*x12
-    x14 = -x13 - x9
-    x15 = r*x14
-    x16 = 0.5*R
-    x17 = x16 + x4
-    x18 = x15 + x17
-    rod_b_1 = x18
-    x19 = x11*x16
-    x20 = 0.5*x11
-    x21 = r*x20
-    x22 = ca_plus*x21
-    x23 = x22 + x6
-    x24 = x23 - x19
-    rod_b_2 = x24
-    x25 = x12*x9
-    x26 = 0.5*sb_plus - x25
-    x27 = r*x26 + x7
-    rod_b_3 = x27
-    x28 = x13 - x9
-    del level, g_band, u_band, g_squared, u_squared, x2, level_squared, whole, x0, by_whole, by_level, g, u, x4, x12, x13, x9
-    x29 = r*x28
-    x30 = x17 + x29
-    rod_c_1 = x30
-    x31 = x19 + x6 - x22
-    rod_c_2 = x31
-    x32 = x10 + x25
-    x33 = r*x32 + x7
-    rod_c_3 = x33
-    rod_length_1 = xp.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
-    rod_length_2 = xp.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
-    rod_length_3 = xp.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
-    P_1_1 = R*sb_plus*x6
-    P_1_2 = -R*x8
-    x34 = ca_plus*cb_plus
-    x35 = ca_plus*sb_plus
-    P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5
-    x36 = sa_plus*x21
-    P_2_1 = R*(0.5*x11*(x36 - x3) - x10*x23)
-    del x17, x19, x25, x7, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3, rod_c_1, rod_c_2, rod_c_3, x6, x21, x23
-    P_2_2 = x16*x27
-    P_2_3 = sa_plus*x24 + x18*x35 + x27*x34
-    P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36))
-    P_3_2 = x16*x33
-    P_3_3 = sa_plus*x31 + x30*x35 + x33*x34
-    by_r_1 = cb_plus*x5 - sb_plus*x8
-    by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27
-    x37 = x20*x31
-    by_r_3 = x28*x30 + x32*x33 - ca_plus*x37
-    by_R_1 = x5
-    x38 = 0.25*R + x10*x3
-    del x22, x36, x16, x8, x14, x18, x26, x27, x20, x31, x28, x30, x32, x33, x5, x10, x3
-    by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38
-    by_R_3 = -0.5*x29 - x37 - x38
+    M33_1_3 = ca_plus*sb_plus
+    x67 = M33_1_3*z
+    rod_a_1 = x67 + cb_plus*r - R
+    rod_a_2 = sa_plus*z
+    M33_3_3 = ca_plus*cb_plus
+    x70 = M33_3_3*z
+    rod_a_3 = x70 - r*sb_plus
+    x72 = 0.5*R
+    x73 = 0.5*cb_plus
+    x75 = 0.5*3.0**0.5
+    x76 = sa_plus*sb_plus
+    x77 = x75*x76
+    x78 = x73 + x77
+    x80 = x72 + x67
+    del level, g_band, u_band, g_squared, x11, u_squared, x13, level_squared, x2, whole, x45, by_whole, by_level, g, u, x67
+    rod_b_1 = x80 - r*x78
+    x81 = x75*R
+    x83 = x75*(ca_plus*r)
+    x84 = x83 + rod_a_2
+    rod_b_2 = x84 - x81
+    x86 = x75*(cb_plus*sa_plus)
+    x87 = 0.5*sb_plus
+    x88 = x87 - x86
+    rod_b_3 = x70 + r*x88
+    x90 = x77 - x73
+    rod_c_1 = x80 + r*x90
+    rod_c_2 = x81 - x83 + rod_a_2
+    x93 = x86 + x87
+    rod_c_3 = x70 + r*x93
+    rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
+    rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
+    rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
+    P_1_1 = R*x76*z
+    P_1_2 = -R*rod_a_3
+    P_1_3 = M33_3_3*rod_a_3 + M33_1_3*rod_a_1 + sa_plus*sa_plus*z
+    x118 = ca_plus*z
+    x120 = x75*(r*sa_plus)
+    P_2_1 = R*(x75*(x120 - x118) - x87*x84)
+    P_2_2 = x72*rod_b_3
+    P_2_3 = M33_3_3*rod_b_3 + M33_1_3*rod_b_1 + sa_plus*rod_b_2
+    P_3_1 = R*(x75*(x118 + x120) - x87*(rod_a_2 - x83))
+    P_3_2 = x72*rod_c_3
+    P_3_3 = M33_3_3*rod_c_3 + M33_1_3*rod_c_1 + sa_plus*rod_c_2
+    by_r_1 = cb_plus*rod_a_1 - sb_plus*rod_a_3
+    x139 = x75*ca_plus
+    by_r_2 = x139*rod_b_2 + x88*rod_b_3 - x78*rod_b_1
+    del x73, x77, x80, x81, x86, x70, x76, x84, rod_a_2, x120, x83, x72, rod_a_3, rod_b_1, rod_b_3, x88
+    by_r_3 = x90*rod_c_1 + x93*rod_c_3 - x139*rod_c_2
+    x150 = 0.5*r
+    x153 = 0.25*R + x87*x118
+    by_R_2 = x150*x78 + x75*rod_b_2 - x153
+    by_R_3 = -(x153 + x150*x90 + x75*rod_c_2)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
@@ -1687,132 +1550,153 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
+    del rod_c_1, rod_c_3, x139, x93, x118, x87, rod_b_2, x78, rod_c_2, x150, x153, x75, x90, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    x39 = P_1_1*adjugate_1_1
-    x40 = P_1_2*adjugate_2_1
-    x41 = P_1_3*adjugate_3_1
-    determinant = x39 + x40 + x41
-    determinant_size = xp.abs(x39) + xp.abs(x40) + xp.abs(x41)
-    del x11, x15, x24, x29, x37, x38, P_3_3, P_2_3, P_3_1, P_3_2, P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x39, x40, x41
-    singular = xp.abs(determinant) <= determinant_size*x1
-    x42 = q_z + z
-    x43 = -ca_plus*q_y - sa_plus*x42
-    M33_1_1 = sb_plus*x43
-    x44 = ca_plus*x42 - q_y*sa_plus
-    M33_1_2 = cb_plus*x44 - q_x*sb_plus
-    M33_1_3 = x35
-    M33_2_1 = x44
-    M33_2_2 = 0.0
-    M33_2_3 = sa_plus
-    M33_3_1 = cb_plus*x43
-    M33_3_2 = -cb_plus*q_x - sb_plus*x44
-    M33_3_3 = x34
+    x177 = P_1_1*adjugate_1_1
+    x178 = P_1_2*adjugate_2_1
+    x179 = P_1_3*adjugate_3_1
+    determinant = x177 + x178 + x179
+    determinant_size = xp.abs(x177) + xp.abs(x178) + xp.abs(x179)
+    singular = xp.abs(determinant) <= x7*determinant_size
+    x188 = q_z + z
+    x190 = ca_plus*q_y + sa_plus*x188
+    M33_1_1 = -sb_plus*x190
+    M33_2_1 = ca_plus*x188 - q_y*sa_plus
+    M33_1_2 = cb_plus*M33_2_1 - q_x*sb_plus
+    M33_3_1 = -cb_plus*x190
+    M33_3_2 = -(cb_plus*q_x + sb_plus*M33_2_1)
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x177, x178, x179, determinant_size, x7, z, ca_plus, x188, x190, cb_plus, sb_plus
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
     point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3)
-    del determinant_size, x1, z, ca_plus, x42, x35, sa_plus, x43, cb_plus, sb_plus, x44, x34, determinant, M33_1_1, M33_1_2, M33_1_3
-    point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1)
-    point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2)
-    point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3)
+    point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + 0.0*adjugate_2_1 + sa_plus*adjugate_3_1)
+    point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + 0.0*adjugate_2_2 + sa_plus*adjugate_3_2)
+    point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + 0.0*adjugate_2_3 + sa_plus*adjugate_3_3)
     point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1)
     point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2)
     point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3)
-    del M33_2_1, M33_2_2, M33_2_3, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
+    del determinant, M33_1_1, M33_1_2, M33_1_3, M33_2_1, sa_plus, adjugate_1_1, adjugate_2_1, adjugate_3_1, adjugate_1_2, adjugate_2_2, adjugate_3_2, M33_3_1, M33_3_2, M33_3_3, adjugate_1_3, adjugate_2_3, adjugate_3_3, inverse_determinant
     A_1_1 = point_by_P_1_1*rod_length_1
     A_1_2 = point_by_P_1_2*rod_length_2
     A_1_3 = point_by_P_1_3*rod_length_3
-    A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3
-    A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
+    A_1_4 = -(by_r_1*point_by_P_1_1 + by_r_2*point_by_P_1_2 + by_r_3*point_by_P_1_3)
+    A_1_5 = rod_a_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3
     A_2_1 = point_by_P_2_1*rod_length_1
     A_2_2 = point_by_P_2_2*rod_length_2
     A_2_3 = point_by_P_2_3*rod_length_3
-    A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3
-    A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
+    A_2_4 = -(by_r_1*point_by_P_2_1 + by_r_2*point_by_P_2_2 + by_r_3*point_by_P_2_3)
+    A_2_5 = rod_a_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
-    A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3
-    A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    x45 = 1.0/eps**2.5
-    correlation_scale_1 = xp.where(U_x_1_1 > 0.0, 1.0/xp.sqrt(U_x_1_1), x45)
-    correlation_scale_2 = xp.where(U_x_2_2 > 0.0, 1.0/xp.sqrt(U_x_2_2), x45)
-    correlation_scale_3 = xp.where(U_x_3_3 > 0.0, 1.0/xp.sqrt(U_x_3_3), x45)
-    correlation_scale_4 = xp.where(U_x_4_4 > 0.0, 1.0/xp.sqrt(U_x_4_4), x45)
-    correlation_scale_5 = xp.where(U_x_5_5 > 0.0, 1.0/xp.sqrt(U_x_5_5), x45)
-    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, by_r_1, by_r_2, by_r_3, by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, x45
-    correlation_00 = xp.where(U_x_1_1 > 0.0, 1.0, 0.0)
-    correlation_11 = xp.where(U_x_2_2 > 0.0, 1.0, 0.0)
-    x46 = correlation_scale_1*correlation_scale_2
-    correlation_10 = U_x_2_1*x46
-    correlation_22 = xp.where(U_x_3_3 > 0.0, 1.0, 0.0)
-    x47 = correlation_scale_1*correlation_scale_3
-    correlation_20 = U_x_3_1*x47
-    x48 = correlation_scale_2*correlation_scale_3
-    correlation_21 = U_x_3_2*x48
-    correlation_33 = xp.where(U_x_4_4 > 0.0, 1.0, 0.0)
-    x49 = correlation_scale_1*correlation_scale_4
-    correlation_30 = U_x_4_1*x49
-    x50 = correlation_scale_2*correlation_scale_4
-    correlation_31 = U_x_4_2*x50
-    x51 = correlation_scale_3*correlation_scale_4
-    correlation_32 = U_x_4_3*x51
-    correlation_44 = xp.where(U_x_5_5 > 0.0, 1.0, 0.0)
-    x52 = correlation_scale_1*correlation_scale_5
-    correlation_40 = U_x_5_1*x52
-    x53 = correlation_scale_2*correlation_scale_5
-    correlation_41 = U_x_5_2*x53
-    x54 = correlation_scale_3*correlation_scale_5
-    correlation_42 = U_x_5_3*x54
-    x55 = correlation_scale_4*correlation_scale_5
-    correlation_43 = U_x_5_4*x55
-    x78 = 256.0*eps
-    pivot_0 = correlation_00 > x78
+    A_3_4 = -(by_r_1*point_by_P_3_1 + by_r_2*point_by_P_3_2 + by_r_3*point_by_P_3_3)
+    A_3_5 = rod_a_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
+    x274 = 1.0/eps**2.5
+    x275 = 0.0 < U_x_1_1
+    correlation_scale_1 = xp.where(x275, 1.0/xp.sqrt(U_x_1_1), x274)
+    x278 = 0.0 < U_x_2_2
+    correlation_scale_2 = xp.where(x278, 1.0/xp.sqrt(U_x_2_2), x274)
+    x281 = 0.0 < U_x_3_3
+    correlation_scale_3 = xp.where(x281, 1.0/xp.sqrt(U_x_3_3), x274)
+    x284 = 0.0 < U_x_4_4
+    correlation_scale_4 = xp.where(x284, 1.0/xp.sqrt(U_x_4_4), x274)
+    x287 = 0.0 < U_x_5_5
+    correlation_scale_5 = xp.where(x287, 1.0/xp.sqrt(U_x_5_5), x274)
+    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, by_r_1, by_r_2, by_r_3, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, rod_a_1, x274
+    correlation_00 = xp.where(x275, 1.0, 0.0)
+    correlation_11 = xp.where(x278, 1.0, 0.0)
+    x290 = correlation_scale_1*correlation_scale_2
+    correlation_10 = U_x_2_1*x290
+    correlation_22 = xp.where(x281, 1.0, 0.0)
+    x291 = correlation_scale_1*correlation_scale_3
+    correlation_20 = U_x_3_1*x291
+    x292 = correlation_scale_2*correlation_scale_3
+    correlation_21 = U_x_3_2*x292
+    correlation_33 = xp.where(x284, 1.0, 0.0)
+    x293 = correlation_scale_1*correlation_scale_4
+    correlation_30 = U_x_4_1*x293
+    x294 = correlation_scale_2*correlation_scale_4
+    correlation_31 = U_x_4_2*x294
+    x295 = correlation_scale_3*correlation_scale_4
+    correlation_32 = U_x_4_3*x295
+    correlation_44 = xp.where(x287, 1.0, 0.0)
+    x296 = correlation_scale_1*correlation_scale_5
+    correlation_40 = U_x_5_1*x296
+    x297 = correlation_scale_2*correlation_scale_5
+    correlation_41 = U_x_5_2*x297
+    x298 = correlation_scale_3*correlation_scale_5
+    correlation_42 = U_x_5_3*x298
+    x299 = correlation_scale_4*correlation_scale_5
+    correlation_43 = U_x_5_4*x299
+    x300 = 256.0*eps
+    pivot_0 = x300 < correlation_00
     pivot_0_inverse = xp.where(pivot_0, 1.0/correlation_00, 0.0)
-    x56 = (correlation_10*correlation_10)
-    left_0_11 = correlation_11 - pivot_0_inverse*x56
-    x58 = correlation_10*pivot_0_inverse
-    left_0_21 = correlation_21 - correlation_20*x58
-    x59 = (correlation_20*correlation_20)
-    left_0_22 = correlation_22 - pivot_0_inverse*x59
-    left_0_31 = correlation_31 - correlation_30*x58
-    x62 = correlation_20*pivot_0_inverse
-    left_0_32 = correlation_32 - correlation_30*x62
-    x63 = (correlation_30*correlation_30)
-    left_0_33 = correlation_33 - pivot_0_inverse*x63
-    left_0_41 = correlation_41 - correlation_40*x58
-    left_0_42 = correlation_42 - correlation_40*x62
-    left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse
-    x67 = (correlation_40*correlation_40)
-    left_0_44 = correlation_44 - pivot_0_inverse*x67
-    pivot_1 = left_0_11 > x78
+    x302 = correlation_10*correlation_10
+    left_0_11 = correlation_11 - x302*pivot_0_inverse
+    x304 = correlation_10*pivot_0_inverse
+    left_0_21 = correlation_21 - x304*correlation_20
+    x306 = correlation_20*correlation_20
+    left_0_22 = correlation_22 - x306*pivot_0_inverse
+    left_0_31 = correlation_31 - x304*correlation_30
+    x309 = correlation_20*pivot_0_inverse
+    left_0_32 = correlation_32 - x309*correlation_30
+    x311 = correlation_30*correlation_30
+    left_0_33 = correlation_33 - x311*pivot_0_inverse
+    left_0_41 = correlation_41 - x304*correlation_40
+    left_0_42 = correlation_42 - x309*correlation_40
+    left_0_43 = correlation_43 - correlation_30*pivot_0_inverse*correlation_40
+    x317 = correlation_40*correlation_40
+    left_0_44 = correlation_44 - x317*pivot_0_inverse
+    del x275, x278, x281, x284, x287, correlation_scale_1, correlation_scale_2, correlation_scale_3, correlation_scale_4, correlation_scale_5, correlation_11, correlation_22, correlation_33, x304, x309, correlation_44, pivot_0_inverse
+    pivot_1 = x300 < left_0_11
     pivot_1_inverse = xp.where(pivot_1, 1.0/left_0_11, 0.0)
-    x68 = (left_0_21*left_0_21)
-    left_1_22 = left_0_22 - pivot_1_inverse*x68
-    x69 = left_0_21*pivot_1_inverse
-    left_1_32 = left_0_32 - left_0_31*x69
-    x70 = (left_0_31*left_0_31)
-    left_1_33 = left_0_33 - pivot_1_inverse*x70
-    del correlation_scale_1, correlation_scale_2, correlation_scale_3, correlation_scale_4, correlation_scale_5, correlation_11, correlation_22, correlation_33, x58, x62, correlation_44, pivot_0_inverse, left_0_22, left_0_21, left_0_32, left_0_33
-    left_1_42 = left_0_42 - left_0_41*x69
-    left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse
-    x71 = (left_0_41*left_0_41)
-    left_1_44 = left_0_44 - pivot_1_inverse*x71
-    pivot_2 = left_1_22 > x78
+    x320 = left_0_21*left_0_21
+    left_1_22 = left_0_22 - x320*pivot_1_inverse
+    x322 = left_0_21*pivot_1_inverse
+    left_1_32 = left_0_32 - x322*left_0_31
+    x324 = left_0_31*left_0_31
+    left_1_33 = left_0_33 - x324*pivot_1_inverse
+    left_1_42 = left_0_42 - x322*left_0_41
+    left_1_43 = left_0_43 - left_0_31*pivot_1_inverse*left_0_41
+    x329 = left_0_41*left_0_41
+    left_1_44 = left_0_44 - x329*pivot_1_inverse
+    pivot_2 = x300 < left_1_22
     pivot_2_inverse = xp.where(pivot_2, 1.0/left_1_22, 0.0)
-    x72 = (left_1_32*left_1_32)
-    left_2_33 = left_1_33 - pivot_2_inverse*x72
+    x332 = left_1_32*left_1_32
+    left_2_33 = left_1_33 - x332*pivot_2_inverse
     left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse
-    x73 = (left_1_42*left_1_42)
-    left_2_44 = left_1_44 - pivot_2_inverse*x73
-    pivot_3 = left_2_33 > x78
+    x336 = left_1_42*left_1_42
+    left_2_44 = left_1_44 - x336*pivot_2_inverse
+    del left_0_22, left_0_21, left_0_32, left_0_33, left_0_42, x322, left_0_31, left_0_43, left_0_41, left_0_44, pivot_1_inverse, left_1_33, left_1_32, left_1_43, left_1_42, left_1_44, pivot_2_inverse
+    pivot_3 = x300 < left_2_33
     pivot_3_inverse = xp.where(pivot_3, 1.0/left_2_33, 0.0)
-    x74 = (left_2_43*left_2_43)
-    left_3_44 = left_2_44 - pivot_3_inverse*x74
-    del left_0_42, x69, left_0_31, left_0_43, left_0_41, left_0_44, pivot_1_inverse, left_1_33, left_1_32, left_1_43, left_1_42, left_1_44, pivot_2_inverse, left_2_43, left_2_44, pivot_3_inverse
-    x79 = 512.0*eps
-    no_covariance = ((~(pivot_0)) & (x56 > x79)) | ((~(pivot_0)) & (x59 > x79)) | ((~(pivot_0)) & (x63 > x79)) | ((~(pivot_0)) & (x67 > x79)) | ((~(pivot_1)) & (x68 > x79)) | ((~(pivot_1)) & (x70 > x79)) | ((~(pivot_1)) & (x71 > x79)) | ((~(pivot_2)) & (x72 > x79)) | ((~(pivot_2)) & (x73 > x79)) | ((~(pivot_3)) & (x74 > x79)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (xp.abs(U_x_1_2*x46 - correlation_10) > x78) | (xp.abs(U_x_1_3*x47 - correlation_20) > x78) | (xp.abs(U_x_1_4*x49 - correlation_30) > x78) | (xp.abs(U_x_1_5*x52 - correlation_40) > x78) | (xp.abs(U_x_2_3*x48 - correlation_21) > x78) | (xp.abs(U_x_2_4*x50 - correlation_31) > x78) | (xp.abs(U_x_2_5*x53 - correlation_41) > x78) | (xp.abs(U_x_3_4*x51 - correlation_32) > x78) | (xp.abs(U_x_3_5*x54 - correlation_42) > x78) | (xp.abs(U_x_4_5*x55 - correlation_43) > x78) | (correlation_00 < -x78) | (left_0_11 < -x78) | (left_1_22 < -x78) | (left_2_33 < -x78) | (left_3_44 < -x78)
-    del correlation_00, correlation_10, correlation_20, correlation_21, correlation_30, correlation_31, correlation_32, correlation_40, correlation_41, correlation_42, correlation_43, left_0_11, left_1_22, left_2_33, left_3_44, pivot_0, pivot_1, pivot_2, pivot_3, x46, x47, x48, x49, x50, x51, x52, x53, x54, x55, x56, x59, x63, x67, x68, x70, x71, x72, x73, x74, x78, x79
+    x339 = left_2_43*left_2_43
+    left_3_44 = left_2_44 - x339*pivot_3_inverse
+    x341 = ~pivot_0
+    x342 = 512.0*eps
+    x351 = ~pivot_1
+    x358 = ~pivot_2
+    x426 = -x300
+    x434 = (x341 & (x342 < x302)) | (x341 & (x342 < x306)) | (x341 & (x342 < x311)) | (x341 & (x342 < x317))
+    x360 = x358 & (x342 < x332)
+    x362 = x358 & (x342 < x336)
+    x439 = x434 | (x351 & (x342 < x320)) | (x351 & (x342 < x324)) | (x351 & (x342 < x329)) | x360 | x362
+    del left_2_43, left_2_44, pivot_3_inverse, pivot_0, pivot_1, pivot_2, x302, x306, x311, x317, x341, x332, x336, x358, x320, x324, x329, x351, x360, x362, x434
+    x442 = x439 | ((~pivot_3) & (x342 < x339)) | (~((0.0 <= U_x_1_1) & (U_x_1_1 <= largest))) | (~((0.0 <= U_x_2_2) & (U_x_2_2 <= largest)))
+    x385 = ~((0.0 <= U_x_5_5) & (U_x_5_5 <= largest))
+    x389 = x300 < xp.abs(U_x_1_2*x290 - correlation_10)
+    x393 = x300 < xp.abs(U_x_1_3*x291 - correlation_20)
+    x447 = x442 | (~((0.0 <= U_x_3_3) & (U_x_3_3 <= largest))) | (~((0.0 <= U_x_4_4) & (U_x_4_4 <= largest))) | x385 | x389 | x393
+    x405 = x300 < xp.abs(U_x_2_3*x292 - correlation_21)
+    x409 = x300 < xp.abs(U_x_2_4*x294 - correlation_31)
+    del pivot_3, x339, x342, x439, correlation_10, x290, correlation_20, x291, x385, x389, x393, x442, correlation_21, x292, correlation_31, x294
+    x413 = x300 < xp.abs(U_x_2_5*x297 - correlation_41)
+    x452 = x447 | (x300 < xp.abs(U_x_1_4*x293 - correlation_30)) | (x300 < xp.abs(U_x_1_5*x296 - correlation_40)) | x405 | x409 | x413
+    x425 = x300 < xp.abs(U_x_4_5*x299 - correlation_43)
+    x456 = x452 | (x300 < xp.abs(U_x_3_4*x295 - correlation_32)) | (x300 < xp.abs(U_x_3_5*x298 - correlation_42)) | x425 | (correlation_00 < x426)
+    del correlation_41, x297, correlation_30, correlation_40, x293, x296, x405, x409, x413, x447, correlation_43, x299, correlation_00, correlation_32, correlation_42, x295, x298, x300, x425, x452
+    no_covariance = x456 | (left_0_11 < x426) | (left_1_22 < x426) | (left_2_33 < x426) | (left_3_44 < x426)
     half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1
     half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2
     half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3
@@ -1831,26 +1715,23 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     covariance_00 = A_1_1*half_1_1 + A_1_2*half_1_2 + A_1_3*half_1_3 + A_1_4*half_1_4 + A_1_5*half_1_5
     covariance_01 = A_2_1*half_1_1 + A_2_2*half_1_2 + A_2_3*half_1_3 + A_2_4*half_1_4 + A_2_5*half_1_5
     covariance_02 = A_3_1*half_1_1 + A_3_2*half_1_2 + A_3_3*half_1_3 + A_3_4*half_1_4 + A_3_5*half_1_5
+    del left_0_11, left_1_22, left_2_33, left_3_44, x426, x456, A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, half_1_1, half_1_2, half_1_3, half_1_4, half_1_5
     covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5
     covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5
-    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, half_1_1, half_1_2, half_1_3, half_1_4, half_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, half_2_1, half_2_2, half_2_3, half_2_4, half_2_5
     covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5
-    there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular))
+    del A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, half_2_1, half_2_2, half_2_3, half_2_4, half_2_5, A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, half_3_1, half_3_2, half_3_3, half_3_4, half_3_5
+    there = valid & (~no_covariance) & (~no_root) & (~singular)
     U_y_1_1 = xp.where(there, covariance_00, xp.nan)
-    x75 = xp.where(there, covariance_01, xp.nan)
-    U_y_1_2 = x75
-    x76 = xp.where(there, covariance_02, xp.nan)
-    U_y_1_3 = x76
-    U_y_2_1 = x75
+    U_y_1_2 = xp.where(there, covariance_01, xp.nan)
+    U_y_1_3 = xp.where(there, covariance_02, xp.nan)
     U_y_2_2 = xp.where(there, covariance_11, xp.nan)
-    x77 = xp.where(there, covariance_12, xp.nan)
-    del A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, half_3_1, half_3_2, half_3_3, half_3_4, half_3_5, covariance_00, covariance_01, covariance_02, x75, covariance_11, covariance_12
-    U_y_2_3 = x77
-    U_y_3_1 = x76
-    U_y_3_2 = x77
+    U_y_2_3 = xp.where(there, covariance_12, xp.nan)
     U_y_3_3 = xp.where(there, covariance_22, xp.nan)
-    status = xp.where(~(valid), 7.0, xp.where(no_covariance, 6.0, xp.where(no_root, 4.0, xp.where(singular, 5.0, xp.where((free_alpha) | (free_beta), 3.0, xp.where(double_root, 2.0, xp.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))))
-    return (U_y_1_1, U_y_1_2, U_y_1_3, U_y_2_1, U_y_2_2, U_y_2_3, U_y_3_1, U_y_3_2, U_y_3_3, status)
+    x643 = (longest < rod_length_1) | (longest < rod_length_2) | (longest < rod_length_3) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest)
+    x649 = xp.where(no_root, 4.0, xp.where(singular, 5.0, xp.where(free_alpha | free_beta, 3.0, xp.where(double_root, 2.0, xp.where(x643, 1.0, 0.0)))))
+    del covariance_00, covariance_01, covariance_02, covariance_11, covariance_12, covariance_22, there, rod_length_1, rod_length_2, rod_length_3, double_root, free_alpha, free_beta, no_root, singular, x643
+    status_value = xp.where(~valid, 7.0, xp.where(no_covariance, 6.0, x649))
+    return (U_y_1_1, U_y_1_2, U_y_1_3, U_y_1_2, U_y_2_2, U_y_2_3, U_y_1_3, U_y_2_3, U_y_3_3, status_value)
 
 
 tricept_propagate.signature = "(3),(),(),(),(),(),(),(),(5,5)->(3,3),()"
@@ -1898,57 +1779,54 @@ def tricept_singularity(pose, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin
-    alpha = pose_1
-    beta = pose_2
-    sa = xp.sin(alpha)
-    ca = xp.cos(alpha)
-    sb = xp.sin(beta)
-    cb = xp.cos(beta)
-    x0 = pose_3*sa
-    P_1_1 = R*sb*x0
-    x1 = ca*pose_3
-    x2 = cb*x1
-    x3 = x2 - r*sb
-    P_1_2 = -R*x3
-    x4 = ca*cb
-    x5 = sb*x1
-    x6 = ca*sb
-    P_1_3 = pose_3*(sa*sa) + x3*x4 + x6*(cb*r + x5 - R)
-    x7 = 1.7320508075688772
-    x8 = 0.5*x7
-    x9 = r*x8
-    x10 = ca*x9
-    x11 = x0 + x10
-    x12 = 0.5*sb
-    x13 = sa*x9
-    P_2_1 = R*(0.5*x7*(x13 - x1) - x11*x12)
-    x14 = 0.5*cb
-    x15 = sa*x7
-    x16 = x14*x15
-    x17 = r*(0.5*sb - x16) + x2
-    x18 = 0.5*R
-    P_2_2 = x17*x18
-    x19 = x18*x7
-    x20 = x12*x15
-    x21 = x18 + x5
-    P_2_3 = sa*(x11 - x19) + x17*x4 + x6*(r*(-x14 - x20) + x21)
-    P_3_1 = R*(-x12*(pose_3*sa - x10) - x8*(-x1 - x13))
-    x22 = r*(x12 + x16) + x2
-    del alpha, beta, x3, x9, cb, sb, x15, x5, x11, x17, x1, x13, x8, x12, x16, x2
-    P_3_2 = x18*x22
-    P_3_3 = sa*(x0 + x19 - x10) + x22*x4 + x6*(r*(x20 - x14) + x21)
+    # 33 add, 65 mul, 2 div, 2 cos, 2 sin
+    sa = xp.sin(pose_1)
+    ca = xp.cos(pose_1)
+    sb = xp.sin(pose_2)
+    cb = xp.cos(pose_2)
+    x0 = sa*sb
+    P_1_1 = R*pose_3*x0
+    x2 = ca*cb
+    x3 = x2*pose_3
+    x5 = x3 - r*sb
+    P_1_2 = -R*x5
+    x8 = ca*sb
+    x9 = x8*pose_3
+    P_1_3 = x2*x5 + x8*(x9 + cb*r - R) + pose_3*(sa*sa)
+    x17 = 3.0**0.5
+    x18 = 0.5*x17
+    x20 = x18*(ca*r)
+    x21 = pose_3*sa
+    x22 = x20 + x21
+    x23 = 0.5*sb
+    x25 = ca*pose_3
+    x27 = x18*(r*sa)
+    P_2_1 = R*(x18*(x27 - x25) - x23*x22)
+    x32 = x18*(cb*sa)
+    x35 = x3 + r*(x23 - x32)
+    x36 = 0.5*R
+    P_2_2 = x36*x35
+    x38 = 0.5*cb
+    x39 = x18*x0
+    x42 = x36 + x9
+    x45 = x18*R
+    P_2_3 = x2*x35 + x8*(x42 - r*(x38 + x39)) + sa*(x22 - x45)
+    x49 = x21 - x20
+    P_3_1 = R*(x18*(x25 + x27) - x23*x49)
+    x56 = x3 + r*(x32 + x23)
+    P_3_2 = x36*x56
+    del x5, sb, cb, x0, x9, x22, x35, x20, x21, x18, x25, x27, x23, x3, x32, x36
+    P_3_3 = x2*x56 + x8*(x42 + r*(x39 - x38)) + sa*(x45 + x49)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
-    del x18, x0, x10, x14, x19, x20, x21, x22, x4, x6, P_2_3, P_3_3, P_2_1, P_2_2, P_3_1, P_3_2
     determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1
+    del x2, x38, x39, x42, x45, x49, x56, x8, P_2_3, P_3_3, P_2_1, P_2_2, P_3_1, P_3_2, P_1_1, P_1_2, P_1_3, adjugate_1_1, adjugate_2_1, adjugate_3_1
     h = pose_3 + q_z
-    det_W33_ = -16.0*determinant*x7/9.0
-    det_W33 = det_W33_
-    ratio = 0.125*det_W33_/((R*R)*(pose_3*pose_3*pose_3))
-    det_M33 = -h*(ca*h - q_y*sa)
-    return (det_W33, ratio, det_M33)
+    det_W33_value = -16.0*x17*determinant/9.0
+    ratio_value = 0.125*det_W33_value/(R*R*(pose_3*pose_3*pose_3))
+    det_M33_value = -h*(ca*h - q_y*sa)
+    return (det_W33_value, ratio_value, det_M33_value)
 
 
 tricept_singularity.signature = "(3),(),(),(),(),()->(),(),()"

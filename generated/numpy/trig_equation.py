@@ -66,75 +66,75 @@ def trig_solve(A, B, D, *, out=None):
 
 
 def _trig_solve(xp, A, B, D, eps, largest):
-    # 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+    # 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale
     size = 0.25*xp.abs(A) + 0.25*xp.abs(B) + 0.25*xp.abs(D)
     scale = _power_of_two_scale(size)
     a = A*scale
     b = B*scale
     d = D*scale
-    x0 = xp.abs(b)
-    x1 = xp.abs(a)
-    larger = xp.where(x1 < x0, x0, x1)
-    smaller = xp.where(x1 < x0, x1, x0)
-    x2 = (smaller*smaller)
-    square = x2 + (larger - d)*(d + larger)
-    bound = 4.0*eps*((larger*larger) + x2)
+    x7 = xp.abs(a)
+    x8 = xp.abs(b)
+    x9 = x7 < x8
+    larger = xp.where(x9, x8, x7)
+    smaller = xp.where(x9, x7, x8)
+    x10 = smaller*smaller
+    square = x10 + (larger - d)*(d + larger)
+    bound = 4.0*eps*(larger*larger + x10)
     is_double = xp.abs(square) <= bound
     valid = size <= largest
-    two = square > bound
+    two = bound < square
     w = xp.where(two, xp.sqrt(square), 0.0)
     empty = (A == 0.0) & (B == 0.0)
-    there = (valid) & (~(empty)) & ((is_double) | (two))
-    x3 = a*d
-    x4 = b*w
-    x5 = x3 + x4
-    cosine_plus = xp.where(x5 == 0.0, 0.0, -x5)
-    x6 = a*w
-    x7 = b*d
-    x8 = x6 - x7
-    sine_plus = xp.where(x8 == 0.0, 0.0, x8)
-    x9 = x3 - x4
-    del scale, x0, x1, smaller, larger, x2, size, bound, square, x5, a, w, b, x8, x3, x4
-    cosine_minus = xp.where(x9 == 0.0, 0.0, -x9)
-    x10 = x6 + x7
-    sine_minus = xp.where(x10 == 0.0, 0.0, -x10)
+    there = valid & (~empty) & (is_double | two)
+    x24 = a*d
+    x25 = b*w
+    x26 = x24 + x25
+    cosine_plus = xp.where(x26 == 0.0, 0.0, -x26)
+    x29 = a*w
+    x30 = b*d
+    x31 = x29 - x30
+    sine_plus = xp.where(x31 == 0.0, 0.0, x31)
+    x33 = x25 - x24
+    del scale, x7, x8, x9, smaller, larger, x10, size, bound, square, x26, a, w, b, x31, x24, x25
+    cosine_minus = xp.where(-x33 == 0.0, 0.0, x33)
+    x36 = x29 + x30
+    sine_minus = xp.where(x36 == 0.0, 0.0, -x36)
     theta_1 = xp.where(there, xp.atan2(sine_plus, cosine_plus), xp.nan)
     theta_2 = xp.where(there, xp.atan2(sine_minus, cosine_minus), xp.nan)
-    status = xp.where(~(valid), 5.0, xp.where((empty) & (xp.abs(d) > 0.0), 4.0, xp.where(empty, 3.0, xp.where(is_double, 1.0, xp.where(two, 0.0, 2.0)))))
-    return (theta_1, theta_2, status)
+    x47 = xp.where(empty & (0.0 < xp.abs(d)), 4.0, xp.where(empty, 3.0, xp.where(is_double, 1.0, xp.where(two, 0.0, 2.0))))
+    status_value = xp.where(~valid, 5.0, x47)
+    return (theta_1, theta_2, status_value)
 
 
 def _trig_solve_usual(xp, A, B, D, eps, largest):
-    # 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2
-    x11 = xp.abs(A)
-    x12 = xp.abs(B)
-    size = 0.25*x11 + 0.25*x12 + 0.25*xp.abs(D)
-    x0 = x12
-    x1 = x11
-    larger = xp.where(x1 < x0, x0, x1)
-    smaller = xp.where(x1 < x0, x1, x0)
-    x2 = (smaller*smaller)
-    square = x2 + (larger - D)*(D + larger)
-    bound = 4.0*eps*((larger*larger) + x2)
+    # 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 8 compare, 3 abs, 2 atan2
+    x0 = xp.abs(A)
+    x2 = xp.abs(B)
+    size = 0.25*x0 + 0.25*x2 + 0.25*xp.abs(D)
+    x7 = x0 < x2
+    larger = xp.where(x7, x2, x0)
+    smaller = xp.where(x7, x0, x2)
+    x8 = smaller*smaller
+    square = x8 + (larger - D)*(D + larger)
+    bound = 4.0*eps*(larger*larger + x8)
     w = xp.sqrt(square)
-    x3 = A*D
-    x4 = B*w
-    x5 = x3 + x4
-    cosine_plus = xp.where(x5 == 0.0, 0.0, -x5)
-    x6 = A*w
-    x7 = B*D
-    x8 = x6 - x7
-    sine_plus = xp.where(x8 == 0.0, 0.0, x8)
-    x9 = x3 - x4
-    cosine_minus = xp.where(x9 == 0.0, 0.0, -x9)
-    x10 = x6 + x7
-    sine_minus = xp.where(x10 == 0.0, 0.0, -x10)
-    del x12, x11, x0, x1, smaller, larger, x2, x5, w, x8, x3, x4, x9, x6, x7, x10
+    x15 = A*D
+    x16 = B*w
+    x17 = x15 + x16
+    cosine_plus = xp.where(x17 == 0.0, 0.0, -x17)
+    x20 = A*w
+    x21 = B*D
+    x22 = x20 - x21
+    sine_plus = xp.where(x22 == 0.0, 0.0, x22)
+    x24 = x16 - x15
+    cosine_minus = xp.where(-x24 == 0.0, 0.0, x24)
+    x27 = x20 + x21
+    sine_minus = xp.where(x27 == 0.0, 0.0, -x27)
     theta_1 = xp.atan2(sine_plus, cosine_plus)
+    del x0, x2, x7, smaller, larger, x8, x17, w, x22, x15, x16, x24, x20, x21, x27, cosine_plus, sine_plus
     theta_2 = xp.atan2(sine_minus, cosine_minus)
-    status = 0.0
-    is_usual = (size > eps) & (square > bound) & (size < 1.0/eps)
-    return (theta_1, theta_2, status, is_usual)
+    is_usual_value = (eps < size) & (bound < square) & (size < 1.0/eps)
+    return (theta_1, theta_2, 0.0, is_usual_value)
 
 
 trig_solve.signature = "(),(),()->(2),()"

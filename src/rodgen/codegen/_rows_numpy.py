@@ -16,7 +16,9 @@ WORK_BYTES = 1 << 22
 FEWEST, MOST = 128, 2048
 """Rows a block."""
 
-FUNCTIONS: dict[str, Callable[..., Any]] = {op: getattr(np, row.array) for op, row in OPERATIONS.items()}
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    op: getattr(np, row.array) for op, row in OPERATIONS.items() if row.array
+}
 INTO = {op: f for op, f in FUNCTIONS.items() if op not in {CONDITION, "select"}}
 """Operations whose result NumPy writes into an array that is given."""
 

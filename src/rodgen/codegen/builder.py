@@ -12,6 +12,7 @@ from typing import Any
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
+from rodgen.codegen.expressions import check_expression
 from rodgen.codegen.kernel import Kernel, Value
 from rodgen.codegen.kernel_parts import (
     Assignment,
@@ -21,9 +22,8 @@ from rodgen.codegen.kernel_parts import (
     live_steps,
     packed,
     port_symbols,
-    shortened,
 )
-from rodgen.codegen.printers import C_MACROS, ArrayPrinter
+from rodgen.codegen.operations import OPERATIONS
 from rodgen.symbolic import EPS, LARGEST
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
@@ -40,7 +40,8 @@ _RESERVED = {
     *dir(builtins),
     *re.findall(r"\w+", _WORDS_OF_C + _WORDS_OF_TEMPLATES),
     # functions that a variable of the same name would hide
-    *(function.format(f="", bits="f64") for function, _ in C_MACROS.values()),
+    *(row.c.partition("(")[0] for row in OPERATIONS.values() if row.c.endswith(")")),
+    *("sign_f64", "power_of_two_scale_f64"),
 }
 """Words of Python and C, and names that the templates or a compiler use."""
 
@@ -172,7 +173,7 @@ class KernelBuilder:
         return named | {s.name for port in self._inputs for s in port.symbols} | {EPS.name, LARGEST.name}
 
     def build(self) -> Kernel:
-        """Eliminate common subexpressions and return the kernel."""
+        """Return the kernel."""
         if not self._outputs:
             raise KernelError(f"kernel {self._name} has no output")
         return Kernel(
@@ -181,7 +182,7 @@ class KernelBuilder:
             self._source,
             tuple(self._inputs),
             tuple(self._outputs),
-            shortened(self._inputs, self._outputs, self._steps),
+            tuple(live_steps(self._steps, [s for port in self._outputs for s in port.symbols])),
             self._notes,
             self._usual,
             dict(self._named),
@@ -211,7 +212,7 @@ class KernelBuilder:
                 "only" + (f"; {min(alike)} here is another symbol than input() returned" if alike else "")
             )
         try:
-            ArrayPrinter().line(value)  # raised here, so that the traceback leads to the line of the script
+            check_expression(value)  # raised here, so that the traceback leads to the line of the script
         except KernelError as error:
             raise KernelError(f"kernel {self._name}: {symbol.name}: {error}") from None
         self._steps.append(Assignment(symbol, value))

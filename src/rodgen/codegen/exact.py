@@ -1,29 +1,23 @@
-"""Evaluate a kernel with many digits: the reference that NumPy and C are compared with.
+"""Programs with many digits: an operation at a time, with the numbers of mpmath.
 
-It walks the very expression trees of the kernel, in mpmath, so a wrong printer or template cannot hide. Where
-floating point has a value that mathematics has not, it is the same one here: 1/0 is infinite, the root of a
-negative number is NaN, a comparison with NaN is false.
+It is the reference that NumPy and C are compared with. Where floating point has a value that mathematics has not, it is
+the same one here: 1/0 is infinite, the root of a negative number is NaN, a comparison with NaN is false.
 """
 
 from __future__ import annotations
 
-import functools
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import mpmath
 import numpy as np
-import sympy as sp
-from sympy.core.relational import Relational
 
-from rodgen.codegen.kernel_parts import StraightLine
-from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
+from rodgen.codegen.kernel_parts import Port
+from rodgen.codegen.program import Program
 
 Real: TypeAlias = Any
 """An mpf, or a bool for a condition."""
-
-Evaluation: TypeAlias = Callable[[Sequence[Real]], Real]
 
 
 def _scale(x: Real, largest: Real) -> Real:
@@ -41,156 +35,79 @@ def _quotient(above: Real, below: Real) -> Real:
     return above * mpmath.inf  # NaN for 0/0; mpmath has no negative zero
 
 
-def _root(x: Real) -> Real:
-    return mpmath.nan if x < 0 else mpmath.sqrt(x)
+def _power(x: Real, y: Real) -> Real:
+    return mpmath.nan if x < 0 and y != int(y) else x**y
 
 
-def _periodic(function: Callable[[Real], Real]) -> Callable[[Real], Real]:
-    return lambda x: function(x) if mpmath.isfinite(x) else mpmath.nan
+def _real(function: Callable[..., Real], *, periodic: bool = False) -> Callable[..., Real]:
+    """Return a function that is NaN where it has no real value."""
 
-
-def _real(function: Callable[[Real], Real]) -> Callable[[Real], Real]:
-    def value(x: Real) -> Real:
-        result = function(x)
+    def value(*arguments: Real) -> Real:
+        if any(map(mpmath.isnan, arguments)) or (periodic and not mpmath.isfinite(arguments[0])):
+            return mpmath.nan
+        result = function(*arguments)
         return mpmath.nan if isinstance(result, mpmath.mpc) else result
 
     return value
 
 
-_FUNCTIONS: dict[type, Callable[..., Real]] = {
-    sp.Abs: abs,
-    sp.sign: mpmath.sign,
-    **{f: _periodic(getattr(mpmath, f.__name__)) for f in (sp.sin, sp.cos, sp.tan)},
-    **{f: _real(getattr(mpmath, f.__name__)) for f in (sp.asin, sp.acos, sp.log)},
-    **{f: getattr(mpmath, f.__name__) for f in (sp.atan, sp.atan2, sp.sinh, sp.cosh, sp.tanh, sp.exp)},
+_OPERATIONS: dict[str, Callable[..., Real]] = {
+    **{op: getattr(operator, op) for op in ("add", "sub", "mul", "neg", "lt", "le", "eq", "ne", "abs")},
+    "and": lambda a, b: a and b,
+    "or": lambda a, b: a or b,
+    "not": operator.not_,
+    "div": _quotient,
+    "recip": lambda x: _quotient(mpmath.mpf(1), x),
+    "select": lambda holds, yes, no: yes if holds else no,
+    "pi": lambda: +mpmath.pi,
+    "pow": _real(_power),
+    **{op: _real(getattr(mpmath, op), periodic=True) for op in ("sin", "cos", "tan")},
+    **{op: _real(getattr(mpmath, op)) for op in ("asin", "acos", "log", "sqrt", "sign", "atan", "atan2")},
+    **{op: _real(getattr(mpmath, op)) for op in ("sinh", "cosh", "tanh", "exp")},
 }
 
-_COMPARISONS: dict[str, Callable[[Real, Real], bool]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-    "==": operator.eq,
-    "!=": operator.ne,
-}
 
+def exact_results(
+    program: Program, inputs: Mapping[str, Sequence[Real]], row: int = 0
+) -> dict[str, list[Real]]:
+    """Return the components of the outputs of a program for one row of its Jacobian; the precision is mpmath's.
 
-def _translated(tree: sp.Basic, places: Mapping[sp.Symbol, int]) -> Evaluation:
-    """Make an expression or condition a function of the list of all values; of a select only one case is evaluated.
-
-    Once for all points, because SymPy takes longer to say what a node is than mpmath to compute its value. Constants
-    have the digits that are set when this is called.
+    `inputs` has the components of each input.
     """
-    if isinstance(tree, sp.Symbol):
-        return operator.itemgetter(places[tree])
-    if isinstance(tree, sp.Rational):
-        return _constant(mpmath.mpf(int(tree.p)) / int(tree.q))
-    if isinstance(tree, sp.NumberSymbol):
-        return _constant(mpmath.mpf(getattr(mpmath, str(tree).lower())))
-    if tree in (sp.true, sp.false):
-        return _constant(tree is sp.true)
-    if tree is sp.nan:
-        return _constant(mpmath.nan)
-    if isinstance(tree, sp.Piecewise):
-        cases = [(_translated(case, places), _translated(holds, places)) for case, holds in tree.args]
-        return lambda known: next(case(known) for case, holds in cases if holds(known))
-    if isinstance(tree, sp.Mul):
-        return _product(tree, places)
-    if isinstance(tree, sp.Pow):
-        if tree.exp.is_negative:
-            below = _power(tree.base, -tree.exp, places)
-            return lambda known: _quotient(mpmath.mpf(1), below(known))
-        return _power(tree.base, tree.exp, places)
-    parts = [_translated(part, places) for part in tree.args]
-    if isinstance(tree, Relational):
-        compare, (left, right) = _COMPARISONS[tree.rel_op], parts
-        return lambda known: compare(left(known), right(known))
-    if isinstance(tree, sp.And):
-        return lambda known: all(part(known) for part in parts)
-    if isinstance(tree, sp.Or):
-        return lambda known: any(part(known) for part in parts)
-    if isinstance(tree, sp.Not):
-        return lambda known: not parts[0](known)
-    if isinstance(tree, sp.ITE):  # SymPy makes this of a select inside a condition
-        condition, yes, no = parts
-        return lambda known: yes(known) if condition(known) else no(known)
-    if isinstance(tree, sp.Add):
-        return lambda known: functools.reduce(operator.add, [part(known) for part in parts])
-    if isinstance(tree, power_of_two_scale):
-        largest = places[LARGEST]
-        return lambda known: _scale(parts[0](known), known[largest])
-    return _function(_FUNCTIONS[type(tree)], parts)
-
-
-def _constant(value: Real) -> Evaluation:
-    return lambda known: value
-
-
-def _function(function: Callable[..., Real], parts: Sequence[Evaluation]) -> Evaluation:
-    def value(known: Sequence[Real]) -> Real:
-        arguments = [part(known) for part in parts]
-        return mpmath.nan if any(map(mpmath.isnan, arguments)) else function(*arguments)
-
-    return value
-
-
-def _product(tree: sp.Mul, places: Mapping[sp.Symbol, int]) -> Evaluation:
-    above, below = [], []
-    for factor in tree.args:
-        if isinstance(factor, sp.Pow) and factor.exp.is_negative:
-            below.append(_power(factor.base, -factor.exp, places))
+    found: list[Real] = []
+    for op, *args in program.operations:
+        if op == "input":
+            found.append(inputs[args[0]][args[1]])
+        elif op == "seed":
+            found.append(mpmath.mpf(args[0] == row))
         else:
-            above.append(_translated(factor, places))
-
-    def value(known: Sequence[Real]) -> Real:
-        product = mpmath.mpf(1)
-        for factor in above:
-            product = product * factor(known)
-        if not below:
-            return product
-        divisor = mpmath.mpf(1)
-        for factor in below:
-            divisor = divisor * factor(known)
-        return _quotient(product, divisor)
-
-    return value
-
-
-def _power(base: sp.Expr, exponent: sp.Expr, places: Mapping[sp.Symbol, int]) -> Evaluation:
-    x = _translated(base, places)
-    if exponent == 1:
-        return x
-    if exponent == sp.S.Half:
-        return lambda known: _root(x(known))
-    if exponent.is_Integer:
-        n = int(exponent)
-        return lambda known: x(known) ** n
-    y = _translated(exponent, places)
-
-    def value(known: Sequence[Real]) -> Real:
-        number = x(known)
-        return mpmath.nan if number < 0 else number ** y(known)
-
-    return value
-
-
-def translated(kernel: StraightLine) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
-    """Translate a kernel: the place of each symbol among the values, and what gives the value of each assignment."""
-    inputs = [s for port in kernel.inputs for s in port.symbols]
-    symbols = [EPS, LARGEST, *inputs, *(a.symbol for a in kernel.assignments)]
-    places = {symbol: place for place, symbol in enumerate(symbols)}
-    return places, [_translated(a.value, places) for a in kernel.assignments]
+            operands = [found[a] if isinstance(a, int) else mpmath.mpf(a) for a in args]
+            if op == "power_of_two_scale":
+                operands.append(inputs["largest"][0])
+                found.append(_scale(*operands))
+            else:
+                found.append(_OPERATIONS[op](*operands))
+    return {
+        port: [found[x] if isinstance(x, int) else mpmath.mpf(x) for x in values]
+        for port, values in program.results.items()
+    }
 
 
 def evaluate(
-    kernel: StraightLine, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
+    program: Program,
+    inputs: Sequence[Port],
+    outputs: Sequence[Port],
+    values: Mapping[str, Any],
+    digits: int = 50,
+    eps: Any = None,
+    largest: Any = None,
 ) -> dict[str, Any]:
-    """Evaluate a kernel at one point.
+    """Evaluate the program of a kernel at one point.
 
     Parameters
     ----------
-    kernel : StraightLine
-        What to evaluate.
+    program, inputs, outputs : Program, sequence of Port
+        Of the kernel.
     values : mapping of str to number or array_like
         A value for each input, of the port's shape. Floats are taken exactly as they are in binary;
         ``mpmath.mpf``, int and ``fractions.Fraction`` are welcome.
@@ -206,30 +123,26 @@ def evaluate(
         For each output an mpf, an int (status), or an object array of the port's shape.
     """
     with mpmath.workdps(digits):
-        known = [
-            mpmath.mpf(2) ** -52 if eps is None else mpmath.mpf(eps),
-            mpmath.mpf(np.finfo(np.float64).max.item()) if largest is None else mpmath.mpf(largest),
-        ]
-        for port in kernel.inputs:
+        limits = np.finfo(np.float64)
+        known = {
+            "eps": [mpmath.mpf(limits.eps.item() if eps is None else eps)],
+            "largest": [mpmath.mpf(limits.max.item() if largest is None else largest)],
+        }
+        for port in inputs:
             components = np.asarray(values[port.name], dtype=object)
             if components.shape != port.shape:
                 raise ValueError(
-                    f"kernel {kernel.name}: {port.name} has shape {components.shape}; expected {port.shape}"
+                    f"kernel {program.name}: {port.name} has shape {components.shape}; expected {port.shape}"
                 )
-            known += map(_number, components.ravel())
-        if digits not in kernel.translations:
-            kernel.translations[digits] = translated(kernel)
-        places, steps = kernel.translations[digits]
-        for step in steps:
-            known.append(step(known))
-        result: dict[str, Any] = {}
-        for port in kernel.outputs:
-            flat = [known[places[s]] for s in port.symbols]
-            flat = [int(x) for x in flat] if port.is_status else [mpmath.mpf(x) for x in flat]
+            known[port.name] = list(map(_number, components.ravel()))
+        results = exact_results(program, known)
+        found: dict[str, Any] = {}
+        for port in outputs:
+            flat = [int(x) if port.is_status else mpmath.mpf(x) for x in results[port.name]]
             array = np.empty(len(flat), dtype=object)
             array[:] = flat
-            result[port.name] = flat[0] if port.shape == () else array.reshape(port.shape)
-        return result
+            found[port.name] = flat[0] if port.shape == () else array.reshape(port.shape)
+        return found
 
 
 def _number(x: Any) -> Real:

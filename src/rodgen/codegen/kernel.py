@@ -4,32 +4,26 @@ A kernel computes outputs from inputs by a list of assignments, each of which us
 earlier assignments. There is no branch: a case distinction is a select of two values, so that a C compiler
 can vectorise the program and NumPy can evaluate it on whole arrays.
 
-:class:`rodgen.codegen.KernelBuilder` is how a derivation writes one; :class:`Kernel` is the result, after
-common-subexpression elimination, and never changes again.
+:class:`rodgen.codegen.KernelBuilder` is how a derivation writes one; :class:`Kernel` is the result, and never changes
+again. Its assignments are SymPy's expressions, as they were written, for proofs and derivatives; what is written or
+evaluated is its :attr:`Kernel.program`.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import sympy as sp
-from sympy.core.relational import Relational
-from sympy.logic.boolalg import Boolean
 
 from rodgen.codegen.differentiate import derivatives
 from rodgen.codegen.exact import evaluate
-from rodgen.codegen.kernel_parts import (
-    Assignment,
-    KernelError,
-    Port,
-    UsualCase,
-    live_steps,
-    shortened,
-)
+from rodgen.codegen.expressions import FUNCTIONS, program_of
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, UsualCase, live_steps
+from rodgen.codegen.program import Program
+from rodgen.codegen.program_text import MACROS, Language, ProgramText, program_text
 
 Value: TypeAlias = Any
 """A SymPy expression, or a matrix or array of them."""
@@ -77,15 +71,35 @@ class Kernel:
         raise KeyError(f"kernel {self.name} has no port {name}")
 
     @cached_property
+    def program(self) -> Program:
+        """The assignments as operations, of which each is done once: what all targets are written from."""
+        return program_of(self.name, self.inputs, self.outputs, self.assignments)
+
+    def text(self, language: Language) -> ProgramText:
+        """Return the program in a language; named steps and angles have lines of their own."""
+        return program_text(self.program, language, {*self.program.names, *self.angles})
+
+    @cached_property
+    def macros(self) -> ProgramText:
+        """The program in C, whose functions are macros."""
+        return self.text(MACROS)
+
+    @property
     def operations(self) -> dict[str, int]:
         """Floating-point operations of one evaluation, by kind (``add``, ``mul``, ``div``, ``sqrt``, ...)."""
-        return count_operations(assignment.value for assignment in self.assignments)
+        return self.macros.operations
 
     @cached_property
     def functions(self) -> frozenset[str]:
         """Names of the elementary functions that are called (``sin``, ``atan2``, ...)."""
-        names = called_functions(a.value for a in self.assignments)
-        return frozenset(names - {"Piecewise", "Abs", "sign", "power_of_two_scale"})
+        called = {op for op, *_ in self.program.operations} & set(FUNCTIONS.values())
+        return frozenset(called - {"abs", "sign", "power_of_two_scale"})
+
+    @property
+    def angles(self) -> list[int]:
+        """The operations, or inputs, of which a sine or cosine is taken."""
+        operands = (args[0] for op, *args in self.program.operations if op in {"sin", "cos"})
+        return sorted({x for x in operands if isinstance(x, int)})
 
     def __getitem__(self, name: str) -> Value:
         """Return the symbol, or the Matrix or array of symbols, of the input, output or named step `name`."""
@@ -186,12 +200,7 @@ class Kernel:
         self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
     ) -> dict[str, Any]:
         """Evaluate the same program with `digits` decimal digits; see :mod:`rodgen.codegen.exact`."""
-        return evaluate(self, values, digits=digits, eps=eps, largest=largest)
-
-    @cached_property
-    def translations(self) -> dict[int, Any]:
-        """Results of :func:`rodgen.codegen.exact.translated` for this kernel, by number of digits."""
-        return {}
+        return evaluate(self.program, self.inputs, self.outputs, values, digits, eps, largest)
 
     def usual_case(self) -> Kernel:
         """Return the shorter kernel of the usual case, with a further output: the condition ``is_usual``.
@@ -201,7 +210,7 @@ class Kernel:
         if self.usual is None:
             raise KernelError(f"kernel {self.name} has no usual case")
         known: dict[sp.Symbol, sp.Basic] = {}
-        steps = []
+        steps = list[Assignment]()
         for a in self.assignments:
             value = self.usual.values.get(a.symbol.name, a.value).xreplace(known)
             if value.is_Symbol or value.is_Number or value in (sp.true, sp.false):
@@ -220,72 +229,7 @@ class Kernel:
         steps: Sequence[Assignment],
     ) -> Kernel:
         """Return a kernel of other steps with this one's summary, source, notes and named steps."""
-        program = shortened(inputs, outputs, steps)
-        return Kernel(
-            name,
-            self.summary,
-            self.source,
-            tuple(inputs),
-            tuple(outputs),
-            program,
-            self.notes,
-            steps=self.steps,
+        live = tuple(live_steps(steps, [symbol for port in outputs for symbol in port.symbols]))
+        return replace(
+            self, name=name, inputs=tuple(inputs), outputs=tuple(outputs), assignments=live, usual=None
         )
-
-
-# operations ----------------------------------------------------------------------------------------------
-
-
-def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
-    """Return the operations that the printers write, by kind, in a fixed order, zeros left out."""
-    counts: Counter[str] = Counter()
-    for value in values:
-        _count(value, counts)
-    first = ["add", "mul", "div", "sqrt", "select", "compare"]
-    order = [*first, *sorted(set(counts) - set(first))]
-    return {kind: counts[kind] for kind in order if counts[kind]}
-
-
-def called_functions(values: Iterable[sp.Basic]) -> set[str]:
-    """Return the names of all functions in the values, ``Piecewise``, ``Abs`` and ``sign`` among them."""
-    return {type(f).__name__ for value in values for f in value.atoms(sp.Function)}
-
-
-def _count(value: sp.Basic, counts: Counter[str]) -> None:
-    if isinstance(value, sp.Piecewise):
-        counts["select"] += len(value.args) - 1
-    elif isinstance(value, Relational):
-        counts["compare"] += 1
-    elif isinstance(value, sp.Add):
-        counts["add"] += len(value.args) - 1
-    elif isinstance(value, sp.Mul):
-        below = [a for a in value.args if isinstance(a, sp.Pow) and a.exp.is_negative]
-        above = [a for a in value.args if a not in below and a is not sp.S.NegativeOne]
-        counts["mul"] += max(len(above) - 1, 0) + max(len(below) - 1, 0)
-        counts["div"] += bool(below)
-        for factor in below:
-            _count(factor.base**-factor.exp, counts)
-        for factor in above:
-            _count(factor, counts)
-        return
-    elif isinstance(value, sp.Pow):
-        if value.exp.is_negative:
-            counts["div"] += 1
-            _count(value.base**-value.exp, counts)
-            return
-        if value.exp == sp.S.Half:
-            counts["sqrt"] += 1
-        elif value.exp.is_Integer:
-            counts["mul"] += int(value.exp) - 1
-        else:
-            counts["pow"] += 1
-        _count(value.base, counts)
-        return
-    elif isinstance(value, sp.Abs):
-        counts["abs"] += 1
-    elif isinstance(value, sp.Function):
-        counts[type(value).__name__] += 1
-    elif not isinstance(value, Boolean) and not value.args:
-        return
-    for argument in value.args:
-        _count(argument, counts)

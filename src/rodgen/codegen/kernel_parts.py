@@ -14,8 +14,6 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-from rodgen.codegen._cse import eliminate_common_subexpressions
-
 Step = TypeVar("Step", bound=tuple[sp.Symbol, sp.Basic])
 
 
@@ -93,7 +91,7 @@ class UsualCase:
 
 
 class StraightLine(Protocol):
-    """A kernel, :class:`rodgen.codegen.kernel.Kernel`, for what differentiates or evaluates its program."""
+    """A kernel, :class:`rodgen.codegen.kernel.Kernel`, for what differentiates its program."""
 
     @property
     def name(self) -> str:
@@ -110,10 +108,6 @@ class StraightLine(Protocol):
     @property
     def assignments(self) -> tuple[Assignment, ...]:
         """In the order of evaluation."""
-
-    @property
-    def translations(self) -> dict[int, Any]:
-        """Programs of exact values, by number of digits."""
 
     def port(self, name: str) -> Port:
         """Return the input or output called `name`."""
@@ -146,14 +140,3 @@ def live_steps(steps: Sequence[Step], wanted: Iterable[sp.Symbol]) -> list[Step]
             needed |= value.free_symbols
             kept.append(step)
     return kept[::-1]
-
-
-def shortened(
-    inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment]
-) -> tuple[Assignment, ...]:
-    """Return the steps without those that no output needs, and with common subexpressions computed once."""
-    wanted = [symbol for port in outputs for symbol in port.symbols]
-    live = live_steps(steps, wanted)
-    taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}
-    pairs = eliminate_common_subexpressions(live, taken)
-    return tuple(Assignment(symbol, value) for symbol, value in pairs)

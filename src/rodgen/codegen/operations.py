@@ -26,8 +26,15 @@ OPERATIONS = {
     "sub": Operation("{} - {}", "{} - {}", "subtract", "{} - {}"),
     "mul": Operation("{}*{}", "{}*{}", "multiply", "{}.*{}"),
     "neg": Operation("-{}", "-{}", "negative", "-{}"),
+    "div": Operation("{}/{}", "{}/{}", "divide", "{}./{}"),
     "recip": Operation("1.0/{}", "1.0/{}", "reciprocal", "1.0./{}"),
     "lt": Operation("{} < {}", "{} < {}", "less", "{} < {}"),
+    "le": Operation("{} <= {}", "", "less_equal", "{} <= {}"),
+    "eq": Operation("{} == {}", "", "equal", "{} == {}"),
+    "ne": Operation("{} != {}", "", "not_equal", "{} ~= {}"),
+    "and": Operation("{} && {}", "", "logical_and", "{} & {}"),
+    "or": Operation("{} || {}", "", "logical_or", "{} | {}"),
+    "not": Operation("!{}", "", "logical_not", "~{}"),
     "select": Operation("{} ? {} : {}", "lanes_blend({}, {}, {})", "where", "select({}, {}, {})"),
     "abs": Operation("fabs({})", "lanes_magnitude({})", "abs", "abs({})"),
     "sign": Operation("sign_of_number({})", "lanes_sign({})", "sign", "sign_of({})"),
@@ -37,15 +44,26 @@ OPERATIONS = {
     "cos": Operation("cos({})", "lanes_cos({})", "cos", "cos({})"),
     "tan": Operation("tan({})", "lanes_tan({})", "tan", "tan({})"),
     "asin": Operation("asin({})", "lanes_asin({})", "asin", "real_asin({})"),
+    "acos": Operation("acos({})", "", "acos", "real_acos({})"),
+    "atan": Operation("atan({})", "", "atan", "atan({})"),
     "atan2": Operation("atan2({}, {})", "lanes_atan2({}, {})", "atan2", "atan2({}, {})"),
+    "sinh": Operation("sinh({})", "", "sinh", "sinh({})"),
+    "cosh": Operation("cosh({})", "", "cosh", "cosh({})"),
+    "tanh": Operation("tanh({})", "", "tanh", "tanh({})"),
     "exp": Operation("exp({})", "lanes_exp({})", "exp", "exp({})"),
     "log": Operation("log({})", "lanes_log({})", "log", "real_log({})"),
+    "power_of_two_scale": Operation("power_of_two_scale({})", "", "", "power_of_two_scale({})"),
+    "pi": Operation("", "", "", ""),
 }
+"""What stands in the kernels of papers only is not written on vectors of rows."""
 
 CONDITION = "lt"
-"""The operation that gives truth values."""
+"""The operation that gives truth values in a program over rows."""
 
-OPERATORS = frozenset({"add", "sub", "mul", "neg", "recip"})
+CONDITIONS = frozenset({"lt", "le", "eq", "ne", "and", "or", "not"})
+"""Operations that give truth values."""
+
+OPERATORS = frozenset({"add", "sub", "mul", "div", "neg", "recip"})
 """Operations that C writes alike for numbers and vectors."""
 
 CPP_WORDS = """

@@ -11,6 +11,7 @@ import inspect
 import math
 import re
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -18,22 +19,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-import sympy as sp
 
 from rodgen.codegen import _array_call
-from rodgen.codegen.kernel import Kernel, called_functions
+from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import KernelError, Port
-from rodgen.codegen.printers import (
-    C_MACROS,
-    ArrayPrinter,
-    CppPrinter,
-    CPrinter,
-    KernelPrinter,
-    MatlabPrinter,
-    c_lines,
-    numpy_lines,
-    symbols_read,
-)
+from rodgen.codegen.operations import CPP_WORDS, MATLAB_WORDS, OPERATIONS
+from rodgen.codegen.program_text import CPP, MACROS, MATLAB, ProgramText, array_language
 from rodgen.codegen.source_text import (
     DO_NOT_EDIT,
     ENVIRONMENT,
@@ -48,6 +39,22 @@ from rodgen.symbolic import Derivation
 
 USUAL_TARGETS = ("numpy", "c")
 """Languages that are written when none is asked for."""
+
+C_MACROS = {
+    MACROS.written[op].partition("(")[0]: (
+        f"{op}_{{bits}}" if op in {"sign", "power_of_two_scale"} else row.c.partition("(")[0] + "{f}",
+        ", ".join("xy"[: row.c.count("{}")]),
+    )
+    for op, row in OPERATIONS.items()
+    if row.c.endswith(")")
+}
+"""The macros that the C of kernels calls: the function that each calls, and its arguments.
+
+``{f}`` is the ending of C's functions on floats, ``{bits}`` that of the helpers in the templates.
+"""
+
+MATLAB_NAMES = "assembled count eps evaluate given_columns kind NaN realmax real_power real_sqrt select"
+"""Names in the template."""
 
 VECTOR_FUNCTIONS = frozenset({"sin", "cos", "atan2"})
 """Elementary functions that have an inline form in the vectorised loops."""
@@ -290,7 +297,7 @@ def _files(
 
 def _render(template: str, module: KernelModule, kernels: Sequence[Any], **more: Any) -> str:
     """Return the text of a template; `kernels` holds for each kernel what the template writes of it."""
-    functions = called_functions(a.value for k in module.kernels for a in k.assignments)
+    functions = {op for k in module.kernels for op, *_ in k.program.operations}
     return ENVIRONMENT.get_template(template).render(
         module=module,
         kernels=kernels,
@@ -305,8 +312,8 @@ def _render(template: str, module: KernelModule, kernels: Sequence[Any], **more:
     )
 
 
-def _check_names(module: KernelModule, printer: KernelPrinter) -> None:
-    """Refuse names that a language keeps for itself."""
+def _check_names(module: KernelModule, language: str, reserved: Iterable[str], longest: int = 1000) -> None:
+    """Refuse names that a language keeps for itself, or that are too long for it."""
     names = {
         module.name,
         *(e["name"] for e in module.enums),
@@ -316,15 +323,23 @@ def _check_names(module: KernelModule, printer: KernelPrinter) -> None:
         names |= {k.name, *(p.name for p in (*k.inputs, *k.outputs))}
         names |= {s.name for p in k.inputs for s in p.symbols} | {a.symbol.name for a in k.assignments}
     for name in sorted(names):
-        if name in printer.reserved or len(name) > printer.longest_name:
-            why = (
-                "is reserved"
-                if name in printer.reserved
-                else f"has more than {printer.longest_name} characters"
-            )
+        if name in reserved or len(name) > longest:
+            why = "is reserved" if name in reserved else f"has more than {longest} characters"
             raise KernelError(
-                f"module {module.name}: the name {name} {why} in generated {printer.language}; expected another one"
+                f"module {module.name}: the name {name} {why} in generated {language}; expected another one"
             )
+
+
+def _read(kernel: Kernel) -> set[str]:
+    """Return the names of the components of inputs that are read."""
+    used = {tuple(args) for op, *args in kernel.program.operations if op == "input"}
+    return {s.name for p in kernel.inputs for i, s in enumerate(p.symbols) if (p.name, i) in used}
+
+
+def _unread(kernel: Kernel) -> list[Port]:
+    """Return the inputs of which no component is read."""
+    used = _read(kernel)
+    return [p for p in kernel.inputs if used.isdisjoint(s.name for s in p.symbols)]
 
 
 def _list_of_names(names: Sequence[str]) -> str:
@@ -367,7 +382,6 @@ def _numpy_files(module: KernelModule) -> dict[str, str]:
 
 
 def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
-    printer = ArrayPrinter("xp")
     return [
         {
             "name": kernel.name,
@@ -381,7 +395,7 @@ def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
             "gufunc_signature": _gufunc_signature(kernel),
             "types": _list_of_names([_type_codes(kernel, code) for code in "df"]),
             "components": ", ".join(s.name for p in kernel.inputs for s in p.symbols),
-            "bodies": [_numpy_body(k, printer) for k in _with_usual_case(kernel)],
+            "bodies": [_numpy_body(k) for k in _with_usual_case(kernel)],
         }
         for kernel in module.kernels
     ]
@@ -392,12 +406,24 @@ def _with_usual_case(kernel: Kernel) -> list[Kernel]:
     return [kernel] if kernel.usual is None else [kernel, kernel.usual_case()]
 
 
-def _numpy_body(kernel: Kernel, printer: ArrayPrinter) -> dict[str, Any]:
+WAITING = 16
+"""So many arrays that no later line reads are kept at most: few enough for those in use to stay in the cache."""
+
+
+def _numpy_body(kernel: Kernel) -> dict[str, Any]:
+    text = kernel.text(array_language("xp"))
+    lines, done = list[str](), list[str]()
+    for line in text.lines:
+        lines.append(f"{line.name} = {line.text}")
+        done += line.done
+        if len(done) >= WAITING:
+            lines.append(f"del {', '.join(done)}")
+            done = []
     return {
         "function": f"_{kernel.name}",
-        "operations": operations_text(kernel.operations),
-        "lines": list(numpy_lines(kernel, printer)),
-        "results": _tuple((s.name for p in kernel.outputs for s in p.symbols), parentheses=True),
+        "operations": operations_text(text.operations),
+        "lines": lines,
+        "results": _tuple((x for p in kernel.outputs for x in text.results[p.name]), parentheses=True),
     }
 
 
@@ -431,9 +457,49 @@ def _comment(kernel: Kernel) -> list[str]:
     return lines + [_c_port_line(p) for p in (*kernel.inputs, *kernel.outputs)]
 
 
+def _lines_of_c(
+    kernel: Kernel,
+    text: ProgramText,
+    types: tuple[str, str],
+    place: Callable[[Port, int], str],
+    code: Callable[[Port], str],
+    angles: Sequence[str] = (),
+) -> tuple[list[str], list[str]]:
+    """Return the lines of C or C++ that compute, and those that store the outputs, and angles for a later look.
+
+    `types` are those of numbers and conditions; `place` writes what a component of an output is stored in, `code` with
+    ``{}`` the conversion to a code of a status.
+    """
+    stored = Counter(x for p in kernel.outputs for x in text.results[p.name])
+    codes = {x for p in kernel.outputs if p.is_status for x in text.results[p.name]}
+    late = {
+        line.name: line.text
+        for line in text.lines
+        if stored[line.name] == 1 and not line.is_read and line.name not in {*codes, *angles}
+    }
+    body = [
+        f"const {types[line.is_condition]} {line.name} = {line.text};"
+        for line in text.lines
+        if line.name not in late
+    ]
+    stores = [
+        f"{place(port, i)} = {(code(port) if port.is_status else '{}').format(late.get(x, x))};"
+        for port in kernel.outputs
+        for i, x in enumerate(text.results[port.name])
+    ]
+    return body, [*stores, *(f"ANGLE({n}, {angle});" for n, angle in enumerate(angles))]
+
+
 def _c_kernel(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
-    used = symbols_read(kernel)
-    body, stores = c_lines(kernel, CPrinter(), _angles(kernel))
+    used = _read(kernel)
+    body, stores = _lines_of_c(
+        kernel,
+        kernel.macros,
+        ("REAL", "CONDITION"),
+        lambda port, i: f"{port.name}[AT({i})]" if port.shape else f"*{port.name}",
+        lambda port: "(CODE){}",
+        _angles(kernel),
+    )
     ports = [*((p, False) for p in kernel.inputs), *((p, True) for p in kernel.outputs)]
     return {
         "name": kernel.name,
@@ -447,7 +513,7 @@ def _c_kernel(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
             for p in kernel.inputs
             if p.shape != ()
             for i, s in enumerate(p.symbols)
-            if s in used
+            if s.name in used
         ]
         + [f"(void){p.name};" for p in _unread(kernel)],  # no warning for those
         "body": body,
@@ -477,12 +543,6 @@ def _parameters(kernel: Kernel, real: str, code: str = "int8_t") -> str:
     )
 
 
-def _unread(kernel: Kernel) -> list[Port]:
-    """Return the inputs of which no component is read."""
-    used = symbols_read(kernel)
-    return [p for p in kernel.inputs if not used & set(p.symbols)]
-
-
 def _element(port: Port, *, output: bool) -> str:
     if port.shape == ():
         return f"{port.name} + i" if output else f"{port.name}[i]"
@@ -493,15 +553,24 @@ def _element(port: Port, *, output: bool) -> str:
 
 
 def _cpp_files(module: KernelModule) -> dict[str, str]:
-    _check_names(module, CppPrinter())
+    _check_names(module, "C++", CPP_WORDS.split())
     kernels = [_cpp_kernel(kernel) for kernel in module.kernels]
     return {f"cpp/{module.name}.hpp": _render("cpp.hpp.j2", module, kernels)}
 
 
 def _cpp_kernel(kernel: Kernel) -> dict[str, Any]:
     only = len(kernel.outputs) == 1
-    printer, used = CppPrinter(only), symbols_read(kernel)
-    body, stores = c_lines(kernel, printer)
+    out = "out" if only else "out.{}"
+    body, stores = _lines_of_c(
+        kernel,
+        kernel.text(CPP),
+        ("Real", "bool"),
+        lambda port, i: (
+            out.format(port.name) + "".join(f"[{at}]" for at in np.unravel_index(i, port.shape) if port.shape)
+        ),
+        lambda port: f"static_cast<{port.enum.__name__ if port.enum else 'int'}>({{}})",
+    )
+    used = _read(kernel)
     return {
         "name": kernel.name,
         "comment": _comment(kernel),
@@ -516,7 +585,7 @@ def _cpp_kernel(kernel: Kernel) -> dict[str, Any]:
             for p in kernel.inputs
             if p.shape
             for s, place in zip(p.symbols, np.ndindex(p.shape), strict=True)
-            if s in used
+            if s.name in used
         ],
         "body": body,
         "stores": stores,
@@ -535,7 +604,8 @@ def _cpp_type(port: Port) -> str:
 
 
 def _matlab_files(module: KernelModule) -> dict[str, str]:
-    _check_names(module, MatlabPrinter())
+    names = {row.matlab.partition("(")[0] for row in OPERATIONS.values() if row.matlab.endswith(")")}
+    _check_names(module, "MATLAB", {*MATLAB_WORDS.split(), *MATLAB_NAMES.split(), *names}, 63)
     folder = f"matlab/+rodgen/+{module.name}"
     files = {
         f"{folder}/{kernel.name}.m": _render("kernel.m.j2", module, [], kernel=_matlab_kernel(kernel))
@@ -546,15 +616,18 @@ def _matlab_files(module: KernelModule) -> dict[str, str]:
     }
 
 
+_MATLAB_NUMBER_TYPE = {"eps": "eps(kind)", "largest": "realmax(kind)"}
+
+
 def _matlab_kernel(kernel: Kernel) -> dict[str, Any]:
-    printer, used = MatlabPrinter(), symbols_read(kernel)
+    used, text = _read(kernel), kernel.text(MATLAB._replace(inputs=_MATLAB_NUMBER_TYPE))
     lines = []
     for port in kernel.inputs:
         rows = [port.symbols[i] for i in _columnwise(port.shape)] if port.shape else []
-        lines += [f"{s.name} = {port.name}({i}, :);" for i, s in enumerate(rows, 1) if s in used]
-    lines += [f"{a.symbol.name} = {printer.line(a.value)};" for a in kernel.assignments]
+        lines += [f"{s.name} = {port.name}({i}, :);" for i, s in enumerate(rows, 1) if s.name in used]
+    lines += [f"{line.name} = {line.text};" for line in text.lines]
     for port in kernel.outputs:
-        components = ", ".join(port.symbols[i].name for i in _columnwise(port.shape))
+        components = ", ".join(text.results[port.name][i] for i in _columnwise(port.shape))
         kind = "'int32'" if port.is_status else "kind"
         lines.append(f"{port.name} = assembled({_sizes(port) or 1}, count, {kind}, {components});")
     return {
@@ -584,10 +657,9 @@ def _is_vectorised(kernel: Kernel) -> bool:
     return kernel.functions <= VECTOR_FUNCTIONS
 
 
-def _angles(kernel: Kernel) -> list[sp.Expr]:
+def _angles(kernel: Kernel) -> list[str]:
     """Return the angles that may be too large for the sine and cosine of the vectorised loops."""
-    found = {f.args[0] for a in kernel.assignments for f in a.value.atoms(sp.sin, sp.cos)}
-    return sorted(found, key=str) if _is_vectorised(kernel) else []
+    return [kernel.macros.names[x] for x in kernel.angles] if _is_vectorised(kernel) else []
 
 
 def _gufuncs(module: KernelModule) -> list[dict[str, Any]]:

@@ -264,6 +264,10 @@ class Tape:
             return self._number((op, *args), same=True)
         return found
 
+    def has(self, op: str, *args: Any) -> bool:
+        """Return whether an operation is on the tape."""
+        return (op, *args) in self._found
+
     def _number(self, key: tuple[Any, ...], *, same: bool) -> Number:
         found = self._found.get(key)
         if found is None:

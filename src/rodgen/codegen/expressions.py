@@ -1,0 +1,255 @@
+"""From SymPy to operations: the one place where the expressions of a kernel become a program.
+
+Operations are done in the order in which a sum or product is read, and each once: what was computed before is found
+again on the tape. Of the parts of a sum or product, those two are taken first that stand together most often in all of
+them; so the expressions are walked twice, and counted first. What is divided by twice is inverted once. Nothing
+is done with the numbers themselves: a named step is computed as it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import combinations
+from typing import Any, NamedTuple, TypeAlias
+
+import sympy as sp
+from sympy.core.relational import Relational
+
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port
+from rodgen.codegen.program import Program
+from rodgen.codegen.tape import Number, Tape
+from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
+
+Operand: TypeAlias = Number | float
+
+FUNCTIONS: dict[type, str] = {
+    sp.Abs: "abs",
+    power_of_two_scale: "power_of_two_scale",
+    **{
+        getattr(sp, name): name
+        for name in (
+            *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
+            *("exp", "log", "sign"),
+        )
+    },
+}
+"""The operation of each function that a kernel may use."""
+
+_COMPARISONS = {"<": "lt", "<=": "le", "==": "eq", "!=": "ne"}
+LARGEST_POWER_AS_PRODUCT = 4
+
+
+class _Part(NamedTuple):
+    """A term of a sum, or a factor of a product."""
+
+    negative: bool
+    value: Operand
+    """Without its sign."""
+    key: Any
+    """What counts as the same part in other sums and products."""
+
+
+def program_of(
+    name: str, inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment]
+) -> Program:
+    """Return the program of steps, each of which uses inputs and earlier steps.
+
+    Named steps are names of the program; the machine epsilon and the largest number are two more inputs.
+    """
+    counted = Counter[Any]()
+    _Walk(inputs, counted, counts=True).through(steps)
+    walk = _Walk(inputs, counted)
+    walk.through(steps)
+    shapes = {port.name: port.shape for port in inputs} | {EPS.name: (), LARGEST.name: ()}
+    results = {port.name: (port.shape, [walk.known[s] for s in port.symbols]) for port in outputs}
+    return walk.tape.program(name, shapes, results)
+
+
+def check_expression(value: sp.Basic) -> None:
+    """Raise a KernelError where a kernel cannot compute an expression or condition."""
+    walk = _Walk((), Counter())
+    walk.known.update((s, walk.tape.inputs(s.name, 1)[0]) for s in value.free_symbols)
+    walk(value)
+
+
+class _Walk:
+    """Expressions as operations on a tape."""
+
+    def __init__(self, inputs: Sequence[Port], counted: Counter[Any], *, counts: bool = False) -> None:
+        self.tape, self.counted, self.counts = Tape(), counted, counts
+        self.known: dict[sp.Basic, Operand] = {}
+        for port in inputs:
+            self.known.update(zip(port.symbols, self.tape.inputs(port.name, port.size), strict=True))
+        for symbol in (EPS, LARGEST):
+            (self.known[symbol],) = self.tape.inputs(symbol.name, 1)
+        self.done: dict[sp.Basic, tuple[bool, Operand]] = {}
+
+    def through(self, steps: Sequence[Assignment]) -> None:
+        """Take steps, in their order."""
+        for symbol, value in steps:
+            self.known[symbol] = self.tape.let(symbol.name, self(value))
+
+    def __call__(self, value: sp.Basic) -> Operand:
+        """Return an expression or condition."""
+        negative, x = self.signed(value)
+        if not negative:
+            return x
+        return self.tape.number("neg", x) if isinstance(x, Number) else -x
+
+    def signed(self, value: sp.Basic) -> tuple[bool, Operand]:
+        """Return whether an expression has a minus sign, and what it is without."""
+        if value in self.known:
+            return False, self.known[value]
+        if value not in self.done:
+            self.done[value] = self._signed(value)
+        return self.done[value]
+
+    def _signed(self, value: sp.Basic) -> tuple[bool, Operand]:
+        if isinstance(value, sp.Rational):
+            return bool(value.p < 0), self.constant(abs(Fraction(int(value.p), int(value.q))))
+        if isinstance(value, sp.Add):
+            terms = [_Part(*self.signed(t), t) for t in value.as_ordered_terms()]
+            terms = [_Part(n, x, -t if n else t) for n, x, t in terms]
+            return self.joined("add", sorted(terms, key=lambda term: term.negative))[:2]
+        if isinstance(value, sp.Mul):
+            return self.product(value)
+        if isinstance(value, sp.Pow):
+            if value.exp.is_negative:
+                negative, x = self.signed(value.base**-value.exp)
+                return negative, self.tape.number("div", 1.0, x)
+            return self.power(value.base, value.exp)
+        return False, self.unsigned(value)
+
+    def unsigned(self, value: sp.Basic) -> Operand:
+        """Return a function, a condition, or a case distinction."""
+        number = self.tape.number
+        if isinstance(value, sp.Piecewise):
+            *cases, (last, otherwise) = value.args
+            if otherwise != sp.true:
+                raise KernelError(f"a select needs a value for every case: {value}")
+            found = self(last)
+            for case, condition in reversed(cases):
+                found = number("select", self(condition), self(case), found)
+            return found
+        if isinstance(value, Relational):
+            (left, right), relation = map(self, value.args), value.rel_op
+            if relation in {">", ">="}:
+                left, right, relation = right, left, relation.replace(">", "<")
+            return number(_COMPARISONS[relation], left, right)
+        if isinstance(value, sp.And | sp.Or):
+            parts = [_Part(False, self(part), part) for part in sorted(value.args, key=sp.default_sort_key)]
+            return self.joined("and" if isinstance(value, sp.And) else "or", parts).value
+        if isinstance(value, sp.Not):
+            return number("not", self(value.args[0]))
+        if isinstance(value, sp.ITE):  # SymPy makes this of a select inside a condition
+            condition, yes, no = map(self, value.args)
+            return number("or", number("and", condition, yes), number("and", number("not", condition), no))
+        if value in (sp.true, sp.false):
+            return number("lt", *((0.0, 1.0) if value == sp.true else (1.0, 0.0)))
+        if value is sp.pi:
+            return number("pi")
+        if value is sp.E:
+            return number("exp", 1.0)
+        if value is sp.nan:
+            return math.nan
+        if type(value) in FUNCTIONS:
+            return number(FUNCTIONS[type(value)], *map(self, value.args))
+        if isinstance(value, sp.Float):
+            raise KernelError(
+                f"the float {float(value):.6g} stands in a kernel; expected an exact number, such as sp.Rational(1, 2)"
+            )
+        known = ", ".join(sorted({*(f.__name__ for f in FUNCTIONS), "sqrt", "select"}))
+        what = f"{type(value).__name__}()" if value.args else str(value)
+        raise KernelError(f"a kernel has no {what}; it may use {known}")
+
+    def constant(self, x: Fraction) -> Operand:
+        """Return an exact constant, which may be a quotient or sum of floats."""
+        nearest = float(x)
+        if nearest == x:
+            return nearest
+        if x.denominator != 1:
+            return self.tape.number(
+                "div", self.constant(Fraction(x.numerator)), self.constant(Fraction(x.denominator))
+            )
+        rest = self.constant(abs(x - Fraction(nearest)))
+        return self.tape.number("add" if nearest < x else "sub", nearest, rest)
+
+    def power(self, base: sp.Expr, exponent: sp.Expr) -> tuple[bool, Operand]:
+        """Return a power whose exponent is not negative: a product, a root, or what the library gives."""
+        number = self.tape.number
+        if exponent == sp.S.Half:
+            return False, number("sqrt", self(base))
+        if not exponent.is_Integer or exponent > LARGEST_POWER_AS_PRODUCT:
+            return False, number("pow", self(base), self(exponent))
+        negative, x = self.signed(base)
+        square = number("mul", x, x)
+        higher = {2: square, 3: number("mul", square, x), 4: number("mul", square, square)}
+        return negative and exponent == 3, higher[int(exponent)]
+
+    def product(self, value: sp.Mul) -> tuple[bool, Operand]:
+        """Return a product; what several products divide by is inverted once."""
+        negative = False
+        above, below = list[_Part](), list[_Part]()
+        for factor in value.as_ordered_factors():
+            if isinstance(factor, sp.Pow) and factor.exp.is_negative:
+                divisor = factor.base**-factor.exp
+                sign, x = self.signed(divisor)
+                if self.counts:
+                    self.counted[factor] += 1
+                if self.counted[factor] > 1:
+                    above.append(_Part(False, self.tape.number("div", 1.0, x), factor))
+                else:
+                    below.append(_Part(False, x, divisor))
+            elif isinstance(factor, sp.Rational):
+                sign, (p, q) = factor.p < 0, (abs(int(factor.p)), int(factor.q))
+                if q & (q - 1):
+                    below.append(_Part(False, self.constant(Fraction(q)), q))
+                    q = 1
+                if p != q:
+                    above.append(_Part(False, self.constant(Fraction(p, q)), Fraction(p, q)))
+            else:
+                sign, x = self.signed(factor)
+                above.append(_Part(False, x, factor))
+            negative ^= bool(sign)
+        found = self.joined("mul", above).value if above else 1.0
+        if below:
+            found = self.tape.number("div", found, self.joined("mul", below).value)
+        return negative, found
+
+    def joined(self, op: str, parts: list[_Part]) -> _Part:
+        """Return the sum or product of parts, or what conditions say together."""
+        if self.counts:
+            self.counted.update(_pair(op, a, b) for a, b in combinations(parts, 2))
+        while len(parts) > 1:
+            i, j = max(
+                combinations(range(len(parts)), 2), key=lambda at: self.worth(op, *(parts[k] for k in at))
+            )
+            parts = [*parts[:i], self.two(op, parts[i], parts[j]), *parts[i + 1 : j], *parts[j + 1 :]]
+        return parts[0]
+
+    def worth(self, op: str, a: _Part, b: _Part) -> float:
+        """Return how often two parts stand together; more where their sum or product is on the tape."""
+        often = self.counted[_pair(op, a, b)]
+        return (often if often > 1 else 0) + 1.5 * any(self.tape.has(*key) for _, key in _ways(op, a, b))
+
+    def two(self, op: str, a: _Part, b: _Part) -> _Part:
+        """Return two parts together; what is on the tape is found."""
+        ways = _ways(op, a, b)
+        negative, key = next((way for way in ways if self.tape.has(*way[1])), ways[0])
+        return _Part(negative, self.tape.number(*key), _pair(op, a, b))
+
+
+def _pair(op: str, a: _Part, b: _Part) -> Any:
+    return op, a.negative == b.negative, frozenset((a.key, b.key))
+
+
+def _ways(op: str, a: _Part, b: _Part) -> list[tuple[bool, tuple[str, Operand, Operand]]]:
+    """Return the operations that join two parts, and whether a minus sign is left; first as they are read."""
+    x, y = a.value, b.value
+    if a.negative == b.negative:
+        return [(a.negative, (op, x, y)), (a.negative, (op, y, x))]
+    ways = [(a.negative, ("sub", x, y)), (b.negative, ("sub", y, x))]
+    return ways[::-1] if a.negative else ways
