@@ -15,8 +15,10 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from rodgen.generated.numpy import axis as generated
 from rodgen.generated.numpy.axis import AxisStatus
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 
 __all__ = [
     "AxisStatus",
@@ -28,6 +30,7 @@ __all__ = [
 ]
 
 
+@documented_by(generated.solve_axis)
 def solve_axis(
     rho: ArrayLike,
     rho_prime: ArrayLike,
@@ -40,38 +43,26 @@ def solve_axis(
 
     Parameters
     ----------
-    rho, rho_prime : array_like (..., 3)
-        Point before and after the rotation, in one length unit.
-    angle : array_like (...)
-        Angle of the rotation in rad, of any sign and size.
-    length_tolerance : array_like (...), optional
-        Largest ``abs(length_mismatch(rho, rho_prime))`` that is accepted; below 8 ε it counts as 8 ε, where ε is the
-        machine epsilon of the number type. Measured points need about six times their relative uncertainty.
+    angle
+        It may have any sign and size.
+    length_tolerance
+        It is the largest ``abs(length_mismatch(rho, rho_prime))``; below 8 ε it counts as 8 ε, where ε is the machine
+        epsilon of the number type. Measured points need about six times their relative uncertainty.
     out : tuple of two arrays, optional
         Where the results go: (..., 2, 3) and (...) int8.
 
     Returns
     -------
-    axes : array (..., 2, 3)
-        Two unit axes, the one at an acute angle to `rho` first. Unless there are exactly two, the status says what the
-        rows are. NaN exactly where the status is INVALID.
-    status : array (...) of int8
-        Codes of :class:`AxisStatus`.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not broadcast, or a last axis is not 3 long.
-    TypeError
-        When an argument is not real.
+    axes
+        The one at an acute angle to `rho` is first. Unless there are exactly two, the status says what the rows are.
+        NaN exactly where the status is INVALID.
 
     Notes
     -----
-    Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of
-    Multi-Coordinate Systems", eq. (1), solved in coordinate-free form; proved in the derivation ``axis``. The
-    error of an axis is at most 12 ε times :func:`axis_condition`, certified for the inputs in docs/certified.md.
-    The tests find at most 4 ε times it, and up to 10 ε times it where ρ′ is 3 to 9 times as long as ρ. float32 input
-    gives float32 results.
+    The paper is "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of Multi-Coordinate
+    Systems". The error of an axis is at most 12 ε times :func:`axis_condition`, certified for the inputs in
+    docs/certified.md. The tests find at most 4 ε times it, and up to 10 ε times it where ρ′ is 3 to 9 times as long as
+    ρ. float32 input gives float32 results.
 
     Examples
     --------
@@ -87,18 +78,14 @@ def solve_axis(
     return call_kernel(kernels.solve_axis, (rho, rho_prime, angle, length_tolerance), out)  # type: ignore[no-any-return]
 
 
+@documented_by(generated.length_mismatch)
 def length_mismatch(rho: ArrayLike, rho_prime: ArrayLike) -> Any:
     """Return the relative difference of the lengths, ``|rho_prime| / |rho| - 1``.
 
-    Parameters
-    ----------
-    rho, rho_prime : array_like (..., 3)
-        Point before and after the rotation, in one length unit.
-
     Returns
     -------
-    array (...)
-        0 for two points at the origin, infinite when only the first is there.
+    mismatch
+        It is 0 for two points at the origin, infinite when only the first is there.
 
     Examples
     --------
@@ -109,23 +96,17 @@ def length_mismatch(rho: ArrayLike, rho_prime: ArrayLike) -> Any:
     return call_kernel(kernels.length_mismatch, (rho, rho_prime))
 
 
+@documented_by(generated.axis_condition)
 def axis_condition(rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike) -> Any:
     """Return the condition number of the axis with respect to the points.
 
     It is 1 / (2 √(sin(χ/2 - a) sin(χ/2 + a))), where 2a is the angle between the points: a relative error ε of a point
     moves an axis by at most about that times ε.
 
-    Parameters
-    ----------
-    rho, rho_prime : array_like (..., 3)
-        Point before and after the rotation, in one length unit.
-    angle : array_like (...)
-        Angle of the rotation in rad.
-
     Returns
     -------
-    array (...)
-        Infinite where the two axes meet (ONE_AXIS) and where there is none; NaN where a number is not finite.
+    condition
+        Infinite where the two axes meet (ONE_AXIS) and where there is none.
 
     Examples
     --------
@@ -136,24 +117,17 @@ def axis_condition(rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike) -> An
     return call_kernel(kernels.axis_condition, (rho, rho_prime, angle))
 
 
+@documented_by(generated.axis_jacobian)
 def axis_jacobian(
     rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike, *, length_tolerance: ArrayLike = 1e-8
 ) -> tuple[Any, Any]:
     """Return the derivatives of both axes with respect to both points and the angle.
 
-    Parameters
-    ----------
-    rho, rho_prime, angle, length_tolerance
-        As for :func:`solve_axis`.
-
     Returns
     -------
-    jacobian : array (..., 2, 3, 7)
-        The last axis runs over the components of `rho`, those of `rho_prime` (per length unit) and `angle` (per rad).
+    axes_jacobian
         It grows without bound where the two axes meet, and means nothing where the status is neither TWO_AXES,
         PARALLEL nor LENGTHS_DIFFER.
-    status : array (...) of int8
-        Codes of :class:`AxisStatus`.
 
     Examples
     --------
@@ -166,6 +140,7 @@ def axis_jacobian(
     return call_kernel(kernels.axis_jacobian, arguments)  # type: ignore[no-any-return]
 
 
+@documented_by(generated.axis_covariance)
 def axis_covariance(
     rho: ArrayLike,
     rho_prime: ArrayLike,
@@ -180,20 +155,13 @@ def axis_covariance(
 
     Parameters
     ----------
-    rho, rho_prime, angle, length_tolerance
-        As for :func:`solve_axis`.
-    cov_rho, cov_rho_prime : array_like (..., 3, 3)
-        Covariance matrices of the points, in the square of their unit; ``sigma**2 * np.eye(3)`` for equal,
-        independent uncertainty.
-    var_angle : array_like (...), optional
-        Variance of the angle, rad².
+    cov_rho
+        It is ``sigma**2 * np.eye(3)`` for equal, independent uncertainty.
 
     Returns
     -------
-    covariance : array (..., 2, 3, 3)
-        Covariance matrix of each axis; of rank 2, since an axis keeps its length.
-    status : array (...) of int8
-        Codes of :class:`AxisStatus`; the covariance is NaN where the axes meet or are not determined.
+    covariance
+        It is of rank 2, since an axis keeps its length, and NaN where the axes meet or are not determined.
 
     Examples
     --------

@@ -2,20 +2,21 @@
 
 A rotation by the angle χ about the unit axis e is also its Rodrigues vector θ = 2 tan(χ/2) e, its matrix, or
 its unit quaternion (cos χ/2, sin χ/2 e), scalar part first. Conversions return the value and a status for each
-element; proofs are in the derivation ``rotations``. Every conversion is named TARGET_from_SOURCE; its docstring gets
-the shapes and units of both from the tables below.
+element; proofs are in the derivation ``rotations``. Every conversion is named TARGET_from_SOURCE.
+An axis has unit length; otherwise the status is NOT_NORMAL. A result is NaN where the status is INVALID; an axis of a
+rotation by zero is z, a quaternion has w ≥ 0.
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from numpy.typing import ArrayLike
 
+from rodgen.generated.numpy import rotations as generated
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 
 __all__ = [
     "RotationStatus",
@@ -35,54 +36,23 @@ __all__ = [
 ]
 
 
-_Conversion = TypeVar("_Conversion", bound=Callable[..., Any])
-
-_SOURCES = {
-    "axis": "axis : array_like (..., 3)\n    Axis e, of unit length; otherwise the status is NOT_NORMAL.",
-    "angle": "angle : array_like (...)\n    Angle χ in rad.",
-    "theta": "theta : array_like (..., 3)\n    Rodrigues vector 2 tan(χ/2) e.",
-    "matrix": "matrix : array_like (..., 3, 3)\n    Rotation matrix.",
-    "quaternion": "quaternion : array_like (..., 4)\n    Unit quaternion, scalar part first.",
-}
-_TARGETS = {
-    "axis_angle": "axis : array (..., 3)\n    Unit axis; z for a rotation by zero.\n"
-    "angle : array (...)\n    Angle in rad, 0 to π.",
-    "rodrigues_vector": "theta : array (..., 3)\n    Rodrigues vector 2 tan(χ/2) e.",
-    "matrix": "matrix : array (..., 3, 3)\n    Rotation matrix.",
-    "quaternion": "quaternion : array (..., 4)\n    Unit quaternion, scalar part first; w ≥ 0.",
-}
-_STATUS = "status : array (...) of int8\n    Codes of :class:`RotationStatus`; the result is NaN where it is INVALID."
-
-
-def _described(function: _Conversion) -> _Conversion:
-    """Add the shapes and units of the parameters and results to the docstring of a conversion."""
-    target = function.__name__.partition("_from_")[0]
-    given = [_SOURCES[name] for name in inspect.signature(function).parameters]
-    sections = ["Parameters\n----------", *given, "\nReturns\n-------", _TARGETS[target], _STATUS]
-    function.__doc__ = f"{function.__doc__}\n\n" + "\n".join(sections)
-    return function
-
-
+@documented_by(generated.rotate)
 def rotate(rho: ArrayLike, theta: ArrayLike, *, out: Any = None) -> Any:
     """Return vectors rotated by Rodrigues' formula.
 
     Parameters
     ----------
-    rho : array_like (..., 3)
-        Vectors, in any unit.
-    theta : array_like (..., 3)
-        Rodrigues vectors, 2 tan(χ/2) times the unit axis. They may be huge (half turns), not infinite.
+    rho
+        Any unit will do.
+    theta
+        It may be huge (half turns), not infinite.
     out : array (..., 3), optional
         Where the result goes.
 
     Returns
     -------
-    array (..., 3)
+    rotated
         ρ + θ × (ρ + θ × ρ / 2) / (1 + |θ|² / 4), in the unit of `rho`; NaN where an input is not finite.
-
-    Notes
-    -----
-    Stebulyanin and Pimushkin, eq. (1); proved in the derivation ``rotations``.
 
     Examples
     --------
@@ -93,22 +63,14 @@ def rotate(rho: ArrayLike, theta: ArrayLike, *, out: Any = None) -> Any:
     return call_kernel(kernels.rotate, (rho, theta), out)
 
 
+@documented_by(generated.rodrigues_vector_from_axis_angle)
 def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     """Return the Rodrigues vector θ = 2 tan(χ/2) e of an axis and an angle.
 
-    Parameters
-    ----------
-    axis : array_like (..., 3)
-        Axis e, of unit length; otherwise the status is NOT_NORMAL.
-    angle : array_like (...)
-        Angle χ in rad.
-
     Returns
     -------
-    theta : array (..., 3)
-        Rodrigues vector, no unit; about 3e16 long for a half turn.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`.
+    theta
+        It is about 3e16 long for a half turn.
 
     Examples
     --------
@@ -120,67 +82,67 @@ def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     return call_kernel(kernels.rodrigues_vector_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.matrix_from_axis_angle)
 def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from axis and angle to matrix."""
     return call_kernel(kernels.matrix_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.quaternion_from_axis_angle)
 def quaternion_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from axis and angle to quaternion."""
     return call_kernel(kernels.quaternion_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.axis_angle_from_rodrigues_vector)
 def axis_angle_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any, Any]:
     """Convert a rotation from Rodrigues vector to axis and angle."""
     return call_kernel(kernels.axis_angle_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.matrix_from_rodrigues_vector)
 def matrix_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from Rodrigues vector to matrix."""
     return call_kernel(kernels.matrix_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.quaternion_from_rodrigues_vector)
 def quaternion_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from Rodrigues vector to quaternion."""
     return call_kernel(kernels.quaternion_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.axis_angle_from_matrix)
 def axis_angle_from_matrix(matrix: ArrayLike) -> tuple[Any, Any, Any]:
     """Convert a rotation from matrix to axis and angle."""
     return call_kernel(kernels.axis_angle_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.rodrigues_vector_from_matrix)
 def rodrigues_vector_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from matrix to Rodrigues vector."""
     return call_kernel(kernels.rodrigues_vector_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.quaternion_from_matrix)
 def quaternion_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from matrix to quaternion."""
     return call_kernel(kernels.quaternion_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.axis_angle_from_quaternion)
 def axis_angle_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any, Any]:
     """Convert a rotation from quaternion to axis and angle."""
     return call_kernel(kernels.axis_angle_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.rodrigues_vector_from_quaternion)
 def rodrigues_vector_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from quaternion to Rodrigues vector."""
     return call_kernel(kernels.rodrigues_vector_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
-@_described
+@documented_by(generated.matrix_from_quaternion)
 def matrix_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
     """Convert a rotation from quaternion to matrix."""
     return call_kernel(kernels.matrix_from_quaternion, (quaternion,))  # type: ignore[no-any-return]

@@ -7,33 +7,35 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.generated.numpy import instantaneous_euler, instantaneous_euler_motion
 from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
+from rodgen.kinematics.ports import documented_by
 from rodgen.views import with_html
 
 
+@documented_by(instantaneous_euler.chi_from_matrix)
 def angles_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     """Return the instantaneous Euler angles of a rotation matrix.
 
     Parameters
     ----------
-    matrix : array_like (..., 3, 3)
-        Rotation R; its columns are the moved axes.
+    matrix
+        Its columns are the moved axes.
 
     Returns
     -------
-    chi : array (..., 3)
-        χ_x, χ_y, χ_z in rad, 0 to π: the angles between the yz, xz and xy planes and their images.
-    status : array (...) of int8
-        Codes of :class:`AngleStatus`; NaN where, and only where, it is INVALID.
+    chi
+        χ_x, χ_y, χ_z: the angles between these planes and their images. NaN where, and only where, the status is
+        INVALID.
 
     Notes
     -----
-    Zhou and Zhu (2023), eqs. (10), (13), (16): χ_i = arccos r_ii, by half angles, so that small angles and those near
-    π are right to rounding. The labels are those of the definitions; eqs. (18) and (20) exchange x and z.
+    χ_i = arccos r_ii, by half angles, so that small angles and those near π are right to rounding. The labels are those
+    of the definitions; eqs. (18) and (20) exchange x and z.
 
     Examples
     --------
@@ -46,20 +48,19 @@ def angles_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     return call_kernel(kernels.chi_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
+@documented_by(instantaneous_euler.chi_from_quaternion)
 def angles_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
     """Return the instantaneous Euler angles of a unit quaternion.
 
     Parameters
     ----------
-    quaternion : array_like (..., 4)
-        Unit quaternion, scalar part first; either of the two of a rotation.
+    quaternion
+        Either of the two of a rotation.
 
     Returns
     -------
-    chi : array (..., 3)
-        χ_x, χ_y, χ_z in rad, 0 to π.
-    status : array (...) of int8
-        Codes of :class:`AngleStatus`; NaN where, and only where, it is INVALID.
+    chi
+        χ_x, χ_y, χ_z; NaN where, and only where, the status is INVALID.
 
     Notes
     -----
@@ -139,15 +140,9 @@ class Rates(NamedTuple):
     status: Any
 
 
+@documented_by(instantaneous_euler_motion.chi_rates)
 def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:
     """Return how fast the instantaneous Euler angles of a turning body change.
-
-    Parameters
-    ----------
-    matrix : array_like (..., 3, 3)
-        Rotation R; its columns are the moved axes.
-    omega : array_like (..., 3)
-        Angular velocity in fixed axes, rad per any unit of time.
 
     Returns
     -------
@@ -157,7 +152,7 @@ def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:
 
     Notes
     -----
-    χ̇_i = ω · N_i / |N_i| with N_i = e_i × R e_i: derivation ``instantaneous_euler_motion``.
+    χ̇_i = ω · N_i / |N_i| with N_i = e_i × R e_i.
 
     Examples
     --------
@@ -169,23 +164,16 @@ def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:
     return Rates(*call_kernel(kernels.chi_rates, (matrix, omega)))
 
 
+@documented_by(instantaneous_euler_motion.chi_angular_velocity)
 def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
     """Return the angular velocity of a body whose instantaneous Euler angles change at given rates.
 
-    Parameters
-    ----------
-    matrix : array_like (..., 3, 3)
-        Rotation R; its columns are the moved axes.
-    rate : array_like (..., 3)
-        Rates of χ_x, χ_y, χ_z, rad per any unit of time.
-
     Returns
     -------
-    omega : array (..., 3)
-        Angular velocity in fixed axes; NaN where the rates do not determine it.
-    status : array (...) of int8
-        Codes of :class:`MotionStatus`: SINGULAR or KINK where the rates do not determine it, NEAR_SINGULAR where they
-        do so badly.
+    omega
+        NaN where the rates do not determine it.
+    status
+        SINGULAR or KINK where the rates do not determine it, NEAR_SINGULAR where they do so badly.
 
     Notes
     -----

@@ -13,9 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.generated.numpy import instantaneous_euler_arm as arm
+from rodgen.generated.numpy import instantaneous_euler_inverse as inverse
+from rodgen.generated.numpy import instantaneous_euler_ridges as ridges
 from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
 from rodgen.kinematics.arrays import refuse_masked
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 from rodgen.views import with_html
 
 
@@ -24,29 +28,27 @@ def ridge_normal(matrix: Any, axis: int) -> Any:
     return np.cross(np.eye(3)[axis], matrix[..., :, axis])
 
 
+@documented_by(ridges.chi_ridge_lines, ["lines"])
 def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Any, Any]:
     """Return the lines in which the yz, xz and xy planes meet their images.
 
     Parameters
     ----------
-    matrix : array_like (..., 3, 3)
-        Rotation R; its columns are the moved axes.
-    point : array_like (..., 3), optional
-        The moved origin p, in any length unit; the fixed one when left out.
+    point
+        The fixed one when left out.
 
     Returns
     -------
-    lines : array (..., 3, 6)
-        X_r, Y_r, Z_r as Plücker coordinates: a unit direction, and the moment about the fixed origin in the unit of
-        `point`. The rotation by χ_i about the direction brings the plane to its image. NaN where there is no line.
+    lines
+        X_r, Y_r, Z_r as Plücker coordinates: a unit direction, and the moment about the fixed origin. The rotation by
+        χ_i about the direction brings the plane to its image. NaN where there is no line.
     status : array (..., 3) of int8
         Codes of :class:`RidgeStatus`: where the angle is 0 or π, whether the planes coincide or are parallel.
 
     Notes
     -----
-    Z_r = (e_z × z_3; (z_3 · p) e_z) / sin χ_z, and so on: Zhou and Zhu (2023), eqs. (9), (12), (15), put right in the
-    derivation ``instantaneous_euler_ridges``. A line is as exact as its angle is away from 0 and π: the direction to
-    the machine epsilon over sin χ_i.
+    Z_r = (e_z × z_3; (z_3 · p) e_z) / sin χ_z, and so on. A line is as exact as its angle is away from 0 and π:
+    the direction to the machine epsilon over sin χ_i.
 
     Examples
     --------
@@ -129,17 +131,15 @@ class Choice(NamedTuple):
     status: Any
 
 
+@documented_by(inverse.chi_rotations)
 def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:
     """Return all rotations with three given instantaneous Euler angles.
 
     Parameters
     ----------
-    chi : array_like (..., 3)
-        χ_x, χ_y, χ_z in rad, 0 to π.
-    tolerance : array_like (...), optional
-        Up to which the square of a component of the quaternion, relative to the size of the rotation, is taken for 0.
-        It is never less than 16 times the machine epsilon, which is what angles that were computed are off by. For
-        angles with the standard uncertainty u take about 3u divided by the largest of them.
+    tolerance
+        16 times the machine epsilon is what angles that were computed are off by. For angles with the standard
+        uncertainty u take about 3u divided by the largest of them.
 
     Returns
     -------
@@ -148,13 +148,13 @@ def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:
 
     Notes
     -----
-    The squares of the quaternion are the barycentric coordinates of the cosines in a tetrahedron; derivation
-    ``instantaneous_euler_inverse``. Inside it there are eight rotations, {D R D, D Rᵀ D} with the half turns D about
-    the axes, on a face four, on an edge two, at a corner one, outside none. The size of a rotation is the sum of the
-    three squares of its quaternion that are not the largest, doubled. The angles hold the squares, so that a
-    component is known to the square root of the rounding only: what is below √tolerance of the size is given as 0,
-    and two rotations that differ in its sign as one. Near a half turn about a coordinate axis that is more, because
-    angles near π are rounded as π is. Squares of angles below 1e-150 lose digits, and then the status may be wrong.
+    The squares of the quaternion are the barycentric coordinates of the cosines in a tetrahedron. Inside it there are
+    eight rotations, {D R D, D Rᵀ D} with the half turns D about the axes, on a face four, on an edge two, at a corner
+    one, outside none. The size of a rotation is the sum of the three squares of its quaternion that are not the
+    largest, doubled. The angles hold the squares, so that a component is known to the square root of the rounding only:
+    what is below √tolerance of the size is given as 0, and two rotations that differ in its sign as one. Near a half
+    turn about a coordinate axis that is more, because angles near π are rounded as π is. Squares of angles below 1e-150
+    lose digits, and then the status may be wrong.
 
     Examples
     --------
@@ -273,33 +273,17 @@ def choose(
     )
 
 
+@documented_by(arm.chi_arm_pose)
 def arm_pose(joints: ArrayLike, lengths: ArrayLike) -> tuple[Any, Any, Any]:
     """Return the pose of an arm with six joints whose wrist turns about z, y and x.
 
     At zero the upper arm stands upright and the forearm points along x. Joint 1 turns about z, joints 2 and 3 about
     y, in the shoulder and the elbow, joints 4, 5 and 6 about the z, y and x axes of the wrist, through one point.
 
-    Parameters
-    ----------
-    joints : array_like (..., 6)
-        Joint angles, rad.
-    lengths : array_like (..., 4)
-        Height of the shoulder, upper arm, forearm, and from the wrist's centre to the tool point; one length unit.
-
-    Returns
-    -------
-    matrix : array (..., 3, 3)
-        Rotation of the tool in axes of the base.
-    point : array (..., 3)
-        Tool point, in the unit of `lengths`.
-    wrist : array (..., 3)
-        Centre of the wrist.
-
     Notes
     -----
     The paper gives neither lengths nor joint parameters of its arm, so there are no default ones. In the axes of the
-    forearm the instantaneous Euler angles are those of the last three joints as Z-Y-X angles, whatever the lengths:
-    derivation ``instantaneous_euler_arm``.
+    forearm the instantaneous Euler angles are those of the last three joints as Z-Y-X angles, whatever the lengths.
 
     Examples
     --------

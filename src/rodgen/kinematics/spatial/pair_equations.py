@@ -19,14 +19,17 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.generated.numpy.trig_equation import trig_solve
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 from rodgen.kinematics.spatial.pair_roots import HALF, complex_solutions, grid, starts, with_common_factor
 from rodgen.kinematics.spatial.pair_solutions import SLOTS, certain_solutions, collected, consistent
 from rodgen.kinematics.spatial.status import ReverseStatus
 from rodgen.views import with_html
 
 
+@documented_by(trig_solve)
 def solve_trig(
     A: ArrayLike, B: ArrayLike, D: ArrayLike, *, out: tuple[Any, Any] | None = None
 ) -> tuple[Any, Any]:
@@ -34,31 +37,20 @@ def solve_trig(
 
     Parameters
     ----------
-    A, B, D : array_like (...)
-        Coefficients, in one unit.
     out : tuple of two arrays, optional
         Where the results go: (..., 2) and (...) int8.
 
     Returns
     -------
-    theta : array (..., 2)
-        The angles γ + h and γ - h in rad, from -π to π, where γ is the angle of (A, B) and h is between 0 and π: so
-        each moves continuously with the coefficients. NaN where, and only where, the status is neither TWO nor DOUBLE.
-    status : array (...) of int8
-        Codes of :class:`TrigStatus`.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not broadcast.
-    TypeError
-        When a coefficient is not real.
+    theta
+        Here γ is the angle of (A, B) and h is between 0 and π: so each moves continuously with the coefficients. NaN
+        where, and only where, the status is neither TWO nor DOUBLE.
 
     Notes
     -----
-    Lecture notes "Robot Geometry" after Crane and Duffy, "Solve A c + B s + D = 0", by the angle of (A, B); derivation
-    ``trig_equation``. With g = √(1 - D²/r²) an angle is right to about 2ε/g, where ε is the machine epsilon: near g =
-    0, where two angles meet, every method loses as much. DOUBLE is where g² is not above 4ε.
+    The lecture notes are after Crane and Duffy, "Solve A c + B s + D = 0", by the angle of (A, B). With g = √(1 -
+    D²/r²) an angle is right to about 2ε/g, where ε is the machine epsilon: near g = 0, where two angles meet, every
+    method loses as much. DOUBLE is where g² is not above 4ε.
 
     Examples
     --------

@@ -30,7 +30,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.generated.numpy import spherical_polygons as generated
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 from rodgen.polygon_laws import FAMILIES, POLYGONS, HalfTangent, Law, laws
 from rodgen.polygon_notation import Monomial, Term
 
@@ -223,34 +225,27 @@ def _place(term: Term) -> int:
     return 1 if term.star else _INDEX[term.letter]
 
 
+@documented_by(generated.polygon_quadrilateral)
 def spherical_quadrilateral(alpha: ArrayLike, theta_4: ArrayLike) -> tuple[Any, Any]:
     """Return all joint angles of a spherical four-bar linkage.
 
     Parameters
     ----------
-    alpha : array_like (..., 4)
-        Twists α12, α23, α34, α41 in rad, of any sign.
-    theta_4 : array_like (...)
-        Angle of joint 4, between the links 34 and 41, in rad.
+    alpha
+        They may have any sign.
+    theta_4
+        It is between the links 34 and 41.
 
     Returns
     -------
-    theta : array (..., 2, 4)
-        Joint angles 1 to 4 in rad of both ways to close, from -π to π, the last as it was given. NaN where, and only
-        where, the status is NONE or INVALID.
-    status : array (...) of int8
-        Codes of :class:`PolygonStatus`.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not broadcast, or the last axis of `alpha` is not 4 long.
+    theta
+        The last one is as it was given. NaN where, and only where, the status is NONE or INVALID.
 
     Notes
     -----
-    Lecture notes "Robot Geometry" after Crane and Duffy, "Spherical Mechanism Equation Toolkit"; proved in the
-    derivation ``spherical_polygons``. Angles are from link to link about the joint, so θ is π less the angle inside
-    the polygon. Near DOUBLE an angle is right to half of the digits, as for any method.
+    The source is the lecture notes "Robot Geometry", "Spherical Mechanism Equation Toolkit". Angles are from link to
+    link about the joint, so θ is π less the angle inside the polygon. Near DOUBLE an angle is right to half of the
+    digits, as for any method.
 
     Examples
     --------
@@ -266,33 +261,28 @@ def spherical_quadrilateral(alpha: ArrayLike, theta_4: ArrayLike) -> tuple[Any, 
     return call_kernel(kernels.polygon_quadrilateral, (alpha, theta_4))  # type: ignore[no-any-return]
 
 
+@documented_by(generated.polygon_pentagon)
 def spherical_pentagon(alpha: ArrayLike, theta_4: ArrayLike, theta_5: ArrayLike) -> tuple[Any, Any]:
     """Return all joint angles of a spherical five-bar linkage.
 
     Parameters
     ----------
-    alpha : array_like (..., 5)
-        Twists α12, α23, α34, α45, α51 in rad, of any sign.
-    theta_4, theta_5 : array_like (...)
-        Angles of the joints 4 and 5 in rad.
+    alpha
+        They may have any sign.
+    theta_4 : array_like (...), rad
+        Angle of joint 4.
+    theta_5 : array_like (...), rad
+        Angle of joint 5.
 
     Returns
     -------
-    theta : array (..., 2, 5)
-        Joint angles 1 to 5 in rad of both ways to close, from -π to π, the last two as they were given. NaN where, and
-        only where, the status is NONE or INVALID.
-    status : array (...) of int8
-        Codes of :class:`rodgen.spatial.PolygonStatus`.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not broadcast, or the last axis of `alpha` is not 5 long.
+    theta
+        The last two are as they were given. NaN where, and only where, the status is NONE or INVALID.
 
     Notes
     -----
-    Lecture notes "Robot Geometry" after Crane and Duffy, "Spherical Pentagon Example"; proved in the derivation
-    ``spherical_polygons``. For other given joints turn or mirror the subscripts.
+    The source is the lecture notes "Robot Geometry", "Spherical Pentagon Example". For other given joints turn or
+    mirror the subscripts.
 
     Examples
     --------

@@ -17,10 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.generated.numpy import three_sps_s as generated
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import broadcast_shapes, finite_number, positive_length, real_array
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.numerics import gains_and_condition, principal
+from rodgen.kinematics.ports import documented_by
 from rodgen.views import with_html
 
 
@@ -138,20 +140,21 @@ def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
     return kernels.sps_legs(proper(rotation)[0], *geometry.lengths)
 
 
+@documented_by(generated.sps_legs_from_quaternion)
 def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
     """Return the lengths of the three legs, from a quaternion.
 
     Parameters
     ----------
-    quaternion : array_like (..., 4)
-        Orientation of the platform, scalar first, of any length but zero.
+    quaternion
+        That length is not zero.
     geometry : Geometry
         The machine.
 
     Returns
     -------
-    array (..., 3)
-        Lengths of the legs, as :func:`legs`.
+    legs
+        As of :func:`legs`.
 
     Examples
     --------

@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
+from rodgen.generated.numpy import tricept as generated
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import broadcast_shapes, length_limits, real_array
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import (
     FIXED,
@@ -34,24 +36,19 @@ from rodgen.kinematics.tricept._geometry import (
 )
 
 
+@documented_by(generated.tricept_point, ["point"])
 def point(pose: ArrayLike, geometry: Geometry) -> Any:
     """Return the place of the platform's point in a pose.
 
     Parameters
     ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
     geometry : Geometry
         The machine; its point q counts.
 
     Returns
     -------
-    array (..., 3)
-        Q, from the base's centre, in the unit of z; NaN where an input is.
-
-    Notes
-    -----
-    Kureková et al., eq. (1), proved in the derivation ``tricept``.
+    point
+        NaN where an input is.
 
     Examples
     --------
@@ -62,22 +59,18 @@ def point(pose: ArrayLike, geometry: Geometry) -> Any:
     return call_kernel(kernels.tricept_point, (pose, *geometry.q))[0]
 
 
+@documented_by(generated.tricept_point, ["rotation"])
 def rotation(pose: ArrayLike) -> Any:
     """Return the orientation of the platform in a pose, Oy(β) Ox(α).
 
-    Parameters
-    ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
-
     Returns
     -------
-    array (..., 3, 3)
+    rotation
         Rotation matrix, from the platform's axes to the base's.
 
     Notes
     -----
-    Kureková et al., eq. (1). In the usual, right-handed sense the angle about x is −α.
+    In the usual, right-handed sense the angle about x is −α.
 
     Examples
     --------
@@ -88,24 +81,19 @@ def rotation(pose: ArrayLike) -> Any:
     return call_kernel(kernels.tricept_point, (pose, 0.0, 0.0, 0.0))[1]
 
 
+@documented_by(generated.tricept_legs)
 def legs(pose: ArrayLike, geometry: Geometry) -> Any:
     """Return the lengths of the three rods in a pose.
 
     Parameters
     ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
     geometry : Geometry
         The machine.
 
     Returns
     -------
-    array (..., 3)
-        A0, A1, A-1, the rods at 0°, +120° and −120°, from joint to joint.
-
-    Notes
-    -----
-    Kureková et al., eqs. (2) to (4), computed as lengths of vectors.
+    legs
+        The rods at 0°, +120° and −120°, from joint to joint, computed as lengths of vectors.
 
     Examples
     --------
@@ -116,6 +104,7 @@ def legs(pose: ArrayLike, geometry: Geometry) -> Any:
     return call_kernel(kernels.tricept_legs, (pose, *geometry.radii))
 
 
+@documented_by(generated.tricept_inverse)
 def inverse(
     point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None
 ) -> tuple[Any, Any, Any]:
@@ -123,32 +112,27 @@ def inverse(
 
     Parameters
     ----------
-    point : array_like (..., 3)
-        Q, from the base's centre.
     geometry : Geometry
-        The machine; its point q is brought to Q.
+        The machine; its point q is brought to `point`.
     limits : pair of floats, optional
         Least and greatest length of a rod; none when left out.
 
     Returns
     -------
-    poses : array (..., 4, 3)
-        α and β in rad, and z. The rows are for the signs (S, K) = (+, +), (+, −), (−, +), (−, −) of the two roots; the
+    poses
+        The rows are for the signs (S, K) = (+, +), (+, −), (−, +), (−, −) of the two roots; the
         first is that of the machine as it is assembled, for points before the base. A point behind it, where Qz is
         negative, has no such pose: there cos β is not positive in the first row, either. With K = −1 the platform is
         turned by half a turn about the middle rod, with S = −1 it is below the base; the rods may be within the limits
         there, too.
-    legs : array (..., 4, 3)
-        A0, A1, A-1.
-    status : array (..., 4) of int8
-        Codes of :class:`TriceptStatus`: REACHABLE, OUT_OF_LIMITS, DOUBLE_POSE where two of the poses meet to rounding,
+    status
+        REACHABLE, OUT_OF_LIMITS, DOUBLE_POSE where two of the poses meet to rounding,
         GIMBAL_LOCK where an angle is not determined and 0 stands for it. Poses and rods are NaN where it is UNREACHABLE
         or INVALID.
 
     Notes
     -----
-    Kureková et al., conditions below eq. (4); that there are these four and no others is proved in the derivation
-    ``tricept``. float32 input gives float32 results.
+    That there are these four and no others is proved there, too. float32 input gives float32 results.
 
     Examples
     --------
@@ -163,27 +147,28 @@ def inverse(
     return call_kernel(kernels.tricept_inverse, arguments)  # type: ignore[no-any-return]
 
 
+@documented_by(generated.tricept_pose)
 def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None) -> tuple[Any, Any, Any]:
     """Return the pose in which the assembled machine has its point at a given one, and its rods.
 
     Parameters
     ----------
-    point, geometry, limits
+    geometry : Geometry
+        As for :func:`inverse`.
+    limits : pair of floats, optional
         As for :func:`inverse`.
 
     Returns
     -------
-    pose : array (..., 3)
-        α and β in rad, and z; the first row of what :func:`inverse` gives.
-    legs : array (..., 3)
-        A0, A1, A-1.
-    status : array (...) of int8
-        Codes of :class:`TriceptStatus`, as for :func:`inverse`. UNREACHABLE, too, for points behind the base: there
+    pose
+        The first row of what :func:`inverse` gives.
+    status
+        As for :func:`inverse`. UNREACHABLE, too, for points behind the base: there
         neither cosine is positive in the first row, and the assembled machine has no such pose.
 
     Notes
     -----
-    Kureková et al., conditions below eq. (4) with S = K = +1. It takes a third of the time of all four poses.
+    With S = K = +1. It takes a third of the time of all four poses.
 
     Examples
     --------
@@ -221,29 +206,28 @@ def behind(point: Any, geometry: Geometry) -> Any:
     return (qx * x + g * z <= 0) | (root * g + qy * y <= 0)
 
 
+@documented_by(generated.tricept_direct)
 def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
     """Return the pose of the machine as it is assembled, from its rods: cos α, cos β and z are positive.
 
     Parameters
     ----------
-    legs : array_like (..., 3)
-        A0, A1, A-1, from joint to joint.
+    legs
+        From joint to joint.
     geometry : Geometry
         The machine.
 
     Returns
     -------
-    pose : array (..., 3)
-        α and β in rad, and z.
-    status : array (...) of int8
-        Codes of :class:`TriceptStatus`: REACHABLE, SINGULAR where the pose is not determined to first order; NaN where
+    status
+        REACHABLE, SINGULAR where the pose is not determined to first order; NaN where
         it is UNREACHABLE, because there is no such pose, or INVALID.
 
     Notes
     -----
-    Newton's method on Kureková et al., eqs. (7) to (9). Rods from which it does not come to a pose are solved by
-    :func:`direct_all`, except in Dask arrays; so UNREACHABLE is a statement about the equations. Where there are
-    several such poses, which needs rods far from the paper's, it is one of them.
+    Newton's method. Rods from which it does not come to a pose are solved by :func:`direct_all`, except in Dask arrays;
+    so UNREACHABLE is a statement about the equations. Where there are several such poses, which needs rods far from the
+    paper's, it is one of them.
 
     Examples
     --------

@@ -18,10 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
+from rodgen.generated.numpy import tricept as generated
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import broadcast_shapes, length_limits, real_array
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.numerics import gains_and_condition
+from rodgen.kinematics.ports import documented_by
 from rodgen.kinematics.tricept._geometry import GROUPS, PARAMETERS, Geometry, joints
 from rodgen.kinematics.tricept._kinematics import lost_behind, pose
 from rodgen.statistics.robust import chi3_quantile
@@ -231,23 +233,18 @@ class Singularity(NamedTuple):
     condition: Any
 
 
+@documented_by(generated.tricept_matrices)
 def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:
     """Return W33, W35, M33, M35 and A35 in a pose.
 
     Parameters
     ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
     geometry : Geometry
         The machine; its point q counts in M33 and A35.
 
     Returns
     -------
     Matrices
-
-    Notes
-    -----
-    Kureková et al., eqs. (5) to (20); proved in the derivation ``tricept``.
 
     Examples
     --------
@@ -258,24 +255,19 @@ def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:
     return Matrices(*call_kernel(kernels.tricept_matrices, (pose, *geometry.radii, *geometry.q)))
 
 
+@documented_by(generated.tricept_sensitivity)
 def sensitivity(pose: ArrayLike, geometry: Geometry) -> Any:
     """Return A35, the derivatives of the point by A0, A1, A-1, r, R.
 
     Parameters
     ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
     geometry : Geometry
         The machine.
 
     Returns
     -------
-    array (..., 3, 5)
-        NaN where the rods do not determine the pose.
-
-    Notes
-    -----
-    Kureková et al., eq. (20). The same as ``matrices(pose, geometry).A35``, with less work.
+    A35
+        The same as ``matrices(pose, geometry).A35``, with less work.
 
     Examples
     --------
@@ -286,6 +278,7 @@ def sensitivity(pose: ArrayLike, geometry: Geometry) -> Any:
     return call_kernel(kernels.tricept_sensitivity, (pose, *geometry.radii, *geometry.q))
 
 
+@documented_by(generated.tricept_propagate)
 def propagate(
     point: ArrayLike, geometry: Geometry, U_x: ArrayLike, limits: Sequence[float] | None = None
 ) -> tuple[Any, Any]:
@@ -293,26 +286,24 @@ def propagate(
 
     Parameters
     ----------
-    point : array_like (..., 3)
-        Q, from the base's centre.
     geometry : Geometry
         The machine.
-    U_x : array_like (..., 5, 5)
-        Covariance of A0, A1, A-1, r, R: symmetric and positive semidefinite, in the square of the unit of length.
+    U_x
+        Symmetric and positive semidefinite.
     limits : pair of floats, optional
         Least and greatest length of a rod, for the status; none when left out.
 
     Returns
     -------
-    U_y : array (..., 3, 3)
-        A35 U_x A35ᵀ.
-    status : array (...) of int8
-        Codes of :class:`TriceptStatus`. U_y is NaN where it is UNREACHABLE, SINGULAR, NOT_COVARIANCE or INVALID. In
+    U_y
+        A35 U_x A35ᵀ, to first order.
+    status
+        U_y is NaN where it is UNREACHABLE, SINGULAR, NOT_COVARIANCE or INVALID. In
         GIMBAL_LOCK it is that of the pose with the undetermined angle set to 0.
 
     Notes
     -----
-    Kureková et al., eqs. (20) and (21), to first order. From the point to U_y in one kernel, without angles.
+    From the point to U_y in one kernel, without angles.
 
     Examples
     --------
@@ -332,13 +323,12 @@ def propagate(
     return U_y, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
 
 
+@documented_by(generated.tricept_singularity)
 def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
     """Return how near a pose is to a singular one.
 
     Parameters
     ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
     geometry : Geometry
         The machine; its point q counts in det M33 and the gains.
 
@@ -349,8 +339,8 @@ def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
 
     Notes
     -----
-    Kureková et al., after eqs. (10) and (19). The condition number is that of the derivatives by the rods, the only
-    square matrix here whose elements all have one unit.
+    The condition number is that of the derivatives by the rods, the only square matrix here whose elements all have one
+    unit.
 
     Examples
     --------
