@@ -8,6 +8,7 @@ nearly parallel has its feet at a distance of about 1 over the sine, which is al
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -236,11 +237,10 @@ def rows(kinds, d, theta, pitch, q):
 
 
 @pytest.mark.parametrize("kinds", ["RRRRRR", "RRPRRR", "PPPRRR", "RCH", "C", "RHPC"])
-@pytest.mark.parametrize("modified", [False, True], ids=["standard", "modified"])
-def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, modified):
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, convention):
     rng = np.random.default_rng(2)
-    make = spatial.from_modified_denavit_hartenberg if modified else spatial.from_denavit_hartenberg
-    write = spatial.to_modified_denavit_hartenberg if modified else spatial.to_denavit_hartenberg
+    make = partial(spatial.from_denavit_hartenberg, convention=convention)
     for trial in range(6):
         a, alpha, d, theta, pitch = random_table(rng, kinds)
         base, end = (random_frame(rng), random_frame(rng)) if trial % 2 else (None, None)
@@ -249,11 +249,11 @@ def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, modi
         expected = np.eye(4) if base is None else base
         for j, (offset, angle) in enumerate(rows(kinds, d, theta, pitch, q)):
             link, joint = shift(x=a[j]) @ rx(alpha[j]), shift(z=offset) @ rz(angle)
-            expected = expected @ (link @ joint if modified else joint @ link)
+            expected = expected @ (link @ joint if convention == "modified" else joint @ link)
         expected = expected if end is None else expected @ end
         np.testing.assert_allclose(robot.forward(q), expected, atol=1e-13)
 
-        table = write(robot)
+        table = spatial.to_denavit_hartenberg(robot, convention)
         again = make(table.joints, *table[1:6], base=table.base, end=table.end)
         assert again.mechanism == robot.mechanism
         np.testing.assert_allclose(again.forward(q), expected, atol=1e-13)
@@ -277,7 +277,9 @@ def test_tables_that_do_not_fit_are_an_error():
     with pytest.raises(RodgenError, match=r"alpha has the shape \(1,\)"):
         spatial.from_denavit_hartenberg("RR", [1.0, 2.0], [0.0], [0.0, 0.0])
     with pytest.raises(RodgenError, match="not finite"):
-        spatial.from_modified_denavit_hartenberg("R", [np.nan], [0.0], [0.0])
+        spatial.from_denavit_hartenberg("R", [np.nan], [0.0], [0.0], convention="modified")
+    with pytest.raises(RodgenError, match="the convention is 'craig'; expected 'standard' or 'modified'"):
+        spatial.to_denavit_hartenberg(spatial.PUMA_560, "craig")
 
 
 def test_placements_of_loops_and_wrong_frames_are_an_error():

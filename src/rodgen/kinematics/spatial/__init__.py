@@ -23,9 +23,7 @@ from rodgen.kinematics.spatial.classification import (
 from rodgen.kinematics.spatial.denavit_hartenberg import (
     DenavitHartenberg,
     from_denavit_hartenberg,
-    from_modified_denavit_hartenberg,
     to_denavit_hartenberg,
-    to_modified_denavit_hartenberg,
 )
 from rodgen.kinematics.spatial.forward_analysis import (
     HypotheticalLink,
@@ -92,7 +90,6 @@ __all__ = [
     "forward",
     "frames",
     "from_denavit_hartenberg",
-    "from_modified_denavit_hartenberg",
     "from_product_of_exponentials",
     "group",
     "inverse_transform",
@@ -115,7 +112,6 @@ __all__ = [
     "spherical_pentagon",
     "spherical_quadrilateral",
     "to_denavit_hartenberg",
-    "to_modified_denavit_hartenberg",
     "to_product_of_exponentials",
     "toolkit",
     "transform",

@@ -9,7 +9,7 @@ link at the end.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,8 @@ from rodgen.kinematics.spatial.forward_analysis import link_transform
 from rodgen.kinematics.spatial.mechanism import Mechanism
 from rodgen.kinematics.spatial.placement import Placement, at_zero, mechanism_at, placed
 from rodgen.views import with_html
+
+Convention = Literal["standard", "modified"]
 
 
 @with_html
@@ -58,25 +60,28 @@ def from_denavit_hartenberg(
     angle: ArrayLike | None = None,
     pitch: ArrayLike | None = None,
     *,
+    convention: Convention = "standard",
     base: ArrayLike | None = None,
     end: ArrayLike | None = None,
     unit: str = "mm",
     name: str = "",
     names: Iterable[str] = (),
 ) -> Placement:
-    """Return the mechanism of a standard Denavit-Hartenberg table.
+    """Return the mechanism of a Denavit-Hartenberg table.
 
     Parameters
     ----------
     joints : str or sequence of str, length n
         Kinds of the joints, R, P, C and H, the base's first.
     a, alpha : array_like (n)
-        Length and twist (rad) of the link after each joint.
+        Length and twist (rad) of the link after each joint; in the modified convention, before it.
     offset, angle : array_like (n)
         d and theta (rad) of each joint; of a variable its value where the robot's coordinate is zero. Angles left out
         are zero.
     pitch : array_like (n), optional
         Of screws, length per rad.
+    convention : {"standard", "modified"}, optional
+        The modified one is Craig's.
     base, end : array_like (4, 4), optional
         Frames that multiply the rows from the left and from the right.
     unit, name, names
@@ -85,12 +90,13 @@ def from_denavit_hartenberg(
     Returns
     -------
     Placement
-        Whose ``forward`` is base · Π Rz(theta) Tz(d) Tx(a) Rx(alpha) · end.
+        Whose ``forward`` is base · Π Rz(theta) Tz(d) Tx(a) Rx(alpha) · end, or, in the modified convention,
+        base · Π Tx(a) Rx(alpha) Tz(d) Rz(theta) · end.
 
     Raises
     ------
     RodgenError
-        When the table does not fit the joints.
+        When the table does not fit the joints, or there is no such convention.
 
     Examples
     --------
@@ -99,81 +105,45 @@ def from_denavit_hartenberg(
     >>> arm = spatial.from_denavit_hartenberg("RR", a=[300.0, 200.0], alpha=[0.0, 0.0], offset=[0.0, 0.0])
     >>> arm.forward([0.0, np.pi / 2])[:3, 3].round(9)
     array([300., 200.,   0.])
-    """
-    kinds, length, twist, *numbers = _table(joints, a, alpha, offset, angle, pitch)
-    mechanism, zero = mechanism_at(
-        kinds, length[:-1], twist[:-1], *numbers, unit=unit, name=name, names=names
-    )
-    last = link_transform(length[-1], twist[-1], 0.0, 0.0)
-    return Placement(mechanism, base, last if end is None else last @ real_array("end", end, (4, 4)), zero)
-
-
-def from_modified_denavit_hartenberg(
-    joints: str | Sequence[str],
-    a: ArrayLike,
-    alpha: ArrayLike,
-    offset: ArrayLike,
-    angle: ArrayLike | None = None,
-    pitch: ArrayLike | None = None,
-    *,
-    base: ArrayLike | None = None,
-    end: ArrayLike | None = None,
-    unit: str = "mm",
-    name: str = "",
-    names: Iterable[str] = (),
-) -> Placement:
-    """Return the mechanism of a modified Denavit-Hartenberg table (Craig's).
-
-    Parameters
-    ----------
-    joints : str or sequence of str, length n
-        Kinds of the joints, R, P, C and H, the base's first.
-    a, alpha : array_like (n)
-        Length and twist (rad) of the link before each joint.
-    offset, angle, pitch, base, end, unit, name, names
-        As of :func:`from_denavit_hartenberg`.
-
-    Returns
-    -------
-    Placement
-        Whose ``forward`` is base · Π Tx(a) Rx(alpha) Tz(d) Rz(theta) · end.
-
-    Raises
-    ------
-    RodgenError
-        When the table does not fit the joints.
-
-    Examples
-    --------
-    >>> from rodgen import spatial
-    >>> arm = spatial.from_modified_denavit_hartenberg("RR", [0.0, 300.0], [0.0, 0.0], [0.0, 50.0])
+    >>> arm = spatial.from_denavit_hartenberg("RR", [0.0, 300.0], [0.0, 0.0], [0.0, 50.0], convention="modified")
     >>> arm.forward([0.0, 0.0])[:3, 3]
     array([300.,   0.,  50.])
     """
+    modified = _is_modified(convention)
     kinds, length, twist, *numbers = _table(joints, a, alpha, offset, angle, pitch)
-    mechanism, zero = mechanism_at(kinds, length[1:], twist[1:], *numbers, unit=unit, name=name, names=names)
-    first = link_transform(length[0], twist[0], 0.0, 0.0)
-    return Placement(
-        mechanism, first if base is None else real_array("base", base, (4, 4)) @ first, end, zero
+    outer, inner = (0, slice(1, None)) if modified else (-1, slice(-1))
+    mechanism, zero = mechanism_at(
+        kinds, length[inner], twist[inner], *numbers, unit=unit, name=name, names=names
     )
+    link = link_transform(length[outer], twist[outer], 0.0, 0.0)
+    if modified:
+        base = link if base is None else real_array("base", base, (4, 4)) @ link
+    else:
+        end = link if end is None else link @ real_array("end", end, (4, 4))
+    return Placement(mechanism, base, end, zero)
 
 
-def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
-    """Return the standard Denavit-Hartenberg table of an open chain.
+def to_denavit_hartenberg(
+    robot: Mechanism | Placement, convention: Convention = "standard"
+) -> DenavitHartenberg:
+    """Return the Denavit-Hartenberg table of an open chain.
 
     Parameters
     ----------
     robot : Mechanism or Placement
+    convention : {"standard", "modified"}, optional
+        The modified one is Craig's.
 
     Returns
     -------
     DenavitHartenberg
-        An end frame that is a link, Tx(a) Rx(alpha), becomes the last row's; any other stays as ``end``.
+        An end frame that is a link, Tx(a) Rx(alpha), becomes the last row's; any other stays as ``end``. In the
+        modified convention that is so of the base frame, the first row and ``base``.
 
     Raises
     ------
     RodgenError
-        When the chain is closed or has joints E, T or S.
+        When the chain is closed or has joints E, T or S, or there is no such convention.
 
     Examples
     --------
@@ -181,48 +151,22 @@ def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
     >>> spatial.to_denavit_hartenberg(spatial.PUMA_560).a
     array([ 0. , 17. ,  0.8,  0. ,  0. ,  0. ])
     """
-    given = placed(robot)
-    (length, twist), rest = _link_in(given.end)
-    mechanism = given.mechanism
-    a, alpha = np.append(mechanism.a, length), np.append(mechanism.alpha, twist)
-    return _rows(given, a, alpha, np.array(given.base), rest)
-
-
-def to_modified_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
-    """Return the modified Denavit-Hartenberg table (Craig's) of an open chain.
-
-    Parameters
-    ----------
-    robot : Mechanism or Placement
-
-    Returns
-    -------
-    DenavitHartenberg
-        A base frame that is a link, Tx(a) Rx(alpha), becomes the first row's; any other stays as ``base``.
-
-    Raises
-    ------
-    RodgenError
-        When the chain is closed or has joints E, T or S.
-
-    Examples
-    --------
-    >>> from rodgen import spatial
-    >>> spatial.to_modified_denavit_hartenberg(spatial.PUMA_560).a
-    array([ 0. ,  0. , 17. ,  0.8,  0. ,  0. ])
-    """
-    given = placed(robot)
-    (length, twist), rest = _link_in(given.base)
-    mechanism = given.mechanism
-    a, alpha = np.append(length, mechanism.a), np.append(twist, mechanism.alpha)
-    return _rows(given, a, alpha, rest, np.array(given.end))
-
-
-def _rows(given: Placement, a: Array, alpha: Array, base: Array, end: Array) -> DenavitHartenberg:
-    """Return the table of a robot with these links and frames."""
+    given, modified = placed(robot), _is_modified(convention)
+    mechanism, base, end = given.mechanism, np.array(given.base), np.array(given.end)
+    if modified:
+        (length, twist), base = _link_in(base)
+    else:
+        (length, twist), end = _link_in(end)
+    place = 0 if modified else len(mechanism.a)
+    a, alpha = np.insert(mechanism.a, place, length), np.insert(mechanism.alpha, place, twist)
     offset, angle = at_zero(given)
-    mechanism = given.mechanism
     return DenavitHartenberg(mechanism.joints, a, alpha, offset, angle, np.array(mechanism.pitch), base, end)
+
+
+def _is_modified(convention: str) -> bool:
+    if convention not in ("standard", "modified"):
+        raise RodgenError(f"the convention is {convention!r}; expected 'standard' or 'modified'")
+    return convention == "modified"
 
 
 def _table(
