@@ -32,8 +32,13 @@ from work import calls_in
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
 from rodgen.kinematics.axis_fit import pairs as pairs_module
-from rodgen.kinematics.axis_fit.moments import Moments, maximise_on_sphere, tangents
-from rodgen.kinematics.axis_fit.pairs import residual, residual_and_jacobian
+from rodgen.kinematics.axis_fit.pairs import (
+    Moments,
+    maximise_on_sphere,
+    residual,
+    residual_and_jacobian,
+    tangents,
+)
 from rodgen.kinematics.axis_fit.solve import LOSSES, chi_cut
 
 slow = pytest.mark.slow

@@ -5,8 +5,8 @@ The most likely axis e, and point p on it, of N noisy pairs (ρ, ρ′) with kno
     minimise  Σ w |ρ′ - p - R(e, χ)(ρ - p)|²  over  |e| = 1 and p
 
 Isotropic noise σ² on every coordinate of ρ and of ρ′ makes this the maximum-likelihood estimate exactly: the
-residual has covariance 2σ² I whatever the rotation. The optimum is :mod:`.solve`'s; :mod:`.determinacy` says how
-uncertain it is, and what the pairs leave undetermined.
+residual has covariance 2σ² I whatever the rotation. The module :mod:`.solve`
+finds the optimum, says how uncertain it is, and what the pairs leave undetermined.
 
 Remarks name suspicious angles, outliers, and pairs that contradict the axis. A robust loss is safe while the bad pairs
 are a minority without a common answer. When many pairs contradict the rest consistently, for example because the sign
@@ -28,10 +28,29 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array, Mask
 from rodgen.errors import RodgenError, joined
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.axis_fit.common import CHANCE, SharedReadings, Slide, chance_of
-from rodgen.kinematics.axis_fit.determinacy import (
+from rodgen.kinematics.axis_fit.pairs import (
+    CHANCE,
+    Line,
+    Pairs,
+    SharedReadings,
+    Slide,
+    blocks,
+    chance_of,
+    shown,
+    tangents,
+)
+from rodgen.kinematics.axis_fit.result import NO_ACCIDENT, AxisFit, AxisFitStatus, nearest, remarks_on_noise
+from rodgen.kinematics.axis_fit.screws import fit_points
+from rodgen.kinematics.axis_fit.solve import (
+    LOSSES,
+    MOST_REWEIGHTINGS,
+    Loss,
+    Noise,
     PairFacts,
+    Solution,
     axis_information,
+    best_agreement,
+    chi_cut,
     choose,
     condition_number,
     find_freedoms,
@@ -40,21 +59,8 @@ from rodgen.kinematics.axis_fit.determinacy import (
     joint_covariance,
     parameter_covariance,
     sentences,
-    status_of,
-)
-from rodgen.kinematics.axis_fit.moments import shown, tangents
-from rodgen.kinematics.axis_fit.pairs import Line, Pairs, blocks
-from rodgen.kinematics.axis_fit.result import NO_ACCIDENT, AxisFit, AxisFitStatus, nearest, remarks_on_noise
-from rodgen.kinematics.axis_fit.screws import fit_points
-from rodgen.kinematics.axis_fit.solve import (
-    LOSSES,
-    MOST_REWEIGHTINGS,
-    Loss,
-    Noise,
-    Solution,
-    best_agreement,
-    chi_cut,
     solve,
+    status_of,
 )
 
 # Share of the pairs whose contradiction leaves no answer safe.

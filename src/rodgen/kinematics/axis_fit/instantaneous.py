@@ -22,9 +22,6 @@ from numpy.typing import ArrayLike
 from rodgen.array_types import Array, Index, Mask
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import positive_length, real_array
-from rodgen.kinematics.axis_fit.determinacy import LOST_RADIANS
-from rodgen.kinematics.axis_fit.equations import Factorised
-from rodgen.kinematics.axis_fit.readings import frame_of, poses_of
 from rodgen.kinematics.axis_fit.result import (
     MOST_SHOWN,
     TWO_SIDED,
@@ -34,6 +31,8 @@ from rodgen.kinematics.axis_fit.result import (
     table_lines,
     vector_text,
 )
+from rodgen.kinematics.axis_fit.screws import Factorised, frame_of, poses_of
+from rodgen.kinematics.axis_fit.solve import LOST_RADIANS
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.rotation import axis_angle_from_matrix, matrix_from_axis_angle
 from rodgen.kinematics.screws import ScrewStatus

@@ -1,17 +1,65 @@
-"""The pairs of a fit, checked and brought to moderate size about a common origin, and their residuals.
+"""The pairs of a fit: their sums, residuals and slides, and the axis that maximises their likelihood.
+
+The sums over all pairs on which the likelihood of an axis depends, and the axis that maximises it.
+
+With r = ρ′ - ρ, m = ρ′ + ρ, weights w, κ = 1 - cos χ and s = sin χ, R(e, χ) is quadratic in e, and
+
+    ½ Σ w |ρ′ - p - R(ρ - p)|² = constant - (eᵀ A e + b·e)      for a given point p, taken as the origin,
+    A = Σ w κ sym(ρ ρ′ᵀ),   b = Σ w s ρ × ρ′ = Σ w s ρ × r.
+
+A free point drops out in closed form. (I - R)ᵀ(I - R) = 2κ (I - e eᵀ), so that for any e the best point is
+
+    p = (M - e (e·M) + e × S)/D + any multiple of e,   M = Σ w κ m,  S = Σ w s r,  D = 2 Σ w κ,
+
+and putting it back leaves a quadratic in e again:
+
+    A′ = A - (M Mᵀ + S Sᵀ)/(2D),    b′ = b + (S × M)/D.
+
+So the maximum-likelihood axis is the maximum of a quadratic on the sphere in both cases, with nothing to
+iterate and no local minimum to fall into; ``derivation/axis_fit.py`` proves it.
+The sums are taken about the centre that makes M vanish: then A′ and b′ do not suffer from points far from
+the origin.
+
+The maximum of eᵀA e + b·e on the sphere, for symmetric 3×3 A: stationary unit vectors obey 2 A e + b = 2 μ e. With the
+eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of A and the components γ = b/2 in its eigenbasis,
+
+    e_k = γ_k / (μ - λ_k),        φ(μ) = Σ γ_k² / (μ - λ_k)² = 1   (the secular equation).
+
+The global maximum is the root μ ≥ λ₁. At most one other local maximum exists; it is the root in
+(λ₂, λ₁) nearest λ₁, where φ rises towards λ₁ (J. M. Martínez, SIAM J. Optim. 4 (1994) 159-176). The
+hard case, γ₁ = 0 with φ(λ₁) < 1, has two equal maxima: the first component has the size that makes e a
+unit vector, and either sign.
+
+Degenerate: A a multiple of the identity and b = 0, every unit vector is a maximum; λ₁ = λ₂ and
+γ₁ = γ₂ = 0 in the hard case, a circle of them. One representative comes back; that it is not isolated
+is seen in the Hessian 2 (μ I - A), not here.
+
+The pairs of a fit, checked and brought to moderate size about a common origin, and their residuals.
 
 The residual of a pair against an axis is d = ρ′ - p - R(e, χ)(ρ - p). With noise of covariance σ² I on both ρ and ρ′,
 d has covariance 2σ² I whatever the rotation, and half of Σ |d|²/(2σ²) is the negative log-likelihood of e and p once
 the true ρ are eliminated. The kernel is derived, proved and generated in ``derivation/axis.py``; it forms ρ′ - ρ and
 (R - I)(ρ - p) apart, which keeps the smallest angles exact.
+
+What pairs share: a slide along the axis, and readings that stand in several of them.
+
+A slide is that of a screw, an axial run-out, or a body that is pushed while it turns. A slide of s a pair, or of s for
+each radian, makes the residual d - a s e, with a = 1 or the angle. It is one more parameter of the fit: where chance
+explains it, its estimate is reported and none is taken; otherwise it is fitted with the axis. Both are least squares of
+the same likelihood.
+
+A reading may stand in several pairs, such as one rest pose against which all others are paired; its errors are in
+several residuals. With A_i the derivative of the score by the error of a reading in pair i, the score has the variance
+v Σ_g (Σ_i A_i)ᵀ (Σ_i A_i), over readings g and the pairs i in which they stand, where independent readings have
+v Σ_g Σ_i A_iᵀ A_i.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,8 +67,247 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.axis_fit.moments import Moments, global_maximum
 from rodgen.kinematics.backend import kernels
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Return scalar products (…)."""
+    product: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return product
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return cross products; numpy.cross takes several times as long on (N, 3)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
+def skew(a: Array) -> Array:
+    """Return the matrices (…, 3, 3) with skew(a) @ b = a × b."""
+    out = np.zeros((*a.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., k, j] = a[..., i]
+        out[..., j, k] = -a[..., i]
+    return out
+
+
+def shown(vector: Array) -> str:
+    """Return a unit vector as a message shows it, with 0 for rounding."""
+    return "(" + ", ".join(f"{c:z.4g}" if abs(c) > 1e-12 else "0" for c in vector) + ")"
+
+
+# Both iterations converge quadratically after a few steps; the bound only ends them for certain.
+_MOST_STEPS = 80
+
+
+class Maxima(NamedTuple):
+    """The maxima of a batch of quadratics on the sphere."""
+
+    best: Array
+    """(…, 3) the global maximum."""
+    other: Array
+    """(…, 3) the other local maximum; NaN where there is none."""
+
+
+def maximise_on_sphere(A: Array, b: Array) -> Maxima:
+    """Return every local maximum of eᵀA e + b·e on the unit sphere, for symmetric A (…, 3, 3) and b (…, 3).
+
+    In the hard case the two are equally good, and `best` is the one along the eigenvector as LAPACK signs it.
+    """
+    gap, gamma, vectors = _in_eigenbasis(A, b)
+    best, other = _global_root(gap, gamma), _local_root(gap, gamma)
+    return Maxima((vectors @ best[..., None])[..., 0], (vectors @ other[..., None])[..., 0])
+
+
+def global_maximum(A: Array, b: Array) -> Array:
+    """Return `best` of :func:`maximise_on_sphere` alone, in half the time."""
+    gap, gamma, vectors = _in_eigenbasis(A, b)
+    best: Array = (vectors @ _global_root(gap, gamma)[..., None])[..., 0]
+    return best
+
+
+def _in_eigenbasis(A: Array, b: Array) -> tuple[Array, Array, Array]:
+    """Return λ₁ - λ_k and γ_k, scaled alike, and the eigenvectors; the largest eigenvalue first."""
+    eigenvalues, vectors = np.linalg.eigh(A)
+    vectors = vectors[..., ::-1]
+    gap = eigenvalues[..., -1:] - eigenvalues[..., ::-1]
+    gamma = (vectors.mT @ b[..., None])[..., 0] / 2
+    scale = np.maximum(gap[..., 2], np.abs(gamma).max(axis=-1))
+    scale = np.where(scale > 0, scale, 1.0)[..., None]
+    return gap / scale, gamma / scale, vectors
+
+
+def _quotient(a: Array, b: Array) -> Array:
+    """Return a / b; 0 where b is 0: there a is 0 too, or the caller replaces the value."""
+    good = b != 0
+    if good.all():
+        return a / b
+    return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=good)
+
+
+def _unit_with_first(first_sign: Array, t: Array, components: Array) -> Array:
+    """Return unit vectors; in the hard case (t = 0) the first component makes up the length."""
+    rest = (components[..., 1:] ** 2).sum(axis=-1)
+    hard = np.sqrt(np.maximum(1 - rest, 0))
+    first = np.where(t > 0, np.abs(components[..., 0]), hard) * first_sign
+    e = np.concatenate([first[..., None], components[..., 1:]], axis=-1)
+    length: Array = np.sqrt((e**2).sum(axis=-1, keepdims=True))
+    unit: Array = e / length
+    return unit
+
+
+def _global_root(gap: Array, gamma: Array) -> Array:
+    """Return the maximum for the root t = μ - λ₁ ≥ 0 of Σ (γ_k/(t + gap_k))² = 1."""
+    size = np.abs(gamma)
+    t = np.maximum((size - gap).max(axis=-1), 0)  # each term alone is at most 1
+    for _ in range(_MOST_STEPS):
+        shifted = t[..., None] + gap
+        q = _quotient(gamma, shifted)
+        phi = (q**2).sum(axis=-1)
+        # Newton on 1/sqrt(φ) - 1, which is nearly straight and convex: from the left it never overshoots.
+        step = _quotient(phi * (np.sqrt(phi) - 1), _quotient(q**2, shifted).sum(axis=-1))
+        step = np.where(phi > 1, step, 0)
+        t = t + step
+        if np.all(step <= np.finfo(float).eps * t):
+            break
+    sign = np.where(gamma[..., 0] < 0, -1.0, 1.0)
+    return _unit_with_first(sign, t, _quotient(gamma, t[..., None] + gap))
+
+
+def _local_root(gap: Array, gamma: Array) -> Array:
+    """Return the maximum for the root t = λ₁ - μ of γ₁²/t² + Σ_{k>1} γ_k²/(gap_k - t)² = 1, least in (0, gap₂)."""
+    first = np.abs(gamma[..., 0])
+    t = first.copy()
+    alive = gap[..., 1] > t
+    for _ in range(_MOST_STEPS):
+        room = np.where(alive[..., None], gap[..., 1:] - t[..., None], 1.0)
+        rest = _quotient(gamma[..., 1:], room) ** 2
+        total = rest.sum(axis=-1)
+        alive &= total < 1
+        # Two lower bounds of the root, both exact there: rest frozen, and Newton on the convex φ.
+        frozen = _quotient(first, np.sqrt(np.where(alive, 1 - total, 1.0)))
+        head = _quotient(first, t) ** 2
+        slope = 2 * (_quotient(rest, room).sum(axis=-1) - _quotient(head, t))
+        newton = t - _quotient(head + total - 1, slope)
+        better = np.maximum(frozen, np.where((slope < 0) & (t > 0), newton, 0))
+        better = np.where(alive, np.maximum(better, t), t)
+        alive &= better < gap[..., 1]
+        if np.all((better - t <= np.finfo(float).eps * t) | ~alive):
+            break
+        t = np.where(alive, better, t)
+    sign = np.where(gamma[..., 0] < 0, 1.0, -1.0)  # the far side of the equator
+    room = np.where(alive[..., None], gap[..., 1:] - t[..., None], 1.0)
+    components = np.concatenate([_quotient(first, t)[..., None], _quotient(gamma[..., 1:], room)], axis=-1)
+    return np.where(
+        alive[..., None], _unit_with_first(sign, t, np.where(alive[..., None], components, 1.0)), np.nan
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Sums over weighted pairs; every field may have leading batch axes."""
+
+    A: Array
+    b: Array
+    """The quadratic for the point `centre`, (…, 3, 3) and (…, 3)."""
+    M: Array
+    S: Array
+    """Shape (…, 3)."""
+    D: Array
+    """As in the module's docstring, about `centre`, (…)."""
+    centre: Array
+    """The known point, or the mean of the points weighted by w κ, (…, 3)."""
+    free: bool
+    """Whether the point is to be found."""
+
+    @classmethod
+    def of(cls, rho: Array, rho_prime: Array, angle: Array, weight: Array, point: Array | None) -> Moments:
+        """Return the sums over the second last axis of points (…, N, 3); `point` is None where it is free."""
+        by_versine = 2 * weight * np.sin(angle / 2) ** 2
+        by_sine = weight * np.sin(angle)
+        D = 2 * by_versine.sum(axis=-1)
+        if point is None:
+            safe = np.where(D > 0, D, 1.0)[..., None]
+            centre = (by_versine[..., None, :] @ rho)[..., 0, :] + (by_versine[..., None, :] @ rho_prime)[
+                ..., 0, :
+            ]
+            centre = centre / safe
+        else:
+            centre = np.broadcast_to(point, (*D.shape, 3))
+        x = rho - centre[..., None, :]
+        y = rho_prime - centre[..., None, :]
+        r = rho_prime - rho
+        product = (x * by_versine[..., None]).mT @ y
+        turn = (x * by_sine[..., None]).mT @ r
+        return cls(
+            A=(product + product.mT) / 2,
+            b=_axial(turn),
+            M=(by_versine[..., None, :] @ (x + y))[..., 0, :],
+            S=(by_sine[..., None, :] @ r)[..., 0, :],
+            D=D,
+            centre=centre,
+            free=point is None,
+        )
+
+    @staticmethod
+    def total(parts: Iterable[Moments]) -> Moments:
+        """Return the sums over all parts of the pairs, each about the same centre."""
+        first, *others = parts
+        for part in others:
+            sums = {name: getattr(first, name) + getattr(part, name) for name in ("A", "b", "M", "S", "D")}
+            first = replace(first, **sums)
+        return first
+
+    def quadratic(self) -> tuple[Array, Array]:
+        """Return A and b of the quadratic in the axis, with a free point eliminated."""
+        if not self.free:
+            return self.A, self.b
+        D = np.where(self.D > 0, self.D, 1.0)[..., None]
+        lost = self.M[..., :, None] * self.M[..., None, :] + self.S[..., :, None] * self.S[..., None, :]
+        return self.A - lost / (2 * D[..., None]), self.b + cross(self.S, self.M) / D
+
+    def point(self, axis: Array) -> Array:
+        """Return the point on the axis: the known one, or the best one in the plane through `centre`."""
+        if not self.free:
+            return self.centre
+        D = np.where(self.D > 0, self.D, 1.0)[..., None]
+        across = self.M - axis * dot(axis, self.M)[..., None]
+        return self.centre + (across + cross(axis, self.S)) / D
+
+    def hessian(self, axis: Array, point: Array, basis: Array) -> Array:
+        """Return the second derivatives (4, 4), or (2, 2) for a known point, of ½ Σ w |d|² by axis and point.
+
+        They are along `basis` (3, 2), perpendicular to the axis, at a stationary axis and its point. This is not the
+        Gauss-Newton matrix: products ρ ρ′ᵀ are free of the noise bias that ρ ρᵀ has.
+        """
+        q = point - self.centre
+        A = self.A - (np.outer(q, self.M) + np.outer(self.M, q)) / 2 + self.D / 2 * np.outer(q, q)
+        b = self.b - cross(q, self.S)
+        M = self.M - self.D * q
+        multiplier = axis @ (A @ axis + b / 2)
+        by_axis = 2 * (multiplier * np.eye(2) - basis.T @ A @ basis)
+        if not self.free:
+            return by_axis
+        mixed = (axis @ M) * np.eye(2) + basis.T @ skew(self.S) @ basis
+        return np.block([[by_axis, mixed.T], [mixed, self.D * np.eye(2)]])
+
+
+def tangents(axis: Array) -> Array:
+    """Return two unit vectors (3, 2) that make a right-handed basis (u, v, axis)."""
+    start = np.eye(3)[np.argmin(np.abs(axis))]
+    u = cross(axis, start)
+    u = u / np.sqrt(u @ u)
+    return np.stack([u, cross(axis, u)], axis=1)
+
+
+def _axial(T: Array) -> Array:
+    """Return Σ x × r from T = Σ x rᵀ."""
+    return np.stack(
+        [T[..., 1, 2] - T[..., 2, 1], T[..., 2, 0] - T[..., 0, 2], T[..., 0, 1] - T[..., 1, 0]], axis=-1
+    )
+
 
 BLOCK = 1 << 16
 """Pairs that are looked at together, so that what is computed of them stays in the cache."""
@@ -345,3 +632,178 @@ def _exponent(sizes: Array) -> int:
 
 def _shown(value: Array) -> str:
     return np.array2string(np.ravel(value), separator=", ", max_line_width=1000)
+
+
+CHANCE = 1e-5
+"""Probability below which a better fit is not taken for luck."""
+_MOST_SLIDE_STEPS = 30
+_SETTLED = 1e-13
+_ROUNDING = 1e-12
+"""Of a relative information: 64 times rounding, for a hundred roundings in its sums."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slide:
+    """A slide of `size` times `amount` along the axis.
+
+    Attributes
+    ----------
+    size : float
+        Scaled length, of each pair or of each radian.
+    by_angle : bool
+        Whether it is in proportion to the angle.
+    line : Line
+    """
+
+    size: float
+    by_angle: bool
+    line: Line
+
+    def amount(self, pairs: Pairs) -> Array:
+        """Return by what the size is multiplied in each pair, (n,)."""
+        return pairs.angle if self.by_angle else np.ones(len(pairs.angle))
+
+    def without(self, pairs: Pairs) -> Pairs:
+        """Return the pairs less the slide, which have one parameter more."""
+        moved = pairs.rho_prime - self.size * self.amount(pairs)[:, None] * self.line.axis
+        return replace(pairs, rho_prime=moved, slid=True)
+
+    def information(self, pairs: Pairs, basis: Array, alone: Array) -> tuple[Array, float]:
+        """Return the information by axis, point and slide, and the slope of half the squares by the slide.
+
+        `pairs` are those without the slide; `alone` is the information by axis and point where there is none.
+        """
+        normal, without, gradient = self._normal(pairs, basis)
+        normal[:-1, :-1] += alone - without
+        return normal, float(gradient[-1])
+
+    def gain(self, pairs: Pairs) -> float:
+        """Return by what half the squares fall by a step to the least squares, of pairs without the slide."""
+        normal, _, gradient = self._normal(pairs, tangents(self.line.axis))
+        return float(gradient @ np.linalg.lstsq(normal, gradient, rcond=None)[0]) / 2
+
+    @staticmethod
+    def is_determined(information: Array) -> bool:
+        """Return whether the slide changes the residuals otherwise than axis and point, by more than rounding."""
+        diagonal = np.diag(information)
+        if not (diagonal > 0).all():
+            return False
+        return bool(np.linalg.eigvalsh(information / np.sqrt(np.outer(diagonal, diagonal)))[0] > _ROUNDING)
+
+    def _normal(self, pairs: Pairs, basis: Array) -> tuple[Array, Array, Array]:
+        """Return Σ w JᵀJ by axis, point and slide, that of a slide of none by axis and point, and Σ w Jᵀd."""
+        size = 2 if pairs.point is not None else 4
+        normal, without = np.zeros((size + 1, size + 1)), np.zeros((size, size))
+        gradient = np.zeros(size + 1)
+        for _, block in pairs.blocks():
+            d, jacobian = residual_and_jacobian(
+                block.rho, block.rho_prime, block.angle, self.line.axis, self.line.point
+            )
+            w, amount = block.weight, self.amount(block)[:, None, None]
+            by = np.concatenate([jacobian[:, :, :3] @ basis, jacobian[:, :, 3:] @ basis], axis=2)[:, :, :size]
+            without += np.einsum("n,nip,niq->pq", w, by, by)
+            by[:, :, :2] -= self.size * amount * basis
+            by = np.concatenate([by, -amount * self.line.axis[:, None]], axis=2)
+            normal += np.einsum("n,nip,niq->pq", w, by, by)
+            gradient += np.einsum("n,nip,ni->p", w, by, d)
+        return normal, without, gradient
+
+    @classmethod
+    def fitted(cls, pairs: Pairs, line: Line, *, by_angle: bool) -> Slide:
+        """Return the least squares of axis, point and slide, from those without a slide."""
+        slide = cls(0.0, by_angle, line)
+        for _ in range(_MOST_SLIDE_STEPS):
+            basis = tangents(slide.line.axis)
+            normal, _, gradient = slide._normal(slide.without(pairs), basis)
+            step = -np.linalg.lstsq(normal, gradient, rcond=None)[0]
+            axis = slide.line.axis + basis @ step[:2]
+            point = slide.line.point + (basis @ step[2:4] if pairs.point is None else 0.0)
+            slide = cls(slide.size + float(step[-1]), by_angle, Line(axis / math.sqrt(axis @ axis), point))
+            if np.abs(step).max() < _SETTLED:
+                break
+        return slide
+
+
+def chance_of(slide: float, variance: float, freedoms: int, *, known: bool) -> float:
+    """Return an upper bound of the logarithm of the probability of a slide so far from none, by chance.
+
+    `variance` is that of the slide, known or estimated with `freedoms` degrees of freedom.
+    """
+    z = slide**2 / variance if variance > 0 else math.inf
+    return -z / 2 if known else -freedoms / 2 * math.log1p(z / freedoms)
+
+
+_MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
+"""Odd numbers with bits that look random: sums of multiples of coordinates rarely agree by chance."""
+
+
+@dataclass(frozen=True, eq=False)
+class SharedReadings:
+    """Readings that stand in more than one of the pairs that count.
+
+    Attributes
+    ----------
+    pair, reading : (k,) int arrays
+        The pair and the reading of each place where one stands.
+    before : (k,) bool array
+        Whether it is a point before the turn.
+    """
+
+    pair: NDArray[np.intp]
+    reading: NDArray[np.intp]
+    before: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, pairs: Pairs) -> SharedReadings | None:
+        """Return those of the pairs with a weight; None where each reading stands in one pair."""
+        counted = np.flatnonzero(pairs.weight > 0)
+        points = np.concatenate([pairs.rho[counted], pairs.rho_prime[counted]]) + 0.0  # no zero with a sign
+        bits = points.view(np.uint64)
+        mixed = ((bits ^ (bits >> np.uint64(32))) * _MIX).sum(axis=1)
+        order = np.argsort(mixed, kind="stable")
+        alike = np.diff(mixed[order]) == 0
+        if not alike.any():
+            return None
+        place = order[np.r_[alike, False] | np.r_[False, alike]]
+        reading = np.unique(points[place], axis=0, return_inverse=True)[1].ravel()
+        pair = place % len(counted)
+        several = np.zeros(reading.max() + 1, bool)
+        first = np.full(len(several), -1)
+        first[reading[::-1]] = pair[::-1]
+        several[reading[pair != first[reading]]] = True  # one at rest is alike before and after
+        inside = several[reading]
+        if not inside.any():
+            return None
+        reading = np.unique(reading[inside], return_inverse=True)[1]
+        return cls(counted[pair[inside]], reading, place[inside] < len(counted))
+
+    @property
+    def text(self) -> str:
+        """A sentence for users."""
+        number, most = int(self.reading.max()) + 1, int(np.bincount(self.reading).max())
+        stand = "readings stand" if number > 1 else "reading stands"
+        return (
+            f"{number} {stand} in several pairs, one in {most}: the uncertainties allow for the errors that "
+            "pairs share."
+        )
+
+    def excess(self, pairs: Pairs, share: Array, basis: Array, slide: Slide) -> Array:
+        """Return by how much the score's variance exceeds that of independent readings, in units of the noise's.
+
+        `pairs` are those without the slide, `basis` (3, 2) directions across its axis; the result is by axis, a free
+        point, and slide: (5, 5) or (3, 3).
+        """
+        i, line = self.pair, slide.line
+        some = pairs.only(i)
+        jacobian = residual_and_jacobian(some.rho, some.rho_prime, some.angle, line.axis, line.point)[1]
+        parts = [jacobian[:, :, :3] @ basis] + ([jacobian[:, :, 3:] @ basis] if pairs.point is None else [])
+        parts.append(-slide.amount(some)[:, None, None] * line.axis[:, None])
+        by = np.concatenate(parts, axis=2) * (np.sqrt(some.weight) * share[i])[:, None, None]
+        cosine, sine = (f(some.angle)[:, None, None] for f in (np.cos, np.sin))
+        along = line.axis[:, None] * np.einsum("j,njp->np", line.axis, by)[:, None, :]
+        back = cosine * by - sine * np.cross(line.axis[None, :, None], by, axis=1) + (1 - cosine) * along
+        by = np.where(self.before[:, None, None], -back, by)
+        total = np.zeros((int(self.reading.max()) + 1, *by.shape[1:]))
+        np.add.at(total, self.reading, by)
+        found: Array = np.einsum("njp,njq->pq", total, total) - np.einsum("njp,njq->pq", by, by)
+        return found
