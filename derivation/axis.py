@@ -131,8 +131,7 @@ d.check(
 d.check(
     "axis-from-parts",
     equal(theta, (2 * cross(m, r) + dot(m, theta) * m) / norm(m) ** 2),
-    text="The axis is the sum of its part along m × r and its part along m. The two signs of (m, θ) give the two "
-    "axes.",
+    text="The axis is the sum of its part along m × r and its part along m. The two signs of (m, θ) give the two axes.",
 ).prove(
     given=given,
     because="r = θ × m / 2, so that 2 m × r = m × (θ × m) = |m|² θ − (m, θ) m.",
@@ -440,8 +439,7 @@ def renamed(value, **vectors):
 
 computed_m, computed_r = (
     d.letter(
-        rf"computed_{name}[3] | \vec {name}_{{\mathrm{{computed}}}} | "
-        rf"{name} as the program computes it | length",
+        rf"computed_{name}[3] | \vec {name}_{{\mathrm{{computed}}}} | {name} as the program computes it | length",
         sp.ImmutableMatrix(
             renamed(
                 solver.expand(solver[name], keep=[solver["excess"], solver["u"], solver["v"]]).subs(
@@ -751,9 +749,6 @@ d.check(
     because="|2t e|²/4 = t². With t = tan(χ/2), 2t / (1 + t²) is 2 sin(χ/2) cos(χ/2).",
 )
 
-# %% [markdown]
-# All functions of this notebook, with the number of operations that each takes:
-
 # %%
 
 
@@ -782,7 +777,6 @@ residual = axis_residual().jacobian(("axis", "point"), name="axis_residual", val
 
 # %%
 derivation.kernel(solver, length_mismatch(), axis_condition(), jacobian, axis_covariance(), residual)
-derivation.kernels
 
 # %% [markdown]
 # ## Accuracy

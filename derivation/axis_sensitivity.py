@@ -225,8 +225,7 @@ def across(direction: sp.Expr) -> sp.Expr:
 
 components = sp.Matrix(rho.components)
 direction_by_rho = d.letter(
-    r"direction_by_rho[3,3] | \frac{\partial\hat\rho}{\partial\vec\rho} | "
-    r"derivative of the direction of ρ | 1/length",
+    r"direction_by_rho[3,3] | \frac{\partial\hat\rho}{\partial\vec\rho} | derivative of the direction of ρ | 1/length",
     (components / norm(components)).jacobian(components),
 )
 kappa_by_angle = d.letter(
@@ -253,13 +252,11 @@ G = d.letter(
     (identity - m * e.T / dot(e, m)) * skew(m) / norm(m) ** 2,
 )
 by_rho = d.letter(
-    r"axis_by_rho[3,3] | \frac{\partial\vec e}{\partial\vec\rho} | "
-    r"derivative of the axis by ρ | 1/length",
+    r"axis_by_rho[3,3] | \frac{\partial\vec e}{\partial\vec\rho} | derivative of the axis by ρ | 1/length",
     G * (-kappa * identity - skew(e)) * across(rho),
 )
 by_rho_prime = d.letter(
-    r"axis_by_rho_prime[3,3] | \frac{\partial\vec e}{\partial\vec\rho'} | "
-    r"derivative of the axis by ρ′ | 1/length",
+    r"axis_by_rho_prime[3,3] | \frac{\partial\vec e}{\partial\vec\rho'} | derivative of the axis by ρ′ | 1/length",
     G * (kappa * identity - skew(e)) * across(rho_prime),
 )
 half_sine_squared = d.letter(r"half_sine_squared | \sin^2\tfrac{\chi}{2} | by κ | 1", 1 / (1 + kappa**2))
@@ -383,11 +380,3 @@ d.check(
     because="All are rational functions of κ and the components of ρ; their numerators agree. For the last one, "
     "sin(x − a) sin(x + a) = sin²x − sin²a.",
 )
-
-# %% [markdown]
-# ## All symbols
-#
-# Those of the table above, and those introduced with the statements.
-
-# %%
-d

@@ -534,8 +534,7 @@ u, v = of_angle(theta_1), of_angle(theta_2)
 equations = sp.Matrix([(u.T * m * v)[0] for m in M])
 slopes = sp.Matrix([[(slope_of(u).T * m * v)[0], (u.T * m * slope_of(v))[0]] for m in M])
 jacobian = d.letter(
-    r"J[2,2] | \frac{\partial(f_1,f_2)}{\partial(\theta_1,\theta_2)} | "
-    r"derivatives of the two equations | 1",
+    r"J[2,2] | \frac{\partial(f_1,f_2)}{\partial(\theta_1,\theta_2)} | derivatives of the two equations | 1",
     equations.jacobian([theta_1, theta_2]),
 )
 products = [
@@ -932,9 +931,5 @@ kernels = {
     for k in (pair_prepared(), pair_octic(), pair_aberth(), pair_real_roots(), pair_angles(), pair_polish())
 }
 
-# %% [markdown]
-# The number of operations that each takes:
-
 # %%
 derivation.kernel(*kernels.values())
-derivation.kernels

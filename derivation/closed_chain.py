@@ -35,9 +35,8 @@ from rodgen.symbolic import (
 d = derivation = Derivation(
     "closed_chain",
     title="Closed chains: poses by Newton's steps, their derivatives, and the forces in the legs",
-    source='Kureková et al., "Positioning uncertainty of the Tricept type parallel kinematic structure", '
-    'and Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
-    'Angle"',
+    source='Kureková et al., "Positioning uncertainty of the Tricept type parallel kinematic structure", and Zhou and '
+    'Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle"',
     kernels_in="those of a machine: 'rodgen emit MACHINE.toml'",
 )
 FORMULAS = Formulas()
@@ -115,8 +114,7 @@ by_parameter = d.letter(
     named(step.diff(parameter).applyfunc(at_a_solution)),
 )
 implicit = d.letter(
-    r"implicit_by_parameter[2,1] | -J^{-1}\frac{\partial\vec F}{\partial p} | "
-    r"derivative of the implicit function | 1",
+    r"implicit_by_parameter[2,1] | -J^{-1}\frac{\partial\vec F}{\partial p} | derivative of the implicit function | 1",
     named((-slopes.inv() * F.diff(parameter)).applyfunc(at_a_solution)),
 )
 d.check(
@@ -158,8 +156,7 @@ d.check(
 square = sp.Matrix(2, 2, sp.symbols("J_11 J_12 J_21 J_22", real=True))
 gap = sp.Matrix(sp.symbols("F_1 F_2", real=True))
 by_normal = d.letter(
-    r"step_by_normal_equations[2,1] | (J^TJ)^{-1}J^T\vec F | "
-    r"step of the normal equations, with the opposite sign | 1",
+    r"step_by_normal_equations[2,1] | (J^TJ)^{-1}J^T\vec F | step of the normal equations, with the opposite sign | 1",
     legs.solution(FORMULAS, square, gap),
 )
 by_normal_transposed = d.letter(
@@ -360,8 +357,7 @@ rates = sp.Matrix.vstack(m.T, sp.zeros(2, 3))
 tension = legs.tensions(FORMULAS, spans, J, rates, sp.Matrix([1, 0, 0]))
 load = d.vector("m", r"\vec m", "load on the three unknowns", "length", value=m)
 pull = d.letter(
-    r"pull[3] | \sum_k\tfrac{t_k}{l_k}J_k^T | "
-    r"what the tensions t_k = l_k (J⁻ᵀ m)_k put against it | length",
+    r"pull[3] | \sum_k\tfrac{t_k}{l_k}J_k^T | what the tensions t_k = l_k (J⁻ᵀ m)_k put against it | length",
     sum((tension[k] / lengths[k] * J[k, :].T for k in range(3)), sp.zeros(3, 1)),
 )
 d.check(
@@ -385,8 +381,7 @@ d.check(
 # %%
 change = J.inv() * sp.Matrix([lengths[0], 0, 0])
 way = d.letter(
-    r"way | \frac{\partial(\vec x,\vec g)}{\partial l_1} | "
-    r"way of the load along gravity, by the length of leg 1 | 1",
+    r"way | \frac{\partial(\vec x,\vec g)}{\partial l_1} | way of the load along gravity, by the length of leg 1 | 1",
     (m.T * change)[0],
 )
 first_tension = d.symbol("t_1", "t_1", "tension of leg 1", "1", value=tension[0])

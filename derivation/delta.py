@@ -381,4 +381,3 @@ d.check(
     text="The functions of the inverse problems have the proved terms; those of the direct one run the proved steps.",
 ).prove(given={X: R * sp.cos(phi), Y: R * sp.sin(phi)})
 derivation.kernel(linear, rotary, inverse, equations)
-derivation.kernels

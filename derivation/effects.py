@@ -656,9 +656,3 @@ d.check(
     text="A load at the end of a ram whose guide gives way evenly.",
     assumptions=["a linear cantilever on a linear spring, which does not turn"],
 ).prove(given={ell: zeta * L, k0: support, k3: L**3 / (3 * stiffness)})
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

@@ -187,9 +187,6 @@ d.check(
     text="By this the rotation vector differs from the integral ω τ + α τ²/2.",
 ).prove(because="The product is (t − t′) α × ω for times t after t′, whose double integral is τ³/6 α × ω.")
 
-# %% [markdown]
-# The functions of this notebook, with the number of operations that each takes:
-
 # %%
 
 
@@ -252,4 +249,3 @@ derivation.kernel(
     ),
     velocity_axis().jacobian(("omega", "velocity", "position"), name="velocity_axis", values=True),
 )
-derivation.kernels

@@ -66,16 +66,6 @@ d
 
 
 # %%
-class Entries:
-    """Several entries, shown one after the other."""
-
-    def __init__(self, derivation, *ids):
-        self.entries = [derivation.entries[id] for id in ids]
-
-    def _repr_markdown_(self):
-        return "\n\n".join(entry._repr_markdown_() for entry in self.entries)
-
-
 def turns(sequence, angles):
     """Intrinsic rotations, each about an axis of the frame that the ones before have turned."""
     product = sp.eye(3)
@@ -180,7 +170,7 @@ for number, name, letter, printed in (
         text=f"The angle between the normals {name}0 and {name}3 of a plane and of its image.",
         place=f"eq. ({number})",
     ).prove(cos(letter) - printed, given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}.")
-Entries(d, "eq-10", "eq-13", "eq-16")
+d.page("eq-10", "eq-13", "eq-16")
 
 # %%
 d.state(
@@ -188,8 +178,7 @@ d.state(
     equal(
         sp.ImmutableMatrix([cos(c) for c in CHI]), sp.ImmutableMatrix([R.components[i, i] for i in range(3)])
     ),
-    said="for the Z-Y-X and Z-Y-Z Euler angles, the instantaneous Euler angle is the arccosine of the diagonal "
-    "element",
+    said="for the Z-Y-X and Z-Y-Z Euler angles, the instantaneous Euler angle is the arccosine of the diagonal element",
     place="sec. 4.2",
 ).prove(
     because="So it is for every rotation: the cosine between a unit vector and its image is a diagonal element."
@@ -529,7 +518,7 @@ for name, (given_angles, row) in TABLE_41.items():
         given={R: turns("zyx", given_angles)},
         because=f"Their cosines are equal, and {IN_RANGE}.",
     )
-Entries(d, *(f"table-4.1-{name}" for name in TABLE_41))
+d.page(*(f"table-4.1-{name}" for name in TABLE_41))
 
 # %%
 d.state(
@@ -619,7 +608,7 @@ for name, (given_angles, row) in TABLE_42.items():
         entry.refute(point, cosines(right), given=by_row, label=label, because=because)
     else:
         entry.prove(*cosines(row), given=by_row, because=f"Their cosines are equal, and {IN_RANGE}.")
-Entries(d, *(f"table-4.2-{name}" for name in TABLE_42))
+d.page(*(f"table-4.2-{name}" for name in TABLE_42))
 
 # %%
 d.state(
@@ -756,8 +745,7 @@ def letters_of(name, quaternion, sequence):
             matrix_from_quaternion(quaternion[0], list(quaternion[1:])),
         ),
         d.letter(
-            f"R_{sequence}_halves[3,3] | R_{{{sequence}}}(2h,2k,2l) | "
-            f"matrix of {upper}, by its three rotations | 1",
+            f"R_{sequence}_halves[3,3] | R_{{{sequence}}}(2h,2k,2l) | matrix of {upper}, by its three rotations | 1",
             sp.Matrix((zyx if sequence == "zyx" else zyz).subs(halves)),
         ),
     )
@@ -957,4 +945,3 @@ def chi_from_zyz():
 
 # %%
 derivation.kernel(chi_from_quaternion(), chi_from_matrix(), chi_from_zyx(), chi_from_zyz())
-derivation.kernels

@@ -28,7 +28,6 @@ from rodgen.codegen import KernelBuilder
 from rodgen.derivation.instantaneous_euler import (
     PAPER,
     UNIT,
-    Entries,
     of_quaternion,
     product,
     q,
@@ -115,15 +114,14 @@ for i, axis in enumerate("xyz"):
         equal(dot(swing_vector, unit), 0),
         equal(cross(swing_vector, ridge), sp.ZeroMatrix(3, 1)),
         equal(dot(swing_vector, swing_vector), twist_squared * (1 - twist_squared)),
-        text="Twist and swing are the rotation. The swing has no part along the axis, and its axis is the direction "
-        "of the ridge line. With its length |t| the cosine of half its angle is |t|, the root of the sum of two "
-        "squares.",
+        text="Twist and swing are the rotation. The swing has no part along the axis, and its axis is the direction of "
+        "the ridge line. With its length |t| the cosine of half its angle is |t|, the root of the sum of two squares.",
         assumptions=["q is a unit quaternion"],
     ).prove(
         modulo=UNIT_LENGTH,
         because="A quaternion times its conjugate is the square of its length; all other lines are components.",
     )
-Entries(d, *(f"swing-twist-{axis}" for axis in "xyz"))
+d.page(*(f"swing-twist-{axis}" for axis in "xyz"))
 
 # %% [markdown]
 # How large can the angles be? Let $n$ be the axis and $\chi$ the angle of the whole rotation. No angle $\chi_i$ is
@@ -504,7 +502,7 @@ for vertex, parts in small.items():
         text="The four forms by small quantities near "
         + ("no rotation.", "a half turn about x.", "a half turn about y.", "a half turn about z.")[vertex],
     ).prove(because="cos χ = 1 − 2 sin²(χ/2) is inserted.")
-Entries(d, *(id for id in d.entries if id.startswith("near-")))
+d.page(*(id for id in d.entries if id.startswith("near-")))
 
 
 # %%
@@ -672,7 +670,6 @@ d.check(
 
 # %%
 derivation.kernel(rotations_kernel)
-derivation.kernels
 
 # %% [markdown]
 # ## Picture

@@ -25,7 +25,6 @@ from rodgen.codegen import KernelBuilder
 from rodgen.derivation.instantaneous_euler import (
     PAPER,
     UNIT,
-    Entries,
     half_turns,
     length_of_two,
     of_quaternion,
@@ -60,8 +59,7 @@ omega = d.vector("omega", r"\vec\omega", "angular velocity, in fixed axes", "rad
 M = R.components
 N = {
     axis: d.letter(
-        rf"N_{axis}[3] | \vec N_{axis} | "
-        rf"direction of the ridge line {axis.upper()}r, as long as sin χ_{axis} | 1",
+        rf"N_{axis}[3] | \vec N_{axis} | direction of the ridge line {axis.upper()}r, as long as sin χ_{axis} | 1",
         cross(UNIT[axis], M[:, i]),
     )
     for i, axis in enumerate("xyz")
@@ -208,8 +206,7 @@ for sequence in ("zyx", "zyz"):
     matrix = sp.Matrix(turns(sequence, angles))
     upper = "-".join(sequence.upper())
     change = d.letter(
-        rf"change_{sequence}[3,3] | \dot R_{{{sequence}}} | "
-        rf"derivative of the rotation of {upper} by the time | 1/s",
+        rf"change_{sequence}[3,3] | \dot R_{{{sequence}}} | derivative of the rotation of {upper} by the time | 1/s",
         sum((matrix.diff(a) * rate for a, rate in zip(angles, rates, strict=True)), sp.zeros(3)),
     )
     by_rates = d.letter(
@@ -225,7 +222,7 @@ for sequence in ("zyx", "zyz"):
     ).prove(
         because="The derivative of a rotation about an axis is the cross product with the axis, times the rotation."
     )
-Entries(d, "velocity-zyx", "velocity-zyz")
+d.page("velocity-zyx", "velocity-zyz")
 
 # %% [markdown]
 # The other ten sequences are these two with other names of the axes (`instantaneous_euler`, entry `twelve-from-two`).
@@ -561,7 +558,7 @@ for (sequence, kernel), paper, names in zip(motions.items(), (zyx, right_zyz), l
         equal(computed, paper),
         text=f"The function's matrix of {upper}.",
     ).prove(because="The function's steps are inserted into each other.")
-Entries(d, "kernel-zyx", "kernel-zyz")
+d.page("kernel-zyx", "kernel-zyz")
 
 # %%
 derivation.kernel(
@@ -571,4 +568,3 @@ derivation.kernel(
     angles_from_quaternion("zyx"),
     angles_from_quaternion("zyz"),
 )
-derivation.kernels

@@ -30,7 +30,6 @@ from rodgen.derivation.instantaneous_euler import (
     TABLE_41,
     TABLE_42,
     UNIT,
-    Entries,
     of_quaternion,
     q,
     turns,
@@ -458,8 +457,7 @@ d.state(
     equal(own_product, condition),
     given=by_zyx,
     label="Z47",
-    because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, "
-    "too.",
+    because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, too.",
 )
 
 # %%
@@ -964,7 +962,7 @@ for name, sequence, words, what, point, label, why in REMARKS:
         )
     else:
         entry.refute(point, true, given=at_row, label=label, because=why)
-Entries(d, *(id for id in d.entries if id.startswith("ridges-")))
+d.page(*(id for id in d.entries if id.startswith("ridges-")))
 
 # %% [markdown]
 # For three rotations the paper says that all three ridges exist, and for Z-Y-Z that none coincides with an
@@ -1057,4 +1055,3 @@ lines_kernel = chi_ridge_lines()
 
 # %%
 derivation.kernel(lines_kernel)
-derivation.kernels

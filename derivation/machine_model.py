@@ -113,11 +113,6 @@ def slide(v: sp.Basic) -> sp.Basic:
     return motions.slid(v, n, q)
 
 
-def letter(name: str, latex: str, quantity: str, value: sp.Basic, its_unit: str = "length") -> sp.Basic:
-    """Name a vector by what it is."""
-    return d.vector(name, latex, quantity, its_unit, value=value)
-
-
 def slope(row: str, of: sp.Basic, by: sp.Symbol, at: int | None = None) -> sp.Basic:
     """Name the derivative of an exact expression, taken by SymPy in components, for a proof to compare with."""
     rate = sp.Matrix(d.value(of)).diff(by)
@@ -153,7 +148,9 @@ d.check(
 ).prove(given={q: 2 * h}, modulo=unit)
 
 # %%
-R_of_cross = letter("R_of_cross", r"R(\vec x\times\vec z)", "a turned cross product", turned(cross(x, z)))
+R_of_cross = d.letter(
+    r"R_of_cross[3] | R(\vec x\times\vec z) | a turned cross product | length", turned(cross(x, z))
+)
 d.check(
     "turn-is-rigid",
     equal(norm(J_x - J_z) ** 2, norm(x - z) ** 2),
@@ -168,8 +165,7 @@ of_axis = d.letter(
     turn(P + along * n),
 )
 elsewhere = d.letter(
-    r"elsewhere | J_{\vec P+\lambda\vec n}\,\vec x | "
-    r"the same joint with another point of its axis | length",
+    r"elsewhere | J_{\vec P+\lambda\vec n}\,\vec x | the same joint with another point of its axis | length",
     P + along * n + turned(x - P - along * n),
 )
 d.check(
@@ -205,8 +201,9 @@ R_of_speed = d.letter(
     r"R_of_speed | R\bigl(\vec n\times(\vec x-\vec P)\bigr) | n × (x − P), turned about n by q | length",
     turned(cross(n, x - P)),
 )
-at_rest = letter(
-    "at_rest", r"J\vec x|_{q=0}", "what a rotary joint makes of x at the reading zero", turn(x, sp.S.Zero)
+at_rest = d.letter(
+    r"at_rest[3] | J\vec x|_{q=0} | what a rotary joint makes of x at the reading zero | length",
+    turn(x, sp.S.Zero),
 )
 d.check(
     "by-reading",
@@ -226,8 +223,9 @@ d.check("by-slide", equal(by_q_slide, n), text="The same for a linear joint.").p
 q_1 = d.symbol("q_1", "q_1", "a part of a reading", "rad")
 q_2 = d.symbol("q_2", "q_2", "the other part of a reading", "rad")
 whole = d.letter(r"whole | J(q_1+q_2)\,\vec x | turn by the sum of two readings | length", turn(x, q_1 + q_2))
-in_parts = letter(
-    "in_parts", r"J(q_1)\,J(q_2)\,\vec x", "turn by one reading after the other", turn(turn(x, q_2), q_1)
+in_parts = d.letter(
+    r"in_parts[3] | J(q_1)\,J(q_2)\,\vec x | turn by one reading after the other | length",
+    turn(turn(x, q_2), q_1),
 )
 d.check(
     "parts-of-a-reading",
@@ -247,8 +245,9 @@ d.check(
 # %%
 G_x = d.letter(r"G_x | G\vec x | x, carried by the joints before | length", Q * x + s)
 G_P = d.letter(r"G_P | G\vec P | the joint's point, carried by them | length", Q * P + s)
-G_J_x = letter(
-    "G_J_x", r"G\,J\vec x", "what a rotary joint made of x, carried by the joints before", Q * turn(x) + s
+G_J_x = d.letter(
+    r"G_J_x[3] | G\,J\vec x | what a rotary joint made of x, carried by the joints before | length",
+    Q * turn(x) + s,
 )
 J_G_x = d.letter(
     r"J_G_x | J_{Q\vec n,G\vec P}\,G\vec x | what the carried joint makes of the carried x | length",
@@ -262,8 +261,9 @@ d.check(
 ).prove()
 
 # %%
-G_L_x = letter(
-    "G_L_x", r"G\,J_s\vec x", "what a linear joint made of x, carried by the joints before", Q * slide(x) + s
+G_L_x = d.letter(
+    r"G_L_x[3] | G\,J_s\vec x | what a linear joint made of x, carried by the joints before | length",
+    Q * slide(x) + s,
 )
 d.check(
     "carried-slide",
@@ -316,7 +316,9 @@ def gantry(point: sp.Basic) -> sp.Basic:
     return point
 
 
-r_A = letter("r_A", r"\vec r_A", "what three linear joints make of the target r₁ + r_a", gantry(r_1 + r_a))
+r_A = d.letter(
+    r"r_A[3] | \vec r_A | what three linear joints make of the target r₁ + r_a | length", gantry(r_1 + r_a)
+)
 d.state(
     "r-A",
     equal(r_A, r_1 + C * commands + r_a),
@@ -347,8 +349,9 @@ d.check(
 
 # %%
 zero = d.vector("zero", r"\vec a", "zero offsets of the linear joints", "length")
-of_sum = letter(
-    "of_sum", r"\vec r_A'", "r_A of (r₁ + C a) + z and r_a − z", (r_1 + C * zero + z) + C * commands + r_a - z
+of_sum = d.letter(
+    r"of_sum[3] | \vec r_A' | r_A of (r₁ + C a) + z and r_a − z | length",
+    (r_1 + C * zero + z) + C * commands + r_a - z,
 )
 d.check(
     "only-the-sum",
@@ -396,8 +399,9 @@ d.state(
 
 # %%
 aside = d.vector("aside", r"\vec b", "a point of the axis in the moving system", "length")
-after = letter(
-    "after", r"\vec r_a(\vec b)", "pole after a turn about an axis through b", aside + turned(rho - aside)
+after = d.letter(
+    r"after[3] | \vec r_a(\vec b) | pole after a turn about an axis through b | length",
+    aside + turned(rho - aside),
 )
 d.state(
     "direction-is-enough",
@@ -412,8 +416,7 @@ d.state(
     given={q: 2 * h},
     modulo=unit,
     label="M10",
-    because="It depends on the place of the axis, too, unless the axis passes through the origin of the moving "
-    "system.",
+    because="It depends on the place of the axis, too, unless the axis passes through the origin of the moving system.",
 )
 
 # %% [markdown]
@@ -456,8 +459,7 @@ change = d.vector(
     "change", r"\vec\delta", "change of a vector per unit of a parameter", "per unit of the parameter"
 )
 by_w = slope_along(
-    r"by_w | \frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z | "
-    r"derivative of the turned z by w, at ε = 0",
+    r"by_w | \frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z | derivative of the turned z by w, at ε = 0",
     by_vector(z),
     w,
     change,
@@ -555,13 +557,7 @@ for first, terms, function, written in (
         f"this leaves out is the power {order} of φ, divided by {order}!, times a value of the derivative of this "
         "order, which is a cosine.",
     )
-d.entries["series-S"]
-
-# %%
-d.entries["series-K"]
-
-# %%
-d.entries["series-T"]
+d.page("series-S", "series-K", "series-T")
 
 # %%
 beta_S, beta_K, beta_T = (
@@ -645,8 +641,7 @@ d.check(
 # %%
 by_a, by_b = (
     d.letter(
-        rf"by_{name} | \frac{{\partial\vec n}}{{\partial {name}}} | "
-        rf"derivative of the tilted axis by {name} | 1/rad",
+        rf"by_{name} | \frac{{\partial\vec n}}{{\partial {name}}} | derivative of the tilted axis by {name} | 1/rad",
         sp.Matrix(d.value(tilted, in_frame)).diff(symbol),
     )
     for name, symbol in (("a", a), ("b", b))
@@ -675,8 +670,12 @@ def undone(v: sp.Basic) -> sp.Basic:
     return P + turned(v - P, axis=-n)
 
 
-J_undone = letter("J_undone", r"J_{-\vec n}\,J\vec x", "a turned point, turned about −n", undone(turn(x)))
-L_undone = letter("L_undone", r"J_{s,-\vec n}\,J_s\vec x", "a slid point, slid along −n", slide(x) + q * -n)
+J_undone = d.letter(
+    r"J_undone[3] | J_{-\vec n}\,J\vec x | a turned point, turned about −n | length", undone(turn(x))
+)
+L_undone = d.letter(
+    r"L_undone[3] | J_{s,-\vec n}\,J_s\vec x | a slid point, slid along −n | length", slide(x) + q * -n
+)
 d.check(
     "joint-backwards",
     equal(J_undone, x),
@@ -704,9 +703,12 @@ d.check(
 ).prove(given={S: S, K: K})
 
 # %%
-moved = letter("moved", r"D\vec x", "x, moved, as it is computed", motions.moved(SECOND, x, P, s, w))
-moved_back = letter(
-    "moved_back", r"D^{-1}\vec x", "x, moved back, as it is computed", motions.moved_back(SECOND, x, P, s, w)
+moved = d.letter(
+    r"moved[3] | D\vec x | x, moved, as it is computed | length", motions.moved(SECOND, x, P, s, w)
+)
+moved_back = d.letter(
+    r"moved_back[3] | D^{-1}\vec x | x, moved back, as it is computed | length",
+    motions.moved_back(SECOND, x, P, s, w),
 )
 d.check(
     "error-motion",
@@ -787,8 +789,7 @@ by_slide_axis = d.letter(
     sp.Matrix(d.value(slide(x))).jacobian(sp.Matrix(n.components)),
 )
 R_of_tilt = d.letter(
-    r"R_of_tilt | R\bigl(\vec\omega\times(\vec x-\vec P)\bigr) | "
-    r"ω × (x − P), turned about n by q | length",
+    r"R_of_tilt | R\bigl(\vec\omega\times(\vec x-\vec P)\bigr) | ω × (x − P), turned about n by q | length",
     turned(cross(omega, x - P)),
 )
 d.check(
@@ -899,13 +900,14 @@ d.check(
 
 # %%
 back_w = d.letter(r"back_w | R^{-1}\vec w | rotation vector, turned back by the joint | rad", turned(w, -q))
-back_t = letter("back_t", r"R^{-1}\vec t", "translation, turned back by the joint", turned(translation, -q))
+back_t = d.letter(
+    r"back_t[3] | R^{-1}\vec t | translation, turned back by the joint | length", turned(translation, -q)
+)
 D_J_x = d.letter(
     r"D_J_x | D\,J\vec x | error motion before the joint | length", P + by_vector(turned(x - P)) + translation
 )
 J_D_x = d.letter(
-    r"J_D_x | J\,D_{R^{-1}\vec w,\,R^{-1}\vec t}\;\vec x | "
-    r"error motion after the joint, turned back | length",
+    r"J_D_x | J\,D_{R^{-1}\vec w,\,R^{-1}\vec t}\;\vec x | error motion after the joint, turned back | length",
     turn(P + by_vector(x - P, back_w) + back_t),
 )
 d.check(
@@ -925,8 +927,7 @@ travelling = d.letter(
     r"travelling | \vec P-q\vec n | the fixed centre, as the moving body sees it | length", P - q * n
 )
 L_D_back = d.letter(
-    r"L_D_back | J_s\,D_{\vec P-q\vec n}\,\vec x | "
-    r"error motion after a slide, about the fixed centre | length",
+    r"L_D_back | J_s\,D_{\vec P-q\vec n}\,\vec x | error motion after a slide, about the fixed centre | length",
     slide(travelling + by_vector(x - travelling) + translation),
 )
 W_n = d.letter(r"W_n | R(\vec w)\,\vec n | the axis, turned by w | 1", by_vector(n))
@@ -958,8 +959,9 @@ d.check(
 # %%
 D_P = d.letter(r"D_P | D\vec P | the joint's point after a constant error motion | length", P + translation)
 E_D_x = d.letter(r"E_D_x | D\vec x | x after a constant error motion | length", P + E * (x - P) + translation)
-E_D_J_x = letter(
-    "E_D_J_x", r"D\,J\vec x", "a constant error motion of a rotary joint", P + E * turned(x - P) + translation
+E_D_J_x = d.letter(
+    r"E_D_J_x[3] | D\,J\vec x | a constant error motion of a rotary joint | length",
+    P + E * turned(x - P) + translation,
 )
 E_D_L_x = d.letter(
     r"E_D_L_x | D\,J_s\vec x | a constant error motion of a linear joint | length",
@@ -1146,8 +1148,7 @@ d.check(
 
 # %%
 by_refraction = slope(
-    r"by_refraction | \frac{\partial\vec y}{\partial a} | "
-    r"derivative of the lifted direction by the coefficient",
+    r"by_refraction | \frac{\partial\vec y}{\partial a} | derivative of the lifted direction by the coefficient",
     lift(coefficient / cosine * sine),
     coefficient,
 )
@@ -1246,8 +1247,7 @@ across_axes = d.letter(
     both_sums[0],
 )
 along_axes = d.letter(
-    r"along_axes | 1+\sum_i\vec m_i\cdot\vec r_i | "
-    r"1 and the sum of the scalar products of the same axes | 1",
+    r"along_axes | 1+\sum_i\vec m_i\cdot\vec r_i | 1 and the sum of the scalar products of the same axes | 1",
     both_sums[1],
 )
 d.check(
@@ -1346,17 +1346,22 @@ d.check(
 # %%
 g = d.vector("g", r"\vec g", "direction of gravity in that body", "1")
 arm = d.vector("arm", r"\vec r", "from the joint's point to the mean of the targets", "length")
-moment = letter("moment", r"\vec M", "moment of a unit force along g", motions.moment(FORMULAS, arm, g))
+moment = d.letter(
+    r"moment[3] | \vec M | moment of a unit force along g | length", motions.moment(FORMULAS, arm, g)
+)
 rate = motions.moment_rate(FORMULAS, n, g)
 M = d.symbol("M", "M", "part of the moment about the axis", "length", value=dot(n, moment))
-quarter = letter(
-    "quarter", r"\vec r_\perp", "the arm, turned by 90° about the axis", cross(n, arm) + dot(n, arm) * n
+quarter = d.letter(
+    r"quarter[3] | \vec r_\perp | the arm, turned by 90° about the axis | length",
+    cross(n, arm) + dot(n, arm) * n,
 )
 M_perp = d.letter(
     r"M_perp | M_\perp | part about the axis of the moment with the turned arm | length",
     dot(n, cross(quarter, g)),
 )
-across = letter("across", r"\vec M_a", "part of the moment across the axis", motions.across(moment, n, M))
+across = d.letter(
+    r"across[3] | \vec M_a | part of the moment across the axis | length", motions.across(moment, n, M)
+)
 R_arm = d.letter(r"R_arm | R\,\vec r | the arm, turned by q about the axis | length", turned(arm))
 d.check(
     "moment-in-the-pose",
@@ -1445,8 +1450,9 @@ d.check(
 
 # %%
 guided = motions.moment(FORMULAS, arm - q * n, g)
-guide = letter(
-    "guide", r"\vec M_g", "moment about P + q n, across the axis", motions.across(guided, n, dot(n, guided))
+guide = d.letter(
+    r"guide[3] | \vec M_g | moment about P + q n, across the axis | length",
+    motions.across(guided, n, dot(n, guided)),
 )
 d.check(
     "moment-across",
@@ -1651,9 +1657,8 @@ d.check(
     equal(kernel_angle, phi),
     equal(kernel_large, quotients),
     equal(kernel_small, sums),
-    text="Both functions compute $S$, $K$ and $T$ from the length of the rotation vector, and below "
-    "$\\varphi^2=1/4$ by the "
-    "series.",
+    text="Both functions compute $S$, $K$ and $T$ from the length of the rotation vector, and below $\\varphi^2=1/4$ "
+    "by the series.",
 ).prove(
     equal(kernel_square, norm(w) ** 2),
     equal(kernel_angle**2, kernel_square),
@@ -1666,15 +1671,8 @@ d.check(
     "the double angle, and so are the sums.",
 )
 
-# %% [markdown]
-# ## All symbols
-
-# %%
-d
-
 # %%
 derivation.kernel(rotation, tilting)
-derivation.kernels
 
 # %% [markdown]
 # ## Accuracy

@@ -105,11 +105,6 @@ e_x = d.letter(r"e_x[3] | \vec e_x | unit vector along x | 1", X_AXIS)
 e_z = d.letter(r"e_z[3] | \vec e_z | unit vector along z | 1", Z_AXIS)
 
 
-def letter(name, latex, quantity, value, unit="length"):
-    """Name a number or a vector by what it is; proofs put the expression in its place."""
-    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
-
-
 PARALLEL_23 = {TWIST["23"][0]: 1, TWIST["23"][1]: 0}
 PARALLEL_34 = {c34: 1, s34: 0}
 MEET_456 = {LENGTH["45"]: 0, LENGTH["56"]: 0, OFFSET[5]: 0}
@@ -252,9 +247,8 @@ from_left = tx("56").T * rz(5).T * tx("45").T * rz(4).T
 d.check(
     "theta6",
     equal(TX["56"].T * RZ[5].T * TX["45"].T * RZ[4].T * N * e_x, sp.ImmutableMatrix([c6, s6, 0])),
-    text="The first column of $N$, turned back by all that is known, gives $\\theta_6$. So an error of "
-    "$\\theta_4$, which "
-    "is large near a singular wrist, does not spoil the attitude: $\\theta_6$ makes up for it.",
+    text="The first column of $N$, turned back by all that is known, gives $\\theta_6$. So an error of $\\theta_4$, "
+    "which is large near a singular wrist, does not spoil the attitude: $\\theta_6$ makes up for it.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -319,9 +313,8 @@ c45_S5 = (Z_AXIS.T * plane_4 * tx("45") * Z_AXIS)[0]
 d.check(
     "parallel-height",
     equal(d.letter(r"S_2_dot_S_5 | \vec S_2\cdot\vec S_5 | cosine between axes 2 and 5 | 1", c45_S5), c45),
-    text="The angle between $\\vec S_2=\\vec S_4$ and $\\vec S_5$ is the twist $\\alpha_{45}$. So the offset "
-    "$S_5$ adds "
-    "$c_{45}S_5$ along $\\vec S_2$, and $H=S_2+S_3+S_4+c_{45}S_5$.",
+    text="The angle between $\\vec S_2=\\vec S_4$ and $\\vec S_5$ is the twist $\\alpha_{45}$. So the offset $S_5$ "
+    "adds $c_{45}S_5$ along $\\vec S_2$, and $H=S_2+S_3+S_4+c_{45}S_5$.",
 ).prove()
 
 # %%
@@ -443,8 +436,7 @@ d.check(
     ),
     equal(
         d.letter(
-            "pieper_height | c_{12}S_2+s_{12}v'_y+c_{12}v'_z-W_z | "
-            "second equation, axes 4, 5, 6 meet | length",
+            "pieper_height | c_{12}S_2+s_{12}v'_y+c_{12}v'_z-W_z | second equation, axes 4, 5, 6 meet | length",
             level,
         ),
         0,
@@ -503,21 +495,17 @@ d.check(
     equal(before_4, ZERO.as_immutable()),
     equal(from_the_end, -OFFSET[4] * e_z),
     equal(
-        letter(
-            "middle_height",
-            r"s_{56}n'_y+c_{56}(S_6+n_z)+c_{45}S_4+S_5",
-            "first equation, axes 2, 3, 4 meet",
+        d.letter(
+            "middle_height | s_{56}n'_y+c_{56}(S_6+n_z)+c_{45}S_4+S_5 | first equation, axes 2, 3, 4 meet | length",
             level,
         ),
         0,
     ),
     equal(
-        letter(
-            "middle_distance",
-            r"a_{56}^2+S_6^2+2a_{56}n'_x+2S_6n_z+|\vec n|^2-a_{45}^2-s_{45}^2S_4^2-(c_{45}S_4+S_5)^2",
-            "second equation, axes 2, 3, 4 meet",
+        d.letter(
+            r"middle_distance | a_{56}^2+S_6^2+2a_{56}n'_x+2S_6n_z+|\vec n|^2-a_{45}^2-s_{45}^2S_4^2-(c_{45}S_4+S_5)^2"
+            r" | second equation, axes 2, 3, 4 meet | length²",
             distance,
-            "length²",
         ),
         0,
     ),
@@ -584,10 +572,9 @@ d.check(
         0,
     ),
     equal(RZ[5].T * TX["45"].T * e_z, sp.ImmutableMatrix([s45 * s5, s45 * c5, c45])),
-    text="The origin of frame 4 moves in the plane across $\\vec S_2$. Wherever it is, the angle between axes 2 "
-    "and 5 and "
-    "the loop along $\\vec S_2$ are two equations in $\\theta_1$ and $\\theta_6$. Then $\\vec S_2$, seen from frame 5, "
-    "gives $\\theta_5$.",
+    text="The origin of frame 4 moves in the plane across $\\vec S_2$. Wherever it is, the angle between axes 2 and 5 "
+    "and the loop along $\\vec S_2$ are two equations in $\\theta_1$ and $\\theta_6$. Then $\\vec S_2$, seen from "
+    "frame 5, gives $\\theta_5$.",
 ).prove(modulo=UNIT)
 
 
@@ -619,21 +606,17 @@ twist_left, height_left = parallel_123(of_letters(R_123, P_123, {}), ANGLE[5], A
 d.check(
     "three-parallel-first",
     equal(
-        letter(
-            "first_twist",
-            r"\vec\sigma\cdot\vec S_4-c_{34}",
-            "first equation, axes 1, 2, 3 parallel",
+        d.letter(
+            r"first_twist | \vec\sigma\cdot\vec S_4-c_{34} | first equation, axes 1, 2, 3 parallel | 1",
             twist_left,
-            "1",
         ),
         0,
     ),
     equal(
-        letter(
-            "first_height",
-            r"c_{34}S_4+a_{45}\,\vec\sigma\cdot\vec x_4+S_5\,\vec\sigma\cdot\vec S_5+a_{56}\,\vec\sigma\cdot\vec x_5"
-            r"+S_6\sigma_z+S_2+S_3-P_z",
-            "second equation, axes 1, 2, 3 parallel",
+        d.letter(
+            r"first_height | c_{34}S_4+a_{45}\,\vec\sigma\cdot\vec x_4+S_5\,\vec\sigma\cdot\vec S_5"
+            r"+a_{56}\,\vec\sigma\cdot\vec x_5+S_6\sigma_z+S_2+S_3-P_z | "
+            "second equation, axes 1, 2, 3 parallel | length",
             height_left,
         ),
         0,
@@ -719,8 +702,7 @@ d.check(
         rest_along_2,
     ),
     text="Their equation of $\\theta_1$, $A\\,c_1+B\\,s_1+D=0$ with $A=s_{12}(S_6Y_7-S_7s_{71})$, "
-    "$B=s_{12}(S_6X_7+a_{71})$ "
-    "and $D=c_{12}(S_6Z_7+S_7c_{71}+S_1)+H$, is the loop along $\\vec S_2$.",
+    "$B=s_{12}(S_6X_7+a_{71})$ and $D=c_{12}(S_6Z_7+S_7c_{71}+S_1)+H$, is the loop along $\\vec S_2$.",
 ).prove()
 
 # %%
@@ -732,9 +714,8 @@ d.check(
     "heptagon-plane",
     equal(-S6 * X71 - S7 * X1 - a71 * c1, -rest_along_a),
     equal(-S1 * s12 + S6 * Y71 + S7 * Y1 + a71 * c12 * s1, -rest_across),
-    text="Their end of the triangle for $a_{12}=0$, $(K_1,K_2)$ on the left, is the loop along $\\vec a_{12}$ "
-    "and along "
-    "$\\vec S_2\\times\\vec a_{12}$.",
+    text="Their end of the triangle for $a_{12}=0$, $(K_1,K_2)$ on the left, is the loop along $\\vec a_{12}$ and "
+    "along $\\vec S_2\\times\\vec a_{12}$.",
 ).prove()
 
 # %%
@@ -744,7 +725,7 @@ names_7123 = [
     for x, value in zip("XYZ", xyz_7123, strict=True)
 ]
 names_54 = [
-    letter(name, latex, f"{name.split('_')[0]} of the joints 54", value, "1")
+    d.letter(f"{name} | {latex} | {name.split('_')[0]} of the joints 54 | 1", value)
     for name, latex, value in zip(
         ("X_54", "Xstar_54", "Z_5_bar"), ("X_{54}", "X^*_{54}", r"\bar Z_5"), star_54, strict=True
     )
@@ -760,8 +741,7 @@ d.check(
     equal(RZ[4] * TX["45"] * RZ[5] * TX["56"] * e_z, sp.ImmutableMatrix(names_54)),
     text="$\\vec S_6$ in the axes of joint 4, reached from the base over the joints 7, 1, 2 and 3, and from the wrist. "
     "Equated they are their laws $X_{7123}=X_{54}$, $Y_{7123}=-X^*_{54}$ and $Z_{7123}=\\bar Z_5$, which give "
-    "$\\theta_5$ "
-    "and $\\theta_4$.",
+    "$\\theta_5$ and $\\theta_4$.",
 ).prove()
 
 # %%
@@ -1369,8 +1349,7 @@ for name in PAIRS:
         *(
             equal(
                 d.letter(
-                    rf"sum_{name}_{e} | \sum_{{ij}}M_{{{e + 1}ij}}u_iv_j | "
-                    rf"sum of robot_pair_{name} | its own",
+                    rf"sum_{name}_{e} | \sum_{{ij}}M_{{{e + 1}ij}}u_iv_j | sum of robot_pair_{name} | its own",
                     (u.T * found[e].tomatrix() * v)[0],
                 ),
                 d.letter(
@@ -1384,26 +1363,7 @@ for name in PAIRS:
         f"{PAIRS[name][1]}.",
     ).prove()
     pair_kernels.append(kernel)
-d.entries["kernel-456"]
-
-# %%
-d.entries["kernel-234"]
-
-# %%
-d.entries["kernel-parallel-234"]
-
-# %%
-d.entries["kernel-parallel-123"]
-
-# %% [markdown]
-# How many arithmetic operations each function takes:
+d.page("kernel-456", "kernel-234", "kernel-parallel-234", "kernel-parallel-123")
 
 # %%
 derivation.kernel(behind_wrist(), three_parallel(), *pair_kernels)
-derivation.kernels
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

@@ -134,8 +134,7 @@ d.state(
     given=by_axis,
     modulo=unit_axis,
     label="M8",
-    because="χ is the body's angle; only the parts perpendicular to the axis make that angle with each "
-    "other.",
+    because="χ is the body's angle; only the parts perpendicular to the axis make that angle with each other.",
 )
 
 # %% [markdown]
@@ -174,8 +173,7 @@ d.state(
     {rho: (0, 0, 1), theta: (1, 0, 0), r: (1, 0, 0)},
     equal(dot(left_2 - right_2, theta), 2 * alpha * dot(r, theta)),
     label="M3",
-    because="The product with θ is equation (3); the product with ρ is equation (4). The factor θ is not "
-    "printed.",
+    because="The product with θ is equation (3); the product with ρ is equation (4). The factor θ is not printed.",
 )
 
 # %%
@@ -817,8 +815,7 @@ solves = d.check(
     "solution-by-c",
     equal(r, cross(solution(c), m) / 2),
     equal(norm(solution(c)) ** 2, modulus**2),
-    text="θ(c) turns ρ into ρ′ and has the known modulus, for any ρ and ρ′ of one length and both values "
-    "of c.",
+    text="θ(c) turns ρ into ρ′ and has the known modulus, for any ρ and ρ′ of one length and both values of c.",
     assumptions=[sp.Ne(norm(w), 0), equal(norm(rho), norm(rho_prime)), equal(c**2, c_squared)],
 ).prove(
     given=data,
@@ -1297,12 +1294,6 @@ if in_notebook():
         "coordinate-free": sp.lambdify(inputs, list(short_axis), "numpy", cse=True),
     }
     show(figures.accuracy(formulas, sp.lambdify(inputs, exact_axis, "mpmath", cse=True)))
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d
 
 # %% [markdown]
 # ## The paper's form as a program

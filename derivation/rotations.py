@@ -372,10 +372,6 @@ d.check(
     text="The function rotate returns Rodrigues' formula, whatever its scale k is.",
 ).prove(because="The steps of the function are inserted into each other; k cancels.")
 
-# %% [markdown]
-# All functions, with the number of operations that each takes:
-
 # %%
 derivation.kernel(rotate_kernel)
 derivation.kernel(*(conversion(target, source) for source in FROM for target in TO if target != source))
-derivation.kernels

@@ -275,31 +275,9 @@ for i in range(3):
                 f"component {4 - i - j}."
             ),
         ).prove()
-d.entries["entry-11"]
-
-# %%
-d.entries["entry-12"]
-
-# %%
-d.entries["entry-13"]
-
-# %%
-d.entries["entry-21"]
-
-# %%
-d.entries["entry-22"]
-
-# %%
-d.entries["entry-23"]
-
-# %%
-d.entries["entry-31"]
-
-# %%
-d.entries["entry-32"]
-
-# %%
-d.entries["entry-33"]
+d.page(
+    "entry-11", "entry-12", "entry-13", "entry-21", "entry-22", "entry-23", "entry-31", "entry-32", "entry-33"
+)
 
 # %%
 d.state(
@@ -344,13 +322,7 @@ for axis, unit in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
         text=f"The rotation about the {axis} axis.",
         place="Common Rotations",
     ).prove()
-d.entries["about-x"]
-
-# %%
-d.entries["about-y"]
-
-# %%
-d.entries["about-z"]
+d.page("about-x", "about-y", "about-z")
 
 # %% [markdown]
 # ## Vector and angle from the matrix
@@ -445,9 +417,8 @@ d.check(
     equal(dot(w, w), (2 * s) ** 2),
     equal(trace - 1, 2 * c),
     text="The length of the vector $\\vec w$ of the three differences is $2\\sin\\theta$, and the trace less one is "
-    "$2\\cos\\theta$. The angle by `atan2` of both is right to rounding where the arccosine is not. The package "
-    "goes through "
-    "the quaternion's largest component, so that the vector is right to rounding, too (notebook `rotations`).",
+    "$2\\cos\\theta$. The angle by `atan2` of both is right to rounding where the arccosine is not. The package goes "
+    "through the quaternion's largest component, so that the vector is right to rounding, too (notebook `rotations`).",
 ).prove(modulo=UNIT_M)
 
 # %% [markdown]
@@ -602,9 +573,8 @@ d.check(
         ),
     ),
     text="Three revolute joints, each at right angles to the next, turn about one point: about z, y and z, which are "
-    "Euler's angles of every attitude. The first two are a Hooke joint. $L(\\alpha,\\theta)$ is the transform "
-    "of a link "
-    "without length and of a joint without offset.",
+    "Euler's angles of every attitude. The first two are a Hooke joint. $L(\\alpha,\\theta)$ is the transform of a "
+    "link without length and of a joint without offset.",
 ).prove()
 
 # %%
@@ -627,9 +597,8 @@ d.check(
         )
         * turn_theta,
     ),
-    text="A plane joint: two prismatic joints, $L_1$ with the offset $S_j$ and $L_2$ with $S_2$, shift along "
-    "$-y$ and $z$, and "
-    "the revolute joint after them, $L_3$, turns about its own axis.",
+    text="A plane joint: two prismatic joints, $L_1$ with the offset $S_j$ and $L_2$ with $S_2$, shift along $-y$ and "
+    "$z$, and the revolute joint after them, $L_3$, turns about its own axis.",
 ).prove()
 
 # %%
@@ -664,9 +633,8 @@ T_Fj = matrix("T_Fj", "{}^F_jT", "system j", transform(sp.Matrix.hstack(*stepped
 d.check(
     "next-frame",
     equal(T_Fj, T_Fi * T_ij),
-    text="The next system, as the package computes it: its axes are those of this one, turned about $x$ by the "
-    "twist and "
-    "about the new $z$ by the joint's angle. It is the product with the transform ${}^i_jT$ from link to link.",
+    text="The next system, as the package computes it: its axes are those of this one, turned about $x$ by the twist "
+    "and about the new $z$ by the joint's angle. It is the product with the transform ${}^i_jT$ from link to link.",
 ).prove()
 
 # %% [markdown]
@@ -699,9 +667,8 @@ t1, t2, t3 = tool
 d.check(
     "origin-from-tool",
     equal(P, tool_F - t1 * a67_6 - t2 * cross(S6, a67_6) - t3 * S6),
-    text="From the tool point $\\vec P_t$ in F back to the origin $\\vec P$ of system 6, with the components of "
-    "$\\vec t$ along "
-    "its axes $\\vec a_{67}$, $\\vec S_6\\times\\vec a_{67}$ and $\\vec S_6$.",
+    text="From the tool point $\\vec P_t$ in F back to the origin $\\vec P$ of system 6, with the components of $\\vec "
+    "t$ along its axes $\\vec a_{67}$, $\\vec S_6\\times\\vec a_{67}$ and $\\vec S_6$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -750,9 +717,8 @@ twist_S = matrix(
 d.check(
     "carried-twist",
     equal(T_AB * xi_theta * T_BA, twist_S),
-    text="Carried into the fixed system the twist is $\\xi$, the turn about the joint's axis there: a point "
-    "$\\vec p$ moves with "
-    "$\\vec S\\times(\\vec p-\\vec P)$.",
+    text="Carried into the fixed system the twist is $\\xi$, the turn about the joint's axis there: a point $\\vec p$ "
+    "moves with $\\vec S\\times(\\vec p-\\vec P)$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -793,9 +759,8 @@ d.check(
         T_AB * motion("turn_q", "R_z(q)", "rotation about z by q", transform(rot("z", turn), still)),
         T_line * T_AB,
     ),
-    text="To turn the joint after its axis is carried somewhere is to turn about the carried line, $e^{\\xi "
-    "q}$, and then "
-    "carry. All joints one after the other make the product of exponentials.",
+    text="To turn the joint after its axis is carried somewhere is to turn about the carried line, $e^{\\xi q}$, and "
+    "then carry. All joints one after the other make the product of exponentials.",
 ).prove(modulo=UNIT)
 
 # %%
@@ -817,9 +782,8 @@ d.check(
     equal(dot(foot_other - foot, u), 0),
     equal(dot(foot_other - foot, u_other), 0),
     equal(foot_other - foot, dot(other - p, across_both) / dot(across_both, across_both) * across_both),
-    text="How axes in space become links: the feet $\\vec f$ and $\\vec f'$ of the common perpendicular of two "
-    "lines that are "
-    "not parallel. It is across both lines, and its length is the projection of $\\vec p'-\\vec p$ on the "
+    text="How axes in space become links: the feet $\\vec f$ and $\\vec f'$ of the common perpendicular of two lines "
+    "that are not parallel. It is across both lines, and its length is the projection of $\\vec p'-\\vec p$ on the "
     "common normal.",
 ).prove()
 
@@ -918,23 +882,18 @@ d.check(
     equal(s71 * S_1n, dot(cross(P, axis_7), along_71)),
     equal(P + S_7 * axis_7 + a_71 * along_71 + S_1n * axis_1, im(sp.zeros(3, 1))),
     text="Where $s_{71}$ is not zero, the three lengths are triple products of $\\vec P$ with two of the three "
-    "directions, and "
-    "the vector loop closes. The length $a_{71}$ comes out signed.",
+    "directions, and the vector loop closes. The length $a_{71}$ comes out signed.",
 ).prove()
 
 # %%
 d.check(
     "normal-case",
     equal(T_F6 * T_67 * T_71, one_4),
-    text="The angles are $\\cos\\theta_7=\\vec a_{67}\\cdot\\vec a_{71}$, $\\sin\\theta_7=(\\vec "
-    "a_{67}\\times\\vec a_{71})"
-    "\\cdot\\vec S_7$, $\\cos\\gamma_1=\\vec a_{71}\\cdot\\vec x$ and $\\sin\\gamma_1=(\\vec a_{71}\\times\\vec "
-    "x)\\cdot"
-    "\\vec S_1$. With $\\gamma_1$ in place of $\\theta_1$ the product of the transforms all the way round is "
-    "the unit matrix, so "
-    "$\\phi_1=\\theta_1-\\gamma_1$. Here $\\vec S_7$ is any vector off the $z$ axis, $\\vec a_{67}$ any one "
-    "across it: every "
-    "pose is one of these.",
+    text="The angles are $\\cos\\theta_7=\\vec a_{67}\\cdot\\vec a_{71}$, $\\sin\\theta_7=(\\vec a_{67}\\times\\vec "
+    "a_{71})\\cdot\\vec S_7$, $\\cos\\gamma_1=\\vec a_{71}\\cdot\\vec x$ and $\\sin\\gamma_1=(\\vec a_{71}\\times\\vec "
+    "x)\\cdot\\vec S_1$. With $\\gamma_1$ in place of $\\theta_1$ the product of the transforms all the way round is "
+    "the unit matrix, so $\\phi_1=\\theta_1-\\gamma_1$. Here $\\vec S_7$ is any vector off the $z$ axis, $\\vec "
+    "a_{67}$ any one across it: every pose is one of these.",
 ).prove()
 
 # %% [markdown]
@@ -964,9 +923,8 @@ d.state(
     "special-1-S1",
     equal(S_1_special, -dot(P_special, axis_1)),
     equal(dot(along_special, axis_1), 0),
-    text="The loop times $\\vec S_1$: $S_1=-\\vec P\\cdot\\vec S_1$, since $\\vec a_{71}$ is across $\\vec "
-    "S_1$. A prime marks what "
-    "belongs to this case.",
+    text="The loop times $\\vec S_1$: $S_1=-\\vec P\\cdot\\vec S_1$, since $\\vec a_{71}$ is across $\\vec S_1$. A "
+    "prime marks what belongs to this case.",
     place=special,
 ).prove()
 
@@ -1146,9 +1104,8 @@ d.check(
     "chosen-twist",
     equal(dot(S7_half, S7_three), 0),
     equal(dot(S7_half, axis_1) ** 2 + dot(S7_three, axis_1) ** 2, 1 - dot(x, axis_1) ** 2),
-    text="The cosines $c_{71}$ are the scalar products with $\\vec S_1$. The squares of the two add up to at "
-    "most 1, so the "
-    "smaller one is at most ½.",
+    text="The cosines $c_{71}$ are the scalar products with $\\vec S_1$. The squares of the two add up to at most 1, "
+    "so the smaller one is at most ½.",
 ).prove(given=by_R, modulo=UNIT)
 
 # %% [markdown]
@@ -1363,15 +1320,5 @@ d.check(
 if in_notebook():
     show(figures.flow_chart())
 
-# %% [markdown]
-# How many arithmetic operations each function takes:
-
 # %%
 derivation.kernel(*kernels.values())
-derivation.kernels
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

@@ -103,11 +103,6 @@ def secondary(expr):
     return dual_value(expr, dual).secondary
 
 
-def letter(name, latex, quantity, value, unit="1"):
-    """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
-    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
-
-
 class Notation:
     """X, X*, Y and Z of a chain of links and joints, near twist first."""
 
@@ -130,7 +125,9 @@ closure = A - B
 Z41 = Notation("34", 4, "41", 1, "12")
 Four = Notation("34", 4, "41")
 difference = {
-    (i, j): letter(f"rccc_{i + 1}{j + 1}", f"(A-B)_{{{i + 1}{j + 1}}}", "entry of the closure", closure[i, j])
+    (i, j): d.letter(
+        f"rccc_{i + 1}{j + 1} | (A-B)_{{{i + 1}{j + 1}}} | entry of the closure | 1", closure[i, j]
+    )
     for i, j in ((2, 2), (2, 0), (2, 1), (0, 2), (1, 2))
 }
 X41, Y41, Z41_ = (
@@ -146,10 +143,9 @@ d.check(
     equal(difference[2, 2], Z41_ - c("23")),
     equal(Z41_, c("12") * Z4 + s("12") * (X4 * s(1) + Y4 * c(1))),
     text="The last entry of the closure is the cosine law of the quadrilateral, $Z_{41}=\\cos\\alpha_{23}$. It "
-    "contains "
-    "$\\theta_1$ alone: $A\\cos\\theta_1+B\\sin\\theta_1+D=0$ with $A=\\sin\\alpha_{12}\\,Y_4$, "
-    "$B=\\sin\\alpha_{12}\\,X_4$ and "
-    "$D=\\cos\\alpha_{12}\\,Z_4-\\cos\\alpha_{23}$ (the notes' group one solution process).",
+    "contains $\\theta_1$ alone: $A\\cos\\theta_1+B\\sin\\theta_1+D=0$ with $A=\\sin\\alpha_{12}\\,Y_4$, "
+    "$B=\\sin\\alpha_{12}\\,X_4$ and $D=\\cos\\alpha_{12}\\,Z_4-\\cos\\alpha_{23}$ (the notes' group one solution "
+    "process).",
 ).prove()
 
 # %%
@@ -164,9 +160,8 @@ d.check(
     equal(difference[2, 1], s("23") * c(2) - Y41),
     equal(difference[0, 2], X14 - s("23") * s(3)),
     equal(difference[1, 2], Y14 - s("23") * c(3)),
-    text="The rest of the last row gives sine and cosine of $\\theta_2$, as "
-    "$X_{41}=\\sin\\alpha_{23}\\sin\\theta_2$ and "
-    "$Y_{41}=\\sin\\alpha_{23}\\cos\\theta_2$; the rest of the last column gives those of $\\theta_3$.",
+    text="The rest of the last row gives sine and cosine of $\\theta_2$, as $X_{41}=\\sin\\alpha_{23}\\sin\\theta_2$ "
+    "and $Y_{41}=\\sin\\alpha_{23}\\cos\\theta_2$; the rest of the last column gives those of $\\theta_3$.",
 ).prove()
 
 # %% [markdown]
@@ -191,13 +186,11 @@ d.check(
     "rotation-from-row-and-column",
     equal(
         d.letter(
-            r"block_times | (1-\mu^2)\,M_{1\ldots2,\,1\ldots2} | "
-            r"upper left block of a rotation, times 1 − μ² | 1",
+            r"block_times | (1-\mu^2)\,M_{1\ldots2,\,1\ldots2} | upper left block of a rotation, times 1 − μ² | 1",
             any_rotation[:2, :2] * sp.sin(beta) ** 2,
         ),
         d.letter(
-            r"block_from | -\mu\,\vec m\,\vec n^T-\vec m^\perp\,(\vec n^\perp)^T | "
-            r"block from last row and column | 1",
+            r"block_from | -\mu\,\vec m\,\vec n^T-\vec m^\perp\,(\vec n^\perp)^T | block from last row and column | 1",
             block_of(any_rotation),
         ),
     ),
@@ -273,9 +266,8 @@ d.check(
         sp.zeros(3, 1).as_immutable(),
     ),
     text="These offsets close the vector loop, where $\\sin\\theta_2$ is not zero: three linear equations with the "
-    "determinant $\\sin\\alpha_{12}\\sin\\alpha_{23}\\sin\\theta_2$. (Where it is zero the three axes are "
-    "parallel to one "
-    "plane.)",
+    "determinant $\\sin\\alpha_{12}\\sin\\alpha_{23}\\sin\\theta_2$. (Where it is zero the three axes are parallel to "
+    "one plane.)",
 ).prove(given={w: w, S[1]: S1, S[2]: S2, S[3]: S3})
 
 # %% [markdown]
@@ -305,9 +297,8 @@ d.check(
         d.letter(r"D_c_23 | D[\cos\alpha_{23}] | dual part of cos α₂₃ | length", secondary(c("23"))),
         d.letter(r"moment_B | \mathcal M(B) | moment by the chain B | length", moment(B)),
     ),
-    text="The dual parts of both sides of the cosine law $Z_{41}=\\cos\\alpha_{23}$ are the moment of the axes "
-    "2 and 3 about "
-    "each other, by either chain. The equation is linear in $S_1$ and has neither $S_2$ nor $S_3$.",
+    text="The dual parts of both sides of the cosine law $Z_{41}=\\cos\\alpha_{23}$ are the moment of the axes 2 and 3 "
+    "about each other, by either chain. The equation is linear in $S_1$ and has neither $S_2$ nor $S_3$.",
 ).prove()
 
 # %% [markdown]
@@ -336,9 +327,8 @@ X5, Y5, Z5 = (
 d.check(
     "rrrcc-cosine-law",
     equal(d.letter("rrrcc_33 | (A-B)_{33} | last entry of the closure | 1", closure[2, 2]), Z512_ - c("34")),
-    text="The cosine law of the pentagon, $Z_{512}=\\cos\\alpha_{34}$: one equation in $\\theta_1$ and "
-    "$\\theta_2$ (the notes' "
-    "group two solution process).",
+    text="The cosine law of the pentagon, $Z_{512}=\\cos\\alpha_{34}$: one equation in $\\theta_1$ and $\\theta_2$ "
+    "(the notes' group two solution process).",
 ).prove()
 
 # %%
@@ -349,11 +339,9 @@ d.check(
     equal(D_Z512, d.letter(r"moment_A_2 | \mathcal M(A) | moment by the chain A | length", moment(A))),
     equal(D_c34, d.letter(r"moment_B_2 | \mathcal M(B) | moment by the chain B | length", moment(B))),
     equal(D_c34, -a["34"] * s("34")),
-    text="The second equation is its dual part, $D[Z_{512}]=-a_{34}\\sin\\alpha_{34}$. As a projection it is "
-    "the vector loop "
-    "on $\\vec S_3\\times\\vec S_4$, which is across both unknown offsets: the same equation, since both are "
-    "the moment of "
-    "the axes 3 and 4 about each other.",
+    text="The second equation is its dual part, $D[Z_{512}]=-a_{34}\\sin\\alpha_{34}$. As a projection it is the "
+    "vector loop on $\\vec S_3\\times\\vec S_4$, which is across both unknown offsets: the same equation, since both "
+    "are the moment of the axes 3 and 4 about each other.",
 ).prove()
 
 # %% [markdown]
@@ -369,7 +357,7 @@ Y_bar = -(s("45") * c("51") + c("45") * s("51") * c(5))
 Z0 = {5: a["45"] * Y_bar + a["51"] * Five.Y + S[5] * s("51") * Five.X}
 star0 = X0[5] * s(1) + Y0[5] * c(1) + S[1] * (Five.X * c(1) - Five.Y * s(1))
 DX5, DY5, DZ5, DX51, DY51, DZ51 = (
-    letter(f"D_{name}", f"D[{latex}]", f"dual part of {latex.replace('_', '').strip('{}')}", secondary(value), "length")
+    d.letter(f"D_{name} | D[{latex}] | dual part of {latex.replace('_', '').strip('{}')} | length", secondary(value))
     for name, latex, value in (
         ("X_5", "X_5", Five.X), ("Y_5", "Y_5", Five.Y), ("Z_5", "Z_5", Five.Z),
         ("X_51", "X_{51}", Z51.X), ("Y_51", "Y_{51}", Z51.Y), ("Z_51", "Z_{51}", Z51.Z),
@@ -457,9 +445,8 @@ d.check(
             ),
         ),
     ),
-    text="Both equations are bilinear. With the tangents of the half angles they are a pair of biquadratics, "
-    "which has up "
-    "to eight solutions.",
+    text="Both equations are bilinear. With the tangents of the half angles they are a pair of biquadratics, which has "
+    "up to eight solutions.",
 ).prove()
 
 # %% [markdown]
@@ -500,9 +487,8 @@ d.check(
         ),
         closed["vector"],
     ),
-    text="Last row and last column of the rotation, which are those of $A$, give $\\theta_3$ and $\\theta_4$; "
-    "the vector, "
-    "which is $\\vec p$, gives both offsets.",
+    text="Last row and last column of the rotation, which are those of $A$, give $\\theta_3$ and $\\theta_4$; the "
+    "vector, which is $\\vec p$, gives both offsets.",
 ).prove()
 
 # %%
@@ -512,9 +498,8 @@ d.check(
     equal(closed["vector"], back),
     equal(-s("34") * c(3) * p1 - s("34") * s(3) * p2, -s("34") * (p1 * c(3) + p2 * s(3))),
     text="The vector loop closes with $S_4=(p_1\\sin\\theta_3-p_2\\cos\\theta_3)/\\sin\\alpha_{34}$ and "
-    "$S_3=p_3-S_4\\cos\\alpha_{34}$, provided that $p_1\\cos\\theta_3+p_2\\sin\\theta_3=a_{34}$. That is the "
-    "secondary cosine "
-    "law: the second line is the moment of the axes 3 and 4 about each other by the last row of the rotation.",
+    "$S_3=p_3-S_4\\cos\\alpha_{34}$, provided that $p_1\\cos\\theta_3+p_2\\sin\\theta_3=a_{34}$. That is the secondary "
+    "cosine law: the second line is the moment of the axes 3 and 4 about each other by the last row of the rotation.",
 ).prove(
     given={
         back: back,
@@ -678,11 +663,9 @@ d.check(
         )
         for name, table in tables.items()
     ),
-    text="For slides in any two of the links 12, 23 and 34 the projection of the vector loop $\\vec r$ is the "
-    "value of a "
-    "table, plus a multiple of the first equation, $\\vec s_4\\cdot\\vec s_1-c_{41}=0$. The subscripts say in "
-    "which link a "
-    "slide lies; $\\vec u$ and $\\vec v$ hold $1$, cosine and sine of $\\theta_2$ and $\\theta_3$.",
+    text="For slides in any two of the links 12, 23 and 34 the projection of the vector loop $\\vec r$ is the value of "
+    "a table, plus a multiple of the first equation, $\\vec s_4\\cdot\\vec s_1-c_{41}=0$. The subscripts say in which "
+    "link a slide lies; $\\vec u$ and $\\vec v$ hold $1$, cosine and sine of $\\theta_2$ and $\\theta_3$.",
 ).prove()
 
 # %% [markdown]
@@ -706,7 +689,7 @@ n, v41 = sp.Matrix(list(n_axis)), sp.Matrix(list(v_41))
 z = sp.Matrix([0, 0, 1])
 parts = closing_parts(n, v41)
 k_z, k_n, k_x = (
-    letter(name, latex, f"part of link 41 along {along}, times n₁² + n₂²", value, "length")
+    d.letter(f"{name} | {latex} | part of link 41 along {along}, times n₁² + n₂² | length", value)
     for name, latex, along, value in zip(
         ("k_z", "k_n", "k_cross"), ("k_z", "k_n", r"k_\times"), ("z", "n", "z × n"), parts, strict=True
     )
@@ -718,9 +701,8 @@ d.check(
         k_z * e_z + k_n * n_axis + k_x * cross(e_z, n_axis),
         (n_axis.components[0] ** 2 + n_axis.components[1] ** 2) * v_41,
     ),
-    text="The vector of link 41 as a sum of $\\vec s_4$, $\\vec s_1$ and $\\vec s_4\\times\\vec s_1$. It needs "
-    "axes that are "
-    "not parallel.",
+    text="The vector of link 41 as a sum of $\\vec s_4$, $\\vec s_1$ and $\\vec s_4\\times\\vec s_1$. It needs axes "
+    "that are not parallel.",
 ).prove(modulo={n_axis.components[2]: dot(n_axis, n_axis) - 1})
 
 # %%
@@ -820,8 +802,7 @@ total = d.symbol("F", "F", "freedoms of all joints of a loop", "1")
 turning = d.symbol("N", "N", "joints of its equivalent spherical mechanism", "1")
 M_spatial = d.symbol("M_spatial", r"M_\mathrm{spatial}", "mobility of the loop", "1", value=total - 6)
 M_spherical = d.letter(
-    r"M_spherical | M_\mathrm{spherical} | "
-    r"mobility of the spherical mechanism, whose motions have order 3 | 1",
+    r"M_spherical | M_\mathrm{spherical} | mobility of the spherical mechanism, whose motions have order 3 | 1",
     3 * (turning - 1) - turning * (3 - 1),
 )
 d.state(
@@ -896,8 +877,8 @@ for name, names in (("rccc", ("34", 4, "41", 1, "12")), ("rrrcc", ("45", 5, "51"
         f"{name}-steps",
         *(
             equal(
-                letter(f"{name}_{key}_fn", rf"{latex}^\mathrm{{fn}}", f"{quantity}, by the steps", found, unit),
-                letter(f"{name}_{key}", latex, f"{quantity}, by the chain", sp.Matrix(wanted), unit),
+                d.letter(rf"{name}_{key}_fn | {latex}^\mathrm{{fn}} | {quantity}, by the steps | {unit}", found),
+                d.letter(f"{name}_{key} | {latex} | {quantity}, by the chain | {unit}", sp.Matrix(wanted)),
             )
             for key, latex, quantity, unit, found, wanted in (
                 ("vector", r"\vec p_A", "vector seen from the end", "length", seen_back(origin, steps),
@@ -911,10 +892,7 @@ for name, names in (("rccc", ("34", 4, "41", 1, "12")), ("rrrcc", ("45", 5, "51"
         f"last row "
         "and column of its rotation.",
     ).prove()  # fmt: skip
-d.entries["rccc-steps"]
-
-# %%
-d.entries["rrrcc-steps"]
+d.page("rccc-steps", "rrrcc-steps")
 
 # %% [markdown]
 # A status says how many ways there are to close the loop.
@@ -1126,15 +1104,5 @@ def ring_pair(slides):
     return k.build()
 
 
-# %% [markdown]
-# How many arithmetic operations each function takes:
-
 # %%
 derivation.kernel(rccc(), rrrcc_pair(), rrrcc_back(), *(ring_pair(slides) for slides in tables))
-derivation.kernels
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

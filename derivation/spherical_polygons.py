@@ -102,11 +102,6 @@ c12, s12, c23, s23 = (f(alpha[i]) for i in (1, 2) for f in (sp.cos, sp.sin))
 c2, s2 = sp.cos(theta[2]), sp.sin(theta[2])
 
 
-def letter(name, latex, quantity, value, unit="1"):
-    """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
-    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
-
-
 e_x, e_y, e_z = (
     d.letter(rf"e_{n} | \vec e_{n} | unit vector along {n} | 1", axis)
     for n, axis in zip("xyz", (x_axis, y_axis, z_axis), strict=True)
@@ -184,8 +179,7 @@ d.check(
     equal(mirror_letter * RZb * mirror_letter, RZb.T),
     equal(mirror_letter * RX[2].T * RZ[2].T * RX[1].T * e_z, im(bare_names)),
     text="$X_2$, $Y_2$, $Z_2$ are the first axis, seen from the link after joint 2, mirrored in $y$. So rising "
-    "subscripts "
-    "are the way back, mirrored.",
+    "subscripts are the way back, mirrored.",
 ).prove()
 
 # %% [markdown]
@@ -277,9 +271,8 @@ d.state(
     said="For double subscript notation the order ij means the X, Y, Z terms will not have bars and the order ji "
     "means that they will have bars, where i < j",
     place="Multi-Subscript Notation",
-    text="That component is $X_{17}$, as 7 follows on 1 when the joints are counted down. Were $i<j$ the rule, "
-    "it would begin "
-    "with the $X_1$ that has no bar.",
+    text="That component is $X_{17}$, as 7 follows on 1 when the joints are counted down. Were $i<j$ the rule, it "
+    "would begin with the $X_1$ that has no bar.",
 ).refute(
     {alpha[1]: sp.pi / 2, alpha[7]: sp.pi / 6, theta[1]: sp.pi / 2, theta[7]: 0},
     equal(along, Xb_1 * sp.cos(theta[7]) - Yb_1 * sp.sin(theta[7])),
@@ -326,23 +319,22 @@ d.check(
         im(
             [
                 d.letter(
-                    rf"{n}_1_exchanged | {n}_1|_{{\alpha\leftrightarrow\theta}} | "
-                    rf"{n} of joint 1, angles exchanged | 1",
+                    rf"{n}_1_exchanged | {n}_1|_{{\alpha\leftrightarrow\theta}} | {n} of joint 1, angles exchanged | 1",
                     term(n, "1").subs(exchanged, simultaneous=True),
                 )
                 for n in "XYZ"
             ]
         ),
     ),
-    text="$U$, $V$, $W$ of two joints are $X$, $Y$, $Z$ of one joint with $\\alpha_{71}$, $\\theta_1$, "
-    "$\\alpha_{12}$ replaced "
-    "by $\\theta_1$, $\\alpha_{12}$, $\\theta_2$.",
+    text="$U$, $V$, $W$ of two joints are $X$, $Y$, $Z$ of one joint with $\\alpha_{71}$, $\\theta_1$, $\\alpha_{12}$ "
+    "replaced by $\\theta_1$, $\\alpha_{12}$, $\\theta_2$.",
 ).prove()
 
 # %%
 Ua, Va, Wa = (d.symbol(f"{n}_a", f"{n}_a", "of all subscripts but the last", "1") for n in "UVW")
-U_star = letter(
-    "U_star_ab", "(U_as+V_ac)", "U_a sin α + V_a cos α of a step", Ua * sp.sin(alpha_e) + Va * sp.cos(alpha_e)
+U_star = d.letter(
+    "U_star_ab | (U_as+V_ac) | U_a sin α + V_a cos α of a step | 1",
+    Ua * sp.sin(alpha_e) + Va * sp.cos(alpha_e),
 )
 d.check(
     "polar-step",
@@ -409,7 +401,8 @@ d.check(
     equal(RZb * e_z, e_z),
     equal(e_z.T * RZb, e_z.T),
     equal(
-        letter("R_x_minus", r"R_x(-\alpha_{b,b\to1})", "rotation by the opposite twist", Rx(-alpha_e)), RXe.T
+        d.letter(r"R_x_minus | R_x(-\alpha_{b,b\to1}) | rotation by the opposite twist | 1", Rx(-alpha_e)),
+        RXe.T,
     ),
     equal(RXe.T * RXe, im(sp.eye(3))),
     equal(RZb.T * RZb, im(sp.eye(3))),
@@ -463,9 +456,8 @@ def typeset_entry(entry):
 d.check(
     "entries",
     *(equal(written(name), typeset_entry(name.entry())) for name in short),
-    text="Names of all kinds, rising, falling and around the end of the loop, and the entries that the rules "
-    "take them for. "
-    "Longer names are so by the steps above.",
+    text="Names of all kinds, rising, falling and around the end of the loop, and the entries that the rules take them "
+    "for. Longer names are so by the steps above.",
 ).prove(
     im([name.value(cosines_and_sines) - product_entry(name.entry()) for name in short]),
     because="Written out, both sides are identical.",
@@ -537,58 +529,26 @@ for n, polygon in POLYGONS.items():
 # same with twists and joint angles exchanged.
 
 # %%
-d.entries["fundamental-3"]
-
-# %%
-d.entries["polar-3"]
-
-# %%
-d.entries["fundamental-4"]
-
-# %%
-d.entries["subsidiary-4"]
-
-# %%
-d.entries["polar-4"]
-
-# %%
-d.entries["polar-subsidiary-4"]
-
-# %%
-d.entries["fundamental-5"]
-
-# %%
-d.entries["subsidiary-5"]
-
-# %%
-d.entries["polar-5"]
-
-# %%
-d.entries["polar-subsidiary-5"]
-
-# %%
-d.entries["fundamental-6"]
-
-# %%
-d.entries["subsidiary-6"]
-
-# %%
-d.entries["polar-6"]
-
-# %%
-d.entries["polar-subsidiary-6"]
-
-# %%
-d.entries["fundamental-7"]
-
-# %%
-d.entries["subsidiary-7"]
-
-# %%
-d.entries["polar-7"]
-
-# %%
-d.entries["polar-subsidiary-7"]
+d.page(
+    "fundamental-3",
+    "polar-3",
+    "fundamental-4",
+    "subsidiary-4",
+    "polar-4",
+    "polar-subsidiary-4",
+    "fundamental-5",
+    "subsidiary-5",
+    "polar-5",
+    "polar-subsidiary-5",
+    "fundamental-6",
+    "subsidiary-6",
+    "polar-6",
+    "polar-subsidiary-6",
+    "fundamental-7",
+    "subsidiary-7",
+    "polar-7",
+    "polar-subsidiary-7",
+)
 
 # %% [markdown]
 # ### Half-tangent laws
@@ -684,8 +644,7 @@ def both_parts(left, right):
 
 parts_of = {
     name: d.letter(
-        rf"{code}_{kind} | \operatorname{{{tex}}}\bigl[{latex}\bigr] | "
-        rf"{kind} part of {quantity} | 1, length",
+        rf"{code}_{kind} | \operatorname{{{tex}}}\bigl[{latex}\bigr] | {kind} part of {quantity} | 1, length",
         value,
     )
     for code, quantity, latex, dual in (
@@ -707,10 +666,9 @@ d.check(
     equal(parts_of["dual_z", "primary"], RZb),
     equal(parts_of["dual_z", "dual"], S_b * (skew(e_z) * RZb)),
     text="Links and joints are rotations by the dual angles $\\hat\\alpha=\\alpha_{b,b\\to1}+\\varepsilon "
-    "a_{b,b\\to1}$ and "
-    "$\\hat\\theta=\\theta_b+\\varepsilon S_b$. $\\operatorname{P}$ and $\\operatorname{D}$ are the primary "
-    "part and the dual "
-    "part; those of a motion with the rotation $R$ and the shift $\\vec p$ are $R$ and $[\\vec p]_\\times R$.",
+    "a_{b,b\\to1}$ and $\\hat\\theta=\\theta_b+\\varepsilon S_b$. $\\operatorname{P}$ and $\\operatorname{D}$ are the "
+    "primary part and the dual part; those of a motion with the rotation $R$ and the shift $\\vec p$ are $R$ and "
+    "$[\\vec p]_\\times R$.",
 ).prove(
     *both_parts(dual_rotation_x(Dual(alpha_e, a_e)), dual_matrix(Rx(alpha_e), a_e * x_axis)),
     *both_parts(dual_rotation_z(Dual(theta_b, S_b)), dual_matrix(Rz(theta_b), S_b * z_axis)),
@@ -725,10 +683,9 @@ turned = d.matrix("R", "R", "any rotation", "1", value=R)
 d.check(
     "dual-product",
     equal(turned * skew(shift), skew(turned * shift) * turned),
-    text="A turned cross product. So $(R+\\varepsilon[\\vec p]_\\times R)(Q+\\varepsilon[\\vec q]_\\times Q)="
-    "RQ+\\varepsilon[\\vec p+R\\vec q]_\\times RQ$: the product of dual matrices is that of the two motions, "
-    "one after the "
-    "other.",
+    text="A turned cross product. So $(R+\\varepsilon[\\vec p]_\\times R)(Q+\\varepsilon[\\vec q]_\\times "
+    "Q)=RQ+\\varepsilon[\\vec p+R\\vec q]_\\times RQ$: the product of dual matrices is that of the two motions, one "
+    "after the other.",
 ).prove()
 
 # %%
@@ -754,9 +711,8 @@ d.check(
     *(equal(squares_of[code, "dual"], im(sp.zeros(3))) for code in ("dual_x", "dual_z")),
     equal(parts_of["dual_x", "dual"] * e_x, im([0, 0, 0])),
     equal(parts_of["dual_z", "dual"] * e_z, im([0, 0, 0])),
-    text="Dual matrices of motions have the transpose as inverse, and leave their own axes. So the three rules "
-    "hold for "
-    "them.",
+    text="Dual matrices of motions have the transpose as inverse, and leave their own axes. So the three rules hold "
+    "for them.",
 ).prove()
 
 # %% [markdown]
@@ -795,7 +751,7 @@ step_names = [
     for n, value in zip("XYZ", step, strict=True)
 ]
 stepped = [
-    letter(name, latex, f"dual part of {quantity} with one more joint", value, "length")
+    d.letter(f"{name} | {latex} | dual part of {quantity} with one more joint | length", value)
     for name, latex, quantity, value in (
         ("X0_ab", "X_{0ab}", "X", (dual_X * cosine_b - dual_Y * sine_b).secondary),
         ("Xstar0_ab", "X^*_{0ab}", "X*", dual_star.secondary),
@@ -809,9 +765,8 @@ d.check(
     equal(stepped[1], X0a * sb + Y0a * cb + S_b * step_names[0]),
     equal(stepped[2], ca * stepped[1] - sa * Z0a - a_e * step_names[2]),
     equal(stepped[3], sa * stepped[1] + ca * Z0a + a_e * step_names[1]),
-    text="One more joint and link. The offset $S_b$ and the length $a_{b,b\\to1}$ come with the other component "
-    "of what is "
-    "turned, as in the derivative of a rotation.",
+    text="One more joint and link. The offset $S_b$ and the length $a_{b,b\\to1}$ come with the other component of "
+    "what is turned, as in the derivative of a rotation.",
 ).prove()
 
 # %%
@@ -820,12 +775,9 @@ d.check(
     "secondary-right-sides",
     *(
         equal(
-            letter(
-                name,
-                rf"\operatorname{{D}}\bigl[{latex}\bigr]",
-                f"dual part of {quantity}",
+            d.letter(
+                rf"{name} | \operatorname{{D}}\bigl[{latex}\bigr] | dual part of {quantity} | length",
                 value.secondary,
-                "length",
             ),
             formula,
         )
@@ -848,8 +800,7 @@ d.check(
         )
     ),
     text="The right sides of the secondary sine, sine-cosine and cosine laws. The last is free of offsets: the "
-    "secondary "
-    "cosine law is $Z_0=-a\\,s$.",
+    "secondary cosine law is $Z_0=-a\\,s$.",
 ).prove()
 
 
@@ -887,19 +838,7 @@ for n, polygon in POLYGONS.items():
     )
 
 # %%
-d.entries["secondary-3"]
-
-# %%
-d.entries["secondary-4"]
-
-# %%
-d.entries["secondary-5"]
-
-# %%
-d.entries["secondary-6"]
-
-# %%
-d.entries["secondary-7"]
+d.page("secondary-3", "secondary-4", "secondary-5", "secondary-6", "secondary-7")
 
 # %% [markdown]
 # ## Closing a quadrilateral
@@ -943,9 +882,8 @@ d.check(
         e_x.T * (RX[2] * RZ[3] * RX[3]).T,
         im([[sp.cos(theta[3]), sp.sin(theta[3]) * c23, sp.sin(theta[3]) * s23]]),
     ),
-    text="On a closed polygon the product of all factors except those of joint 3 and its two links is the "
-    "transpose of those "
-    "three. Its first row gives $\\theta_3$ without a division by $\\sin\\alpha_{23}$.",
+    text="On a closed polygon the product of all factors except those of joint 3 and its two links is the transpose of "
+    "those three. Its first row gives $\\theta_3$ without a division by $\\sin\\alpha_{23}$.",
 ).prove()
 
 # %% [markdown]
@@ -968,8 +906,7 @@ d.check(
     equal(bar_x * cos_1 - bar_y * sin_1, X45),
     equal(bar_x * sin_1 + bar_y * cos_1, -Y45),
     text="The solution of the two linear equations: $\\cos\\theta_1=(\\bar X_2X_{45}-\\bar Y_2Y_{45})/(\\bar "
-    "X_2^2+\\bar Y_2^2)$ "
-    "and $\\sin\\theta_1=-(\\bar Y_2X_{45}+\\bar X_2Y_{45})/(\\bar X_2^2+\\bar Y_2^2)$.",
+    "X_2^2+\\bar Y_2^2)$ and $\\sin\\theta_1=-(\\bar Y_2X_{45}+\\bar X_2Y_{45})/(\\bar X_2^2+\\bar Y_2^2)$.",
     assumptions=[sp.Ne(square, 0)],
 ).prove(given={bar_x: bar_x, bar_y: bar_y})
 
@@ -1006,9 +943,8 @@ d.check(
     "triangle-angle",
     equal(sp.sin(u) * sp.sin(v) * (Q - P) / (P + Q), sp.cos(w) - sp.cos(u) * sp.cos(v)),
     equal(sp.sin(u) * sp.sin(v) * (P - Q) / (P + Q), sp.cos(u) * sp.cos(v) - sp.cos(w)),
-    text="The cosine of the angle inside the triangle is $(Q-P)/(P+Q)$; that of the angle from side to side is "
-    "its opposite. "
-    "Multiplied by $\\sin u\\sin v$ they are the cosine law.",
+    text="The cosine of the angle inside the triangle is $(Q-P)/(P+Q)$; that of the angle from side to side is its "
+    "opposite. Multiplied by $\\sin u\\sin v$ they are the cosine law.",
     assumptions=[sp.Ne(sp.sin(u) * sp.sin(v), 0)],
 ).prove(given=differences)
 
@@ -1016,9 +952,8 @@ d.check(
 d.check(
     "triangle-sine",
     equal(((Q - P) / (P + Q)) ** 2 + (2 * root / (P + Q)) ** 2, 1),
-    text="Its sine is $\\pm2\\sqrt{PQ}/(P+Q)$. There are two angles where $P$ and $Q$ have the same sign, and "
-    "one where one of "
-    "them is zero.",
+    text="Its sine is $\\pm2\\sqrt{PQ}/(P+Q)$. There are two angles where $P$ and $Q$ have the same sign, and one "
+    "where one of them is zero.",
 ).prove(modulo={root: root**2 - P * Q})
 
 
@@ -1275,16 +1210,12 @@ for count in (1, 2):
     d.check(
         f"kernel-notation-{count}",
         equal(
-            letter(
-                f"notation_{count}_fn",
-                r"\vec n^{\,\mathrm{fn}}",
-                f"values of polygon_notation_{count}",
+            d.letter(
+                rf"notation_{count}_fn | \vec n^{{\,\mathrm{{fn}}}} | values of polygon_notation_{count} | 1",
                 sp.Matrix(list(kernels[count - 1].expand("values"))),
             ),
-            letter(
-                f"notation_{count}",
-                r"\vec n",
-                f"X, X*, Y, Z of {count} subscripts by the steps",
+            d.letter(
+                rf"notation_{count} | \vec n | X, X*, Y, Z of {count} subscripts by the steps | 1",
                 sp.Matrix(list(expected)),
             ),
         ),
@@ -1299,21 +1230,22 @@ for count in (1, 2):
         f"kernel-secondary-{count}",
         *(
             equal(
-                letter(f"{port}_{count}_fn", rf"\vec n_{index}^{{\,\mathrm{{fn}}}}",
-                       f"{port} of polygon_secondary_{count}",
-                       sp.Matrix(list(dual.expand(port))), "1, length"),
-                letter(f"{port}_{count}", rf"\vec n_{index}", f"the same by dual numbers, {count} subscripts",
-                       sp.Matrix([getattr(value, part) for value in expected]), "1, length"),
+                d.letter(
+                    rf"{port}_{count}_fn | \vec n_{index}^{{\,\mathrm{{fn}}}} | {port} of polygon_secondary_{count} | "
+                    "1, length",
+                    sp.Matrix(list(dual.expand(port))),
+                ),
+                d.letter(
+                    rf"{port}_{count} | \vec n_{index} | the same by dual numbers, {count} subscripts | 1, length",
+                    sp.Matrix([getattr(value, part) for value in expected]),
+                ),
             )
             for port, part, index in (("values", "primary", "p"), ("secondary", "secondary", "d"))
         ),
         text=f"`polygon_secondary_{count}` computes primary part $\\vec n_p$ and dual part $\\vec n_d$ by the "
         f"steps above.",
     ).prove()  # fmt: skip
-d.entries["kernel-notation-1"]
-
-# %%
-d.entries["kernel-secondary-1"]
+d.page("kernel-notation-1", "kernel-secondary-1")
 
 
 # %% [markdown]
@@ -1340,7 +1272,7 @@ def claimed(kernel, *rows):
             d.letter(
                 rf"{name}_{short}_fn | {{{latex}}}^\mathrm{{fn}} | {quantity}, by {kernel.name} | 1", found
             ),
-            letter(f"{name}_{short}", latex, quantity, wanted),
+            d.letter(f"{name}_{short} | {latex} | {quantity} | 1", wanted),
         )
 
 
@@ -1480,9 +1412,8 @@ d.check(
             im([linear[c1] * square, linear[s1] * square]),
         ),
     ),
-    text="Cosine and sine of $\\theta_1$ come with the positive factor $\\bar X_2^2+\\bar Y_2^2$, which `atan2` "
-    "does not need "
-    "to know.",
+    text="Cosine and sine of $\\theta_1$ come with the positive factor $\\bar X_2^2+\\bar Y_2^2$, which `atan2` does "
+    "not need to know.",
 ).prove(given={bar_x: bar_x, bar_y: bar_y})  # fmt: skip
 
 # %%
@@ -1501,15 +1432,5 @@ check_row(
 )
 d.entries["kernel-pentagon-row"]
 
-# %% [markdown]
-# How many arithmetic operations each function takes:
-
 # %%
 derivation.kernel(*kernels, quad_kernel, pent_kernel)
-derivation.kernels
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

@@ -198,11 +198,6 @@ Z_of_q = 4 * h * v * w_bar + 2 * R * w**2
 Z_parts = parts(Z_of_q)
 
 
-def letter(name, latex, quantity, value, unit="1"):
-    """Name a number or a vector by what it is; proofs put the expression in its place."""
-    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
-
-
 v2_re, v2_im = (
     d.letter(rf"v2_{name} | \{latex}(v^2) | {what} part of v² | 1", value)
     for name, latex, what, value in zip(
@@ -231,9 +226,8 @@ legs_again = [
 d.check(
     "legs-from-invariants",
     *(equal(square, again) for square, again in zip(length_squared, legs_again, strict=True)),
-    text="And back: $L_k^2=K-rRA+r\\,\\Re(Ze^{-i\\delta_k})$ with $\\delta=120°,0°,-120°$. So $A$ and $Z$ say "
-    "as much as the "
-    "three legs.",
+    text="And back: $L_k^2=K-rRA+r\\,\\Re(Ze^{-i\\delta_k})$ with $\\delta=120°,0°,-120°$. So $A$ and $Z$ say as much "
+    "as the three legs.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -456,9 +450,8 @@ d.check(
     equal(Z_im_six, 0),
     equal(A_six, 2 * R**2 / (R**2 + 4 * h**2) * (2 * cos_3psi**2 - 1)),
     text="The six for equal legs: $w=\\frac{2h}{\\sqrt{R^2+4h^2}}e^{i\\psi}$ of any phase and "
-    "$v=-\\frac{R}{2h}\\,w^2/\\bar w$ are a unit quaternion with $Z=0$, and "
-    "$A=\\frac{2R^2}{R^2+4h^2}\\cos6\\psi$. So all "
-    "eight modes of equal legs are real where $|A|<2R^2/(R^2+4h^2)$.",
+    "$v=-\\frac{R}{2h}\\,w^2/\\bar w$ are a unit quaternion with $Z=0$, and $A=\\frac{2R^2}{R^2+4h^2}\\cos6\\psi$. So "
+    "all eight modes of equal legs are real where $|A|<2R^2/(R^2+4h^2)$.",
 ).prove()
 
 # %% [markdown]
@@ -531,8 +524,7 @@ d.check(
     equal(y_scaled, z**2 + 4 * (1 + 4 * eta**2) * rho_scaled**2 - 16 * eta**2 * rho_scaled),
     equal(y_scaled, z * (z + 4 * rho_scaled * x)),
     text="With $\\rho=\\beta+\\mu x$ and $R=1$, $y=z\\,(z+4\\rho x)$. So $W=e^{i\\arg Z}\\,(c\\pm "
-    "i\\sqrt{\\rho^2-c^2})$ with "
-    "$c=(z+4\\rho x)/4$: the phase of $w$ comes from $x$ without a small difference.",
+    "i\\sqrt{\\rho^2-c^2})$ with $c=(z+4\\rho x)/4$: the phase of $w$ comes from $x$ without a small difference.",
 ).prove()  # fmt: skip
 
 # %% [markdown]
@@ -563,7 +555,7 @@ for square in length_squared:
     half_rates.append(sum((sp.diff(written, part) * rate for part, rate in rates.items()), sp.S.Zero) / 2)
 c_letters, Rb_letters = (
     [
-        letter(f"{name}_{n}", latex % n, f"{what} of leg {n}", value, "length")
+        d.letter(f"{name}_{n} | {latex % n} | {what} of leg {n} | length", value)
         for n, value in enumerate(values, 1)
     ]
     for name, latex, what, values in (
@@ -576,8 +568,7 @@ d.check(
     *(
         equal(
             d.letter(
-                rf"half_rate_{n} | \tfrac12\frac{{d(L_{n}^2)}}{{dt}} | "
-                rf"half the rate of L_{n}² | length²/time",
+                rf"half_rate_{n} | \tfrac12\frac{{d(L_{n}^2)}}{{dt}} | half the rate of L_{n}² | length²/time",
                 half,
             ),
             dot(omega, cross(c_n, rb_n)),
@@ -1196,13 +1187,9 @@ kernel_in_x = d.letter(
 d.check(
     "kernel-scaled-octic",
     equal(kernel_in_x, quartic_letter**2 - taken_letter),
-    text="The coefficients of `sps_octic_scaled` are those of $Q^2-T$. (Where the leading coefficient "
-    "$t=16\\mu$ of $Q$ is "
-    "nearly zero, the function keeps it away from zero.)",
+    text="The coefficients of `sps_octic_scaled` are those of $Q^2-T$. (Where the leading coefficient $t=16\\mu$ of "
+    "$Q$ is nearly zero, the function keeps it away from zero.)",
 ).prove(given={top: 16 * mu})
-
-# %% [markdown]
-# How many arithmetic operations each function takes:
 
 # %%
 derivation.kernel(
@@ -1215,10 +1202,3 @@ derivation.kernel(
     sps_mode(),
     sps_polish(),
 )
-derivation.kernels
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

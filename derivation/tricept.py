@@ -164,13 +164,7 @@ for number, rod, printed in ((2, Am, length_m), (3, A0, length_0), (4, A1, lengt
         squares[rods.index(rod)] - printed**2,
         because="Both are positive, and the squares of the distance of the two joints and of the formula are equal.",
     )
-d.entries["eq-2"]
-
-# %%
-d.entries["eq-3"]
-
-# %%
-d.entries["eq-4"]
+d.page("eq-2", "eq-3", "eq-4")
 
 # %% [markdown]
 # The words before (2) call these numbers changes of length. A change is counted from a pose, such as
@@ -259,8 +253,7 @@ d.check(
 opposite_angles = {alpha: sp.pi - alpha, beta: beta + sp.pi}
 centre_of = d.letter(r"centre[3] | \vec P' | centre of the platform | length", turned * sp.Matrix([0, 0, z]))
 opposite_centre = d.letter(
-    r"centre_opposite[3] | \vec P'(\pi-\alpha,\pi+\beta,z) | "
-    r"centre of the platform at π − α, π + β, z | length",
+    r"centre_opposite[3] | \vec P'(\pi-\alpha,\pi+\beta,z) | centre of the platform at π − α, π + β, z | length",
     (turned * sp.Matrix([0, 0, z])).subs(opposite_angles, simultaneous=True),
 )
 attitude = d.letter("O[3,3] | O | rotation of the platform, O_y O_x | 1", turned)
@@ -588,13 +581,7 @@ for number, row, name in zip((15, 16, 17), H, ("first", "second", "third"), stri
         text=f"The {name} component, $H_{number - 14}=0$.",
         place=f"eq. ({number})",
     ).prove(given=by_pose)
-d.entries["eq-15"]
-
-# %%
-d.entries["eq-16"]
-
-# %%
-d.entries["eq-17"]
+d.page("eq-15", "eq-16", "eq-17")
 
 # %% [markdown]
 # The derivatives of $\vec H$ by the point are $F_{33}$, those by the pose $G_{33}$. Along every motion
@@ -727,9 +714,8 @@ d.state(
     "eq-21",
     equal(any_U_y, any_A * any_U * any_A.T),
     equal(any_v.T * any_U_y * any_v, carried_v.T * any_U * carried_v),
-    text="A linear function $\\vec v$ of the point is the function $\\vec w=A^T\\vec v$ of the parameters, and "
-    "has the same "
-    "variance by both matrices. So $U_y$ is symmetric and positive semidefinite whenever $U_x$ is.",
+    text="A linear function $\\vec v$ of the point is the function $\\vec w=A^T\\vec v$ of the parameters, and has the "
+    "same variance by both matrices. So $U_y$ is symmetric and positive semidefinite whenever $U_x$ is.",
     place="eqs. (21) and (22)",
 ).prove()
 
@@ -987,11 +973,9 @@ d.check(
     equal(letter_T, 2 * letter_T0 * of_rods),
     equal(letter_radii, -2 * letter_T0 * letter_N),
     equal(det_W33, -16 / (3 * sp.sqrt(3)) * det_P),
-    text="$P$ and $N$ hold the same as $W_{33}$ and $W_{35}$, in another combination: the constant matrix $T_0$ "
-    "drops out "
-    "of $-W_{33}^{-1}W_{35}$. $A_\\mathrm{diag}$ is the diagonal matrix of the lengths, $W_A$ and $W_{rR}$ the "
-    "parts of "
-    "$W_{35}$.",
+    text="$P$ and $N$ hold the same as $W_{33}$ and $W_{35}$, in another combination: the constant matrix $T_0$ drops "
+    "out of $-W_{33}^{-1}W_{35}$. $A_\\mathrm{diag}$ is the diagonal matrix of the lengths, $W_A$ and $W_{rR}$ the "
+    "parts of $W_{35}$.",
 ).prove(given={det_W33: written_det})
 
 # %% [markdown]
@@ -1790,15 +1774,5 @@ d.check(
     text="Each step of `tricept_direct` solves $W_{33}\\,\\vec\\delta=-\\vec L$.",
 ).prove()
 
-# %% [markdown]
-# The functions, and how many arithmetic operations each takes:
-
 # %%
 derivation.kernel(*kernels.values())
-derivation.kernels
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

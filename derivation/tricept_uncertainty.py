@@ -76,11 +76,6 @@ def turned_x(angle):
     return rot("x", angle).T
 
 
-def letter(name, latex, quantity, value, unit="mixed"):
-    """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
-    return d.letter(f"{name} | {latex} | {quantity} | {unit}", value)
-
-
 O_x, O_y = turned_x(alpha), rot("y", beta)
 turned = O_y * O_x
 
@@ -223,8 +218,7 @@ d.check(
     *(
         equal(
             d.letter(
-                rf"X_by_{n} | \frac{{\partial\vec X}}{{\partial\varepsilon_{{{n}}}}} | "
-                rf"derivative by error {n} | mixed",
+                rf"X_by_{n} | \frac{{\partial\vec X}}{{\partial\varepsilon_{{{n}}}}} | derivative by error {n} | mixed",
                 guide_jacobian[:, n - 1],
             ),
             formula,
@@ -233,15 +227,13 @@ d.check(
     ),
     equal(
         d.letter(
-            r"X_by_errors | \frac{\partial\vec X}{\partial\vec\varepsilon} | "
-            r"derivatives by the 14 errors | mixed",
+            r"X_by_errors | \frac{\partial\vec X}{\partial\vec\varepsilon} | derivatives by the 14 errors | mixed",
             guide_jacobian,
         ),
         d.letter("G | G | these derivatives as they are computed | mixed", by_guide(X)),
     ),
-    text="The derivatives by the 14 errors of the guiding rod. $G$ is the matrix of these columns, as the "
-    "package computes "
-    "it.",
+    text="The derivatives by the 14 errors of the guiding rod. $G$ is the matrix of these columns, as the package "
+    "computes it.",
 ).prove()
 
 # %% [markdown]
@@ -337,15 +329,15 @@ closures = sp.Matrix([closure(k) for k in range(3)])
 W_letter = d.letter("W | W | half the derivatives of the closures by the pose | mixed", W)
 V_letter = d.letter("V | V | half the derivatives of the closures by the parameters | mixed", V)
 Qp_letter = d.letter("Q_p | Q_p | derivatives of the tool's place by the pose | mixed", Q_pose)
-Qt_letter = letter(
-    "Q_theta", r"Q_\theta", "derivatives of the tool's place by the parameters, at a held pose", Q_direct
+Qt_letter = d.letter(
+    r"Q_theta | Q_\theta | derivatives of the tool's place by the parameters, at a held pose | mixed",
+    Q_direct,
 )
 d.check(
     "loop-by-pose",
     equal(
         d.letter(
-            r"closures_by_pose | \frac{\partial\vec\Lambda}{\partial(\alpha,\beta,z)} | "
-            r"of the three closures | mixed",
+            r"closures_by_pose | \frac{\partial\vec\Lambda}{\partial(\alpha,\beta,z)} | of the three closures | mixed",
             closures.jacobian([alpha, beta, z]).xreplace(still),
         ),
         2 * W_letter,
@@ -358,8 +350,7 @@ d.check(
     "loop-by-parameters",
     equal(
         d.letter(
-            r"closures_by_parameters | \frac{\partial\vec\Lambda}{\partial\vec\theta} | "
-            r"of the three closures | mixed",
+            r"closures_by_parameters | \frac{\partial\vec\Lambda}{\partial\vec\theta} | of the three closures | mixed",
             closures.jacobian(list(theta.values())).xreplace(still),
         ),
         2 * V_letter,
@@ -436,12 +427,14 @@ d.state(
     equal(shift, 0),
     proof=[
         equal(
-            letter("V_10", "V_{10}", "column of V for a shift along the guiding rod", V[:, rod_z]),
-            letter("W_z", "W_z", "column of W for z", W[:, 2]),
+            d.letter("V_10 | V_{10} | column of V for a shift along the guiding rod | mixed", V[:, rod_z]),
+            d.letter("W_z | W_z | column of W for z | mixed", W[:, 2]),
         ),
         equal(
-            letter("Q_10", "Q_{10}", "column of Q_θ for a shift along the guiding rod", Q_direct[:, rod_z]),
-            letter("Q_z", "Q_z", "column of Q_p for z", Q_pose[:, 2]),
+            d.letter(
+                "Q_10 | Q_{10} | column of Q_θ for a shift along the guiding rod | mixed", Q_direct[:, rod_z]
+            ),
+            d.letter("Q_z | Q_z | column of Q_p for z | mixed", Q_pose[:, 2]),
         ),
     ],
     label="V1",
@@ -511,7 +504,7 @@ circles = {F[k]: tuple(R * DIRECTION[k]) for k in range(3)} | {
     M[k]: tuple(r * DIRECTION[k]) for k in range(3)
 }
 W33_letter, W35_letter, F33_letter, G33_letter, T_letter = (
-    letter(name, f"{name[0]}_{{{name[1:]}}}" if name != "T" else "T", quantity, value)
+    d.letter(f"{name} | {f'{name[0]}_{{{name[1:]}}}' if name != 'T' else 'T'} | {quantity} | mixed", value)
     for name, quantity, value in (
         ("W33", "the paper's derivatives of (7) to (9) by the pose", W33),
         ("W35", "the paper's derivatives of (7) to (9) by the five parameters", W35),
@@ -530,7 +523,9 @@ d.check(
 # %%
 d.check(
     "paper-W35",
-    equal(W35_letter, 2 * T_letter * letter("V_5", r"V_{1\ldots5}", "first five columns of V", V[:, :5])),
+    equal(
+        W35_letter, 2 * T_letter * d.letter(r"V_5 | V_{1\ldots5} | first five columns of V | mixed", V[:, :5])
+    ),
     text="The paper's $W_{35}$ is $2\\,T$ times the first five columns of $V$.",
 ).prove(given=circles)
 
@@ -555,9 +550,8 @@ d.check(
         d.letter(r"Q_5 | Q_{\theta,1\ldots5} | first five columns of Q_θ | mixed", Q_direct[:, :5]),
         sp.zeros(3, 5).as_immutable(),
     ),
-    text="None of the five parameters moves the tool at a held pose. So the paper's "
-    "$A=-M_{33}W_{33}^{-1}W_{35}$ is the first "
-    "five columns of the sensitivity.",
+    text="None of the five parameters moves the tool at a held pose. So the paper's $A=-M_{33}W_{33}^{-1}W_{35}$ is "
+    "the first five columns of the sensitivity.",
 ).prove()
 
 # %% [markdown]
@@ -577,14 +571,12 @@ d.check(
     equal(
         d.letter("V_R | V_R | column of V for the radius R | mixed", V[:, 4]),
         d.letter(
-            r"V_radial | \sum_kV_{F_k}\vec e_k | "
-            r"columns of V for a radial shift of all fixed joints | mixed",
+            r"V_radial | \sum_kV_{F_k}\vec e_k | columns of V for a radial shift of all fixed joints | mixed",
             radial,
         ),
     ),
-    text="A change of $R$ is the same radial shift of all three fixed joints, and likewise $r$. So a covariance "
-    "matrix of "
-    "the joints' coordinates has that of $r$ and $R$ as its special case of full correlation.",
+    text="A change of $R$ is the same radial shift of all three fixed joints, and likewise $r$. So a covariance matrix "
+    "of the joints' coordinates has that of $r$ and $R$ as its special case of full correlation.",
 ).prove()
 
 # %% [markdown]
@@ -657,8 +649,7 @@ d.state(
     equal(
         a_letter * Ux_letter * a_letter.T,
         d.letter(
-            r"Uy_by_bases | \sum_{i\le j}u_{ij}\,A\,E_{ij}A^T | "
-            r"sum of the influences of the base matrices | length²",
+            r"Uy_by_bases | \sum_{i\le j}u_{ij}\,A\,E_{ij}A^T | sum of the influences of the base matrices | length²",
             sum((U_x[i, j] * a * base(i, j) * a.T for i, j in bases), sp.zeros(3)),
         ),
     ),
@@ -681,9 +672,8 @@ d.check(
         v_letter.T * (a_letter * root_letter * root_letter.T * a_letter.T) * v_letter,
         image_letter.T * image_letter,
     ),
-    text="If $U_x=LL^T$ is positive semidefinite, so is $U_y$: the variance $\\vec v^TU_y\\vec v$ of each "
-    "linear function is "
-    "the square of the vector $\\vec g=L^TA^T\\vec v$.",
+    text="If $U_x=LL^T$ is positive semidefinite, so is $U_y$: the variance $\\vec v^TU_y\\vec v$ of each linear "
+    "function is the square of the vector $\\vec g=L^TA^T\\vec v$.",
 ).prove()
 
 # %%
@@ -730,8 +720,7 @@ def mirrored(m):
 
 W33_mirror, W35_mirror, M33_mirror = (
     d.letter(
-        rf"{name}_mirror | \tilde {name[0]}_{{{name[1:]}}} | "
-        rf"{name} at −α, the rods B and C exchanged | mixed",
+        rf"{name}_mirror | \tilde {name[0]}_{{{name[1:]}}} | {name} at −α, the rods B and C exchanged | mixed",
         mirrored(value),
     )
     for name, value in (("W33", W33), ("W35", W35), ("M33", M33))
@@ -753,9 +742,8 @@ d.check(
 d.check(
     "mirror-M33",
     equal(M33_mirror, Dy * M33_letter * Da),
-    text="$M_{33}$ in the mirror. Together: $\\tilde A=-\\tilde M_{33}\\tilde W_{33}^{-1}\\tilde "
-    "W_{35}=D_yA\\,\\Pi$, since "
-    "$D_y$ and $D_\\alpha$ are their own inverses.",
+    text="$M_{33}$ in the mirror. Together: $\\tilde A=-\\tilde M_{33}\\tilde W_{33}^{-1}\\tilde W_{35}=D_yA\\,\\Pi$, "
+    "since $D_y$ and $D_\\alpha$ are their own inverses.",
 ).prove()
 
 # %% [markdown]
@@ -823,7 +811,7 @@ squared = [2 * (plain[k][i].degree() + (1 if i < 3 else 0)) for k in range(3) fo
 d.state(
     "degrees",
     *(
-        equal(letter(name, latex, f"degree of {quantity}", sp.Integer(value), "1"), wanted)
+        equal(d.letter(f"{name} | {latex} | degree of {quantity} | 1", sp.Integer(value)), wanted)
         for name, latex, quantity, value, wanted in (
             ("deg_N", r"\deg N", "N", max(squared), 8),
             ("deg_D2", r"\deg D^2", "D²", 2 * determinant.degree(), 6),
@@ -831,14 +819,15 @@ d.state(
         )
     ),
     equal(
-        letter("lc_stationary", r"\ell[N'D-2ND']", "leading coefficient of N′D − 2ND′", stationary.LC()),
+        d.letter(
+            r"lc_stationary | \ell[N'D-2ND'] | leading coefficient of N′D − 2ND′ | mixed", stationary.LC()
+        ),
         2 * n_z.LC() * d_z.LC(),
     ),
     said="Each element value of the matrix Uy ... can be precisely expressed using a formula ... divided by other "
     "polynomials also dependent on z",
-    text="The formula exists: a polynomial of degree 8 over one of degree 6. Its stationary points are among "
-    "the roots of a "
-    "polynomial of degree 10.",
+    text="The formula exists: a polynomial of degree 8 over one of degree 6. Its stationary points are among the roots "
+    "of a polynomial of degree 10.",
     place="sec. 4",
 ).prove()
 
@@ -863,7 +852,9 @@ S1, P1, D1 = rates.values()
 d.state(
     "stationary-points",
     equal(
-        letter("slope", r"\frac{d}{dz}\frac{\sqrt S\,P}{D^2}", "derivative of the influence by z", slope)
+        d.letter(
+            r"slope | \frac{d}{dz}\frac{\sqrt S\,P}{D^2} | derivative of the influence by z | mixed", slope
+        )
         * 2
         * sp.sqrt(S_)
         * D_**3,
@@ -917,9 +908,8 @@ d.state(
     },
     equal(element_letter, free_letter + six_letter),
     label="V2",
-    because="The six roots are A0A1, A0A-1, A1A-1, A0, A1, A-1, plus a part without a root. For a "
-    "diagonal U_x, such as the paper's (23), only that part remains: no root at all. (Here: u²(Q_z) at "
-    "α = β = 0, z = 700 mm.)",
+    because="The six roots are A0A1, A0A-1, A1A-1, A0, A1, A-1, plus a part without a root. For a diagonal U_x, such "
+    "as the paper's (23), only that part remains: no root at all. (Here: u²(Q_z) at α = β = 0, z = 700 mm.)",
 )
 
 # %% [markdown]
@@ -1025,9 +1015,8 @@ d.state(
     "eq-24-corners",
     sp.Ge(by_hand, 0),
     tacit=True,
-    text="A matrix with elements in the intervals (24) is a covariance matrix: its determinant, here written "
-    "out, is not "
-    "negative.",
+    text="A matrix with elements in the intervals (24) is a covariance matrix: its determinant, here written out, is "
+    "not negative.",
     place="eq. (24)",
 ).refute(
     dict(
@@ -1179,12 +1168,8 @@ def beam_kernel():
 closing = closure_kernel().jacobian(("pose",), name="tricept_closure", values=True)
 beam = beam_kernel()
 
-# %% [markdown]
-# How many arithmetic operations each function takes:
-
 # %%
 derivation.kernel(sensitivity_kernel(), closing, beam)
-derivation.kernels
 
 # %% [markdown]
 # ## Figures 3 to 10
@@ -1199,9 +1184,3 @@ if in_notebook():
     from rodgen.generated.numpy import tricept_uncertainty as generated
 
     show(figures.surfaces(figures.influences(generated.tricept_beam)))
-
-# %% [markdown]
-# ## All symbols
-
-# %%
-d

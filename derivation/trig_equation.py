@@ -208,9 +208,8 @@ d.check(
     "both-angles",
     equal(A * letter_c + B * letter_s + D, 0),
     equal(letter_c**2 + letter_s**2, 1),
-    text="$c_\\sigma$ and $s_\\sigma$ solve the equation, and are cosine and sine of one angle. The two "
-    "solutions are one "
-    "where $w=0$.",
+    text="$c_\\sigma$ and $s_\\sigma$ solve the equation, and are cosine and sine of one angle. The two solutions are "
+    "one where $w=0$.",
 ).prove(modulo=by_roots)
 
 # %%
@@ -230,9 +229,8 @@ d.check(
         A**2 + B**2,
     ),
     text="There are no other solutions. With $A\\cos\\theta+B\\sin\\theta=-D$ the identity leaves $w$ or $-w$ for "
-    "$A\\sin\\theta-B\\cos\\theta$. Both expressions are linear in cosine and sine, with the determinant $r^2$, "
-    "so each of "
-    "the two cases has one solution.",
+    "$A\\sin\\theta-B\\cos\\theta$. Both expressions are linear in cosine and sine, with the determinant $r^2$, so "
+    "each of the two cases has one solution.",
 ).prove()
 
 # %% [markdown]
@@ -361,9 +359,5 @@ d.check(
     text="Cosines and sines of the function are $r^2c_\\sigma$ and $r^2s_\\sigma$ for $\\sigma=\\pm1$.",
 ).prove()
 
-# %% [markdown]
-# How many arithmetic operations the function takes:
-
 # %%
 derivation.kernel(kernel)
-derivation.kernels

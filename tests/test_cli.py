@@ -436,8 +436,16 @@ def test_derive_writes_a_notebook_with_what_it_shows(lens, tmp_path, capsys):
     output = tmp_path / "lens.ipynb"
     assert cli.main(["derive", str(lens), "--notebook", str(output)]) == 0
     notebook = json.loads(output.read_text())
-    assert [cell["cell_type"] for cell in notebook["cells"]] == ["markdown", "code", "code"]
+    assert [cell["cell_type"] for cell in notebook["cells"]] == [
+        "markdown",
+        "code",
+        "code",
+        "markdown",
+        "code",
+    ]
     assert "Refuted (L1)" in json.dumps(notebook["cells"][2]["outputs"])
+    assert "focal length" in json.dumps(notebook["cells"][4]["outputs"])
+    assert "focal length" in json.dumps(notebook["cells"][4]["outputs"])  # all symbols
     assert "1 proved, 1 refuted" in capsys.readouterr().out
     assert str(tmp_path) not in output.read_text()
 

@@ -222,6 +222,8 @@ def test_errata_tell_what_is_printed_said_and_tacit(derivation, slip):
     )
     assert tacit._repr_markdown_().startswith('<a id="divisor"></a>**divisor**, tacit, p. 3.\n\n$$')
     assert own._repr_markdown_().startswith('<a id="own"></a>**own**.\n\n$$')
+    both = said.derivation.page("own", "divisor")
+    assert both._repr_markdown_() == f"{own._repr_markdown_()}\n\n{tacit._repr_markdown_()}"
 
 
 def test_what_is_said_is_not_tacit(derivation):

@@ -323,6 +323,18 @@ def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -
     notebook = jupytext.read(path, fmt="py:percent")
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     notebook.metadata.pop("jupytext", None)
+    code = "\n".join(cell.source for cell in notebook.cells)
+    for variable, mark, heading in (
+        (
+            "derivation.kernels",
+            "derivation.kernel(",
+            "## Functions, and the number of operations that each takes",
+        ),
+        ("derivation", "derivation = Derivation(", "## All symbols"),
+    ):
+        if mark in code:
+            heading_cell = nbformat.v4.new_markdown_cell(heading)
+            notebook.cells += [heading_cell, nbformat.v4.new_code_cell(variable)]
     notebook.cells.append(nbformat.v4.new_code_cell(then))
     client = nbclient.NotebookClient(
         notebook,

@@ -626,6 +626,10 @@ class Derivation:
     def __iter__(self) -> Iterator[Entry]:
         return iter(self.entries.values())
 
+    def page(self, *ids: str) -> Page:
+        """Return entries that a notebook shows one after the other."""
+        return Page([self.entries[id] for id in ids])
+
     report = cast("Callable[..., str]", methods.method())  # by rodgen.symbolic.display, as rodgen.facade says
 
     def _repr_markdown_(self) -> str:
@@ -635,6 +639,13 @@ class Derivation:
             latex, quantity = row.latex.replace("|", r"\vert "), row.quantity.replace("|", "&#124;")
             lines.append(f"| `{row.name}` | ${latex}$ | {quantity} | {row.unit} |")
         return "\n".join(lines)
+
+
+class Page(list[Entry]):
+    """Entries that a notebook shows one after the other, of :meth:`Derivation.page`."""
+
+    def _repr_markdown_(self) -> str:
+        return "\n\n".join(entry._repr_markdown_() for entry in self)
 
 
 class _Insertion:
