@@ -1,7 +1,5 @@
 """The pairs of a fit: their sums, residuals and slides, and the axis that maximises their likelihood.
 
-The sums over all pairs on which the likelihood of an axis depends, and the axis that maximises it.
-
 With r = ρ′ - ρ, m = ρ′ + ρ, weights w, κ = 1 - cos χ and s = sin χ, R(e, χ) is quadratic in e, and
 
     ½ Σ w |ρ′ - p - R(ρ - p)|² = constant - (eᵀ A e + b·e)      for a given point p, taken as the origin,
@@ -34,19 +32,16 @@ Degenerate: A a multiple of the identity and b = 0, every unit vector is a maxim
 γ₁ = γ₂ = 0 in the hard case, a circle of them. One representative comes back; that it is not isolated
 is seen in the Hessian 2 (μ I - A), not here.
 
-The pairs of a fit, checked and brought to moderate size about a common origin, and their residuals.
+Pairs are checked and brought to moderate size about a common origin. The residual of a pair against an axis is d = ρ′ -
+p - R(e, χ)(ρ - p). With noise of covariance σ² I on both ρ and ρ′, d has covariance 2σ² I whatever the rotation, and
+half of Σ |d|²/(2σ²) is the negative log-likelihood of e and p once the true ρ are eliminated. The kernel is derived,
+proved and generated in ``derivation/axis.py``; it forms ρ′ - ρ and (R - I)(ρ - p) apart, which keeps the smallest
+angles exact.
 
-The residual of a pair against an axis is d = ρ′ - p - R(e, χ)(ρ - p). With noise of covariance σ² I on both ρ and ρ′,
-d has covariance 2σ² I whatever the rotation, and half of Σ |d|²/(2σ²) is the negative log-likelihood of e and p once
-the true ρ are eliminated. The kernel is derived, proved and generated in ``derivation/axis.py``; it forms ρ′ - ρ and
-(R - I)(ρ - p) apart, which keeps the smallest angles exact.
-
-What pairs share: a slide along the axis, and readings that stand in several of them.
-
-A slide is that of a screw, an axial run-out, or a body that is pushed while it turns. A slide of s a pair, or of s for
-each radian, makes the residual d - a s e, with a = 1 or the angle. It is one more parameter of the fit: where chance
-explains it, its estimate is reported and none is taken; otherwise it is fitted with the axis. Both are least squares of
-the same likelihood.
+Pairs may share a slide along the axis, and readings. A slide is that of a screw, an axial run-out, or a body that is
+pushed while it turns. A slide of s a pair, or of s for each radian, makes the residual d - a s e, with a = 1 or the
+angle. It is one more parameter of the fit: where chance explains it, its estimate is reported and none is taken;
+otherwise it is fitted with the axis. Both are least squares of the same likelihood.
 
 A reading may stand in several pairs, such as one rest pose against which all others are paired; its errors are in
 several residuals. With A_i the derivative of the score by the error of a reading in pair i, the score has the variance

@@ -1,9 +1,5 @@
 """The axis of screws whose angles are not known exactly, from readings of points or poses.
 
-Readings of bodies in several places, of points or of poses, in scaled lengths, and the motions between.
-
-The axis of screws: rotations by angles that are not known about one axis, with slides along it.
-
 A body is read in several places, as points or as poses. All its places are reached about one axis: a point that is at
 x in the first place is at p + R(e, θ)(x - p) + s e in another one. Unknown are the axis, an angle θ and a slide s for
 each further place, and the true x:

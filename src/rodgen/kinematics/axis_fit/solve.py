@@ -1,10 +1,8 @@
 """The optimum of a fit of an axis, and how uncertain it is.
 
-The axis and point of least weighted squares, or of least robust loss, and the other local optimum.
-
-The solution is the global minimum in closed form (:mod:`.pairs`); a robust loss repeats it with reduced weights from
-a start that gross errors cannot move; Newton steps on the residuals themselves remove what rounding of the
-sums has left: the sums lose the square of the condition number, the residuals only its first power.
+The solution is the global minimum in closed form (:mod:`.pairs`); a robust loss repeats it with reduced weights from a
+start that gross errors cannot move; Newton steps on the residuals themselves remove what rounding of the sums has left:
+the sums lose the square of the condition number, the residuals only its first power.
 
 A loss replaces the square of z = |d|/(σ sqrt 2), which for good pairs is chi-distributed with three degrees
 of freedom. Its weights need a noise and a start that bad pairs cannot
@@ -14,11 +12,9 @@ best are improved on the better half of the pairs (concentration steps). The set
 a counter, not from a random generator: no state, no seed, no pattern in the data that they can fall in with.
 From the solution follow the size of the noise, and the pairs that are too far off to be noise.
 
-The covariance of an axis, the turns of it that the pairs do not determine, and a second axis that fits as well.
-
-With H the second derivatives of ½ Σ w |d|² by axis and point, and v the variance of a coordinate at weight 1,
-the score's variance is H/(2v) plus, in the direction's block, Σ (1 - cos χ) I: the noise of ρ, turned by
-the error of the axis, meets the noise of ρ′. Hence
+With H the second derivatives of ½ Σ w |d|² by axis and point, and v the variance of a coordinate at weight 1, the
+score's variance is H/(2v) plus, in the direction's block, Σ (1 - cos χ) I: the noise of ρ, turned by the error of the
+axis, meets the noise of ρ′. Hence
 
     cov = 2v H⁻¹ + 4v² H⁻¹ (Σ (1 - cos χ) I) H⁻¹.
 

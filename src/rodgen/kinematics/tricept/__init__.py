@@ -21,10 +21,10 @@ from rodgen.kinematics.tricept._budget import (
     monte_carlo,
     numerical_tolerance,
 )
-from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import ANGLES, GROUPS, GUIDE, LEG_LIMITS, PAPER, PARAMETERS, Geometry
 from rodgen.kinematics.tricept._kinematics import (
     direct,
+    direct_all,
     disturbed_point,
     inverse,
     legs,
