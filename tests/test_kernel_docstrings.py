@@ -127,3 +127,11 @@ def test_own_words_follow_those_of_the_kernel():
             "Source: a ruler; proved in the derivation ``test_kernel_docstrings``.",
         ]
     )
+
+
+def test_without_docstrings_functions_stay_as_they_are():
+    def kernel():
+        pass
+
+    function = documented_by(kernel)(lambda x: x)
+    assert (function(2), function.__doc__) == (2, None)

@@ -35,6 +35,8 @@ def documented_by(
     outputs : sequence of str, optional
         The outputs that the function returns; all when left out. A docstring whose Returns name a class keeps them.
     """
+    if not kernel.__doc__:  # python -OO
+        return lambda function: function
     derivation = kernel.__module__.rpartition(".")[2]
     summary, ports = _sections(kernel.__doc__)
     source = re.sub(r"(?s).*?Source: ([^\n]*).*", r"\1", summary)
