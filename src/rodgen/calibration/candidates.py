@@ -317,7 +317,7 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     names |= {"q_before": o.q[:, before[-1]]} if before else {}
     if machine.joints[j].in_loop:
         return names
-    axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)[0]
+    axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)
     u, v = complete_basis(np.array(machine.joints[j].axis))
     names |= {"N": axis[:, None], "U": u[:, None], "V": v[:, None]}
     start, end = sensitivities.fit.problem.model.reach[j]

@@ -520,7 +520,7 @@ def _mounted(model: Model, theta: Array) -> tuple[str, tuple[Target, ...]]:
     """Return by how much the targets of later runs are turned, or moved, and the targets as they were fitted."""
     numbers, targets = range(len(model.machine.targets)), model.machine.targets
     if model.structure.moving:
-        points: list[Array] = [model.target(theta, k)[0] for k in numbers]
+        points: list[Array] = [model.target(theta, k) for k in numbers]
         targets = tuple(replace(t, point=tuple(x.tolist())) for t, x in zip(targets, points, strict=True))
         ways = [f"{np.linalg.norm(x - points[0]):.3g} {model.machine.length_unit}" for x in points[1:]]
         figures = f" (moved by {joined(ways)})"

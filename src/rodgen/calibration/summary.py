@@ -38,12 +38,12 @@ def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
     for j, joint in enumerate(fit.machine.joints):
         structure = model.structure.joints[j]
         if structure.axis:
-            found.setdefault(joint.name, {})["axis"] = model.axis(theta, j)[0].tolist()
+            found.setdefault(joint.name, {})["axis"] = model.axis(theta, j).tolist()
         if structure.point:
             found.setdefault(joint.name, {})["point"] = model.point(theta, j).tolist()
     if model.structure.target:
         for k, target in enumerate(fit.machine.targets):
-            found.setdefault("targets", {})[target.name] = model.target(theta, k)[0].tolist()
+            found.setdefault("targets", {})[target.name] = model.target(theta, k).tolist()
     if model.structure.frame:
         found["frame"] = {
             "rotation": fit.solution.frame.rotation.tolist(),

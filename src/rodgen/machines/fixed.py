@@ -56,12 +56,12 @@ def fixed_machine(machine: Machine) -> Machine:
             name = "axis_tilt" if joint.revolute else "squareness"
             tilts.append(Effect(machine.effect(name, joint.name).definition, joint.name, tilt))
         elif any(tilt.values()):
-            axis = _unit(rigid.axis(theta, j)[0])
+            axis = _unit(rigid.axis(theta, j))
         joints.append(replace(joint, axis=axis, point=_vector(rigid.point(theta, j))))
 
     targets = []
     for k, target in enumerate(machine.targets):
-        point, _ = rigid.target(theta, k)
+        point = rigid.target(theta, k)
         zero = target.zero + rigid.value(theta, "target", k, "zero")
         moves = machine.measurand.moving or any(rigid.value(theta, "target", k, x) for x in "ab")
         scaled = _vector(point) if machine.measurand.moving else _unit(point)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from rodgen.codegen.build_cache import source_hash
 from rodgen.codegen.rows import row_kernels
 from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
 from rodgen.machines.known import Tied, tied_parameters
+from rodgen.machines.layout import AB, XYZ
 from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import parameters_of
 from rodgen.machines.plausibility import plausibility
@@ -68,8 +69,36 @@ def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
 
 
 _HOME = Path(__file__).parent
-_OF_GROUPS = frozenset({"target", "shift", "remounting"})
-"""Slots that are of another parameter for each target or set-up."""
+MOST_GROUPS = 8
+"""Sets of groups of which a model keeps what ``g`` is made of."""
+Groups: TypeAlias = tuple[tuple[int, int], ...]
+"""Numbers of a target and of a set-up, for each group of rows that has one ``g``."""
+
+
+class _OfGroups(NamedTuple):
+    """What ``g`` is made of for some groups; of parameters the indices in what `Model._and_zero` returns."""
+
+    groups: Groups
+    constant: Array
+    """What no parameter changes, (groups, length)."""
+    tilted_at: NDArray[np.intp]
+    """Indices of unit vectors of joints and of the line of angles, with their two derivatives."""
+    vectors: Array
+    """Unit vectors n, u, v, (3, k, 3): those of joints and of the line, of the groups' targets, of all targets."""
+    tilts: tuple[NDArray[np.intp], ...]
+    """What turns each about u and v, (k, 2): one or two parameters that add up."""
+    points_at: NDArray[np.intp]
+    directions: Array
+    slides: NDArray[np.intp]
+    """Indices of points of joints, their directions u and v, (k, 2, 3), and how far they go, (k, 1, 2)."""
+    moves_at: NDArray[np.intp]
+    moves: tuple[NDArray[np.intp], ...]
+    """Indices of what parameters are added to, and which, (groups, k)."""
+    moves_of_targets: NDArray[np.intp]
+    """Of all targets, (targets, 3)."""
+    turning: tuple[str, ...]
+    turns: tuple[NDArray[np.intp], ...]
+    """What turns bodies and frames, and their rotation vectors, (groups, 3 k)."""
 
 
 def _key(structure: Structure) -> str:
@@ -100,6 +129,12 @@ class Model:
         Without those that are tied.
     tied : tuple of Tied
     structure : Structure
+    bases : list of (ndarray, ndarray)
+        Unit vectors u and v that complete the axis of each joint.
+    line_of_file : tuple of float, length 3
+        Axis about which angles are read, or the vertical, upwards, as the file has it.
+    points, attitudes, zeros : ndarray, shapes (targets, 3), (targets, 3, 3) and (targets, 1)
+        Of the targets, as the file has them; attitudes as matrices.
     """
 
     def __init__(
@@ -114,19 +149,19 @@ class Model:
         self._of_tied = {tied.parameter.slot: k for k, tied in enumerate(self.tied)}
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
         self.travel = _travel(machine, travel)
-        self._row_effects = row_effects(machine)
-        self._bases = [
+        self.bases = [
             (np.zeros(3), np.zeros(3)) if joint.in_loop else _basis(tuple(joint.axis))
             for joint in machine.joints
         ]
-        directions = () if machine.measurand.moving else machine.targets
-        self._target_bases = [_basis(tuple(t.point)) for t in directions]
         x, y, z = machine.gravity
-        self._line = machine.measured.about or (-x, -y, -z)
+        self.line_of_file = machine.measured.about or (-x, -y, -z)
+        self.points = np.array([target.point for target in machine.targets], float)
+        self.attitudes = rotation_matrix(np.array([target.attitude for target in machine.targets], float))
+        self.zeros = np.array([[target.zero] for target in machine.targets])
         self._of_effects = self._numbers(
             [("e", n, name) for n, name in self.structure.parameters] or [("e",)]
         )
-        self._constant: tuple[tuple[tuple[int, int], ...], Array] = ((), np.zeros((0, 0)))
+        self._of_groups: dict[Groups, _OfGroups] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         # Functions of a compiled library belong to one process; a copy in another loads them when it needs them.
@@ -213,6 +248,16 @@ class Model:
                     found[:, i] = size.usual, size.largest
         return found[0], found[1]
 
+    @property
+    def level(self) -> tuple[Array, Array]:
+        """Level unit vectors, at azimuths of 90 degrees and of 0."""
+        return complete_basis(-np.array(self.machine.gravity))
+
+    def acts(self, term: int) -> Array:
+        """Return 1 for each target that an effect at a target acts on, else 0, (targets, 1)."""
+        place = row_effects(self.machine)[term].place
+        return np.array([[float(target.name == place)] for target in self.machine.targets])
+
     @functools.cached_property
     def farthest(self) -> float:
         """Distance of the target that is farthest from a joint's point, length unit."""
@@ -254,45 +299,36 @@ class Model:
         """Return the kernel's vector ``e``; one zero where there are no effects."""
         return np.asarray(self._and_zero(theta)[self._of_effects])
 
-    def axis(self, theta: Array, j: int) -> tuple[Array, Array]:
-        """Return a joint's axis and its derivative (3, 2) with respect to its two freedoms."""
-        u, v = self._bases[j]
-        tilt = np.array([self.value(theta, "axis.a", j), self.value(theta, "axis.b", j)])
-        return tilted(np.array(self.machine.joints[j].axis), u, v, tilt)
+    def part(self, theta: Array, name: str, number: int = 0, target: int = 0) -> Array:
+        """Return a part of the geometry by its name and the number of the joint, as seen with a target, (length,)."""
+        start = self._at[name, number]
+        length = next(part.length for part, _ in self.structure.parts if part.name == name)
+        return self.geometry(theta, Frame.identity(), target)[start : start + length]
+
+    def axis(self, theta: Array, j: int) -> Array:
+        """Return a joint's axis, (3,)."""
+        return self.part(theta, "axis", j)
 
     def point(self, theta: Array, j: int) -> Array:
         """Return the point of a joint, length unit."""
-        u, v = self._bases[j]
-        a, b = self.value(theta, "point.a", j), self.value(theta, "point.b", j)
+        (u, v), (a, b) = self.bases[j], (self.value(theta, f"point.{x}", j) for x in AB)
         return np.array(self.machine.joints[j].point) + a * u + b * v
 
     def number(self, theta: Array, name: str) -> tuple[float, ...]:
         """Return one of the numbers of a closed chain's geometry, as its components, length unit."""
-        kinematics = self.machine.kinematics
-        components, nominal = kinematics.numbers[name], kinematics.number(name)
-        changes = (self.value(theta, f"geometry.{name}{x}", 0) for x in components)
-        return tuple(float(a + b) for a, b in zip(nominal, changes, strict=True))
+        return tuple(self.part(theta, name).tolist())
 
-    def target(self, theta: Array, k: int) -> tuple[Array, Array]:
-        """Return a target and its derivative (3, freedoms)."""
-        point = np.array(self.machine.targets[k].point)
-        if self.structure.moving:
-            return point + [self.value(theta, "target", k, x) for x in "xyz"], np.eye(3)
-        u, v = self._target_bases[k]
-        return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
+    def target(self, theta: Array, k: int) -> Array:
+        """Return a target, (3,)."""
+        return self.part(theta, "target", target=k)
 
     def line(self, theta: Array) -> Array:
         """Return the axis about which angles are read, or the vertical, upwards, (3,)."""
-        a, b = (self.value(theta, f"{self.machine.measurand.line}.{x}", 0) for x in "ab")
-        return np.asarray(tilted(self._line, *_basis(self._line), [a, b])[0])
+        return self.part(theta, self.machine.measurand.line)
 
     def attitude(self, theta: Array, k: int) -> Array:
         """Return the matrix of a target's attitude, (3, 3): its axes as columns, in machine axes."""
-        turn = np.array([self.value(theta, "target", k, x) for x in TURNS])
-        return np.asarray(rotation_matrix(turn) @ self._attitudes[k])
-
-    # The parts of ``g`` that change are written into a copy of the constant ones, for all joints, targets and set-ups
-    # at once: a small fit spends most of its time here.
+        return self.part(theta, "target_rotation", target=k).reshape(3, 3)
 
     def geometries(self, theta: Array, frame: Frame, groups: Sequence[tuple[int, int]]) -> Array:
         """Return the kernel's vector ``g`` for several pairs of target and set-up, (groups, length).
@@ -306,73 +342,53 @@ class Model:
         groups : sequence of (int, int)
             Number of the target that is seen, and of the set-up.
         """
-        s, at, values = self.structure, self._at, self._and_zero(theta)
-        g = self._constants(tuple(groups)).copy()
-        turned, by = self._tilted(values)
-        count = len(self._axes)
-        if s.line:
-            start = at[s.measurand.line, 0]
-            g[:, start : start + 3], g[:, start + 3 : start + 9] = turned[-1], by[-1].T.ravel()
-            turned, by = turned[:-1], by[:-1]
-        if count:
-            axes = np.empty((count, 3, 3))
-            axes[:, 0], axes[:, 1:] = turned[:count], by[:count].swapaxes(1, 2)
-            g[:, self._axes_at] = axes.ravel()
-        if len(self._points):
-            g[:, self._points_at] = self._moved_points(values).ravel()
-        if s.numbers:
-            g[:, self._geometry_at[0]] += values[self._geometry_at[1]]
-        targets = self._targets + values[self._target_numbers] if s.moving else turned[count:]
+        # all joints, targets and set-ups at once: a small fit spends most of its time here
+        s, values, of = self.structure, self._and_zero(theta), self._of(tuple(groups))
+        g, seen = of.constant.copy(), self.points
+        if of.tilts:
+            n, u, v = of.vectors
+            axis, by = tilted(n, u, v, _sum(values, of.tilts))
+            vectors = np.empty((len(n), 3, 3))
+            vectors[:, 0], vectors[:, 1:] = axis, by.swapaxes(1, 2)
+            own = len(of.tilted_at) // 9
+            if own:
+                g[:, of.tilted_at] = vectors[:own].ravel()
+            if len(vectors) > own:  # those of the targets of the groups, then those of all targets
+                self._write(g, "target", vectors[own : own + len(g)].reshape(-1, 9))
+                seen = axis[own + len(g) :]
+        if len(of.points_at):
+            g[:, of.points_at] += (values[of.slides] @ of.directions).ravel()
+        if of.moves:
+            g[:, of.moves_at] += _sum(values, of.moves)
         if s.centre:
-            g[:, at["centre", 0] : at["centre", 0] + 3] = targets.sum(axis=0) / len(targets)
-        if s.target:
-            of_target = np.array([target for target, _ in groups], np.intp)
-            start = at["target", 0]
-            g[:, start : start + 3] = targets[of_target]
-            if "a" in s.measurand.freedoms:
-                g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
-            if s.remounting:
-                remounted = values[self._remounting_numbers(tuple(groups))]
-                if s.moving:
-                    g[:, start : start + 3] += remounted[:, :3]
-                elif "a" in s.measurand.freedoms:
-                    n, u, v, numbers = (part[count:][of_target] for part in self._tilts)
-                    seen, by_tilt = tilted(n, u, v, values[numbers] + remounted[:, :2])
-                    g[:, start : start + 3] = seen
-                    g[:, start + 3 : start + 9] = by_tilt.swapaxes(1, 2).reshape(-1, 6)
-        if s.measurand.has_attitude and s.target:
-            of_target = np.array([target for target, _ in groups], np.intp)
-            turns = values[self._target_turns][of_target]
-            parts = {
-                "target_rotation": rotation_matrix(turns) @ self._attitudes[of_target],
-                "target_turns": left_jacobian(turns),
-            }
-            if s.remounting:
-                again = rotation_matrix(remounted[:, -3:])
-                parts = {name: again @ part for name, part in parts.items()}
-                parts["remounting_turns"] = left_jacobian(remounted[:, -3:])
-            for name, value in parts.items():
-                g[:, at[name, 0] : at[name, 0] + 9] = value.reshape(-1, 9)
-        if s.measurand.has_zero and s.target:
-            zeros = values[self._numbers([("target", target, "zero") for target, _ in groups])]
-            g[:, at["target_zero", 0]] += zeros
-            if s.remounting:
-                g[:, at["target_zero", 0]] += remounted[:, -1]
-        if s.shift:
-            of_run = np.array([run for _, run in groups], np.intp)
-            shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
-            parts = {
-                "shift_rotation": rotation_matrix(shifts[:, 3:]),
-                "shift_turns": left_jacobian(shifts[:, 3:]),
-            }
-            for name, value in (parts | ({"shift": shifts[:, :3]} if s.moving else {})).items():
-                value = value.reshape(len(value), -1)
-                g[:, at[name, 0] : at[name, 0] + value.shape[1]] = value[of_run]
+            seen = self.points + values[of.moves_of_targets] if s.moving else seen
+            self._write(g, "centre", seen.sum(axis=0) / len(seen))
+        for name, value in self._turned(values, of) if of.turning else ():
+            self._write(g, name, value.reshape(-1, 9))
         if s.frame:
-            g[:, at["frame_rotation", 0] : at["frame_rotation", 0] + 9] = frame.rotation.ravel()
+            self._write(g, "frame_rotation", frame.rotation.ravel())
             if s.moving:
-                g[:, at["frame", 0] : at["frame", 0] + 3] = frame.position
+                self._write(g, "frame", frame.position)
         return g
+
+    def _write(self, g: Array, name: str, value: Array) -> None:
+        start = self._at[name, 0]
+        g[:, start : start + value.shape[-1]] = value
+
+    def _turned(self, values: Array, of: _OfGroups) -> Iterator[tuple[str, Array]]:
+        """Yield the matrices of attitudes and frames, and those of small turns after them, (groups, 3, 3)."""
+        turns = _sum(values, of.turns).reshape(len(of.groups), -1, 3).swapaxes(0, 1)
+        pairs = zip(rotation_matrix(turns), left_jacobian(turns), strict=True)
+        turn = dict(zip(of.turning, pairs, strict=True))
+        if "target" in turn:
+            rotation, small = turn["target"]
+            again, small_again = turn.get("remounting", (np.eye(3), None))
+            yield "target_rotation", again @ (rotation @ self.attitudes[[k for k, _ in of.groups]])
+            yield "target_turns", again @ small
+            if small_again is not None:
+                yield "remounting_turns", small_again
+        if "shift" in turn:
+            yield from zip(("shift_rotation", "shift_turns"), turn["shift"], strict=True)
 
     def geometry(self, theta: Array, frame: Frame, target: int, run: int = 0) -> Array:
         """Return the kernel's vector ``g`` for one target and set-up; see :meth:`geometries`."""
@@ -387,141 +403,86 @@ class Model:
             (name, j): start for (name, j, _), start in zip(self.structure.geometry, starts, strict=False)
         }
 
-    def _constants(self, groups: tuple[tuple[int, int], ...]) -> Array:
-        """Return ``g`` with everything that no parameter changes, (groups, length)."""
-        kept, g = self._constant
-        if kept != groups:
-            g = np.zeros((len(groups), sum(length for _, _, length in self.structure.geometry)))
-            for (name, j), start in self._at.items():
-                value = self._constant_part(name, j, groups)
-                g[:, start : start + value.shape[-1]] = value
-            self._constant = (groups, g)
-        return g
+    def _of(self, groups: Groups) -> _OfGroups:
+        """Return what ``g`` is made of for some groups."""
+        if groups not in self._of_groups:
+            if len(self._of_groups) == MOST_GROUPS:
+                self._of_groups.clear()
+            self._of_groups[groups] = self._found(groups)
+        return self._of_groups[groups]
 
-    def _constant_part(self, name: str, j: int, groups: Sequence[tuple[int, int]]) -> Array:
-        machine = self.machine
-        if name in machine.kinematics.numbers:
-            return np.array(machine.kinematics.number(name))
-        if name == "axis":
-            return np.array(machine.joints[j].axis)
-        if name == "point":
-            return np.array(machine.joints[j].point)
-        if name in {"u", "v"}:
-            return self._bases[j]["uv".index(name)]
-        if name in {"start", "length"}:
-            first, last = self.reach[j]
-            return np.array([first if name == "start" else last - first])
-        if name == "target":
-            return np.array([machine.targets[target].point for target, _ in groups])
-        if name == "target_rotation":
-            return self._attitudes[[target for target, _ in groups]].reshape(-1, 9)
-        if name == machine.measurand.line:
-            return np.array(self._line)
-        if name == "target_zero":
-            return np.array([[machine.targets[target].zero] for target, _ in groups])
-        if name == "gravity":
-            return np.array(machine.gravity)
-        if name in {"level_u", "level_v"}:
-            return complete_basis(-np.array(machine.gravity))["uv".index(name[-1])]
-        if name == "origin":
-            return np.array(machine.measured.origin)
-        if name == "acts":
-            place = self._row_effects[j].place
-            return np.array([[float(machine.targets[target].name == place)] for target, _ in groups])
-        return np.zeros(1)
+    def _found(self, groups: Groups) -> _OfGroups:
+        s, at, joints = self.structure, self._at, self.machine.joints
+        targets = [target for target, _ in groups]
+        constant = np.zeros((len(groups), sum(part.length for part, _ in s.parts)))
+        for part, j in s.parts:
+            value = np.asarray(part.value(self, j), float)
+            start = at[part.name, j]
+            constant[:, start : start + part.length] = value[targets] if value.ndim == 2 else value
 
-    @functools.cached_property
-    def _geometry_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices in ``g`` of the adjusted numbers of a closed chain's geometry, and of their parameters."""
-        slots = [slot for slot in self.structure.slots if str(slot[0]).startswith("geometry.")]
-        components = self.machine.kinematics.numbers
-        starts = [
-            self._at[name, 0] + i for name in self.structure.numbers for i in range(len(components[name]))
-        ]
-        return np.array(starts, np.intp), self._numbers(slots)
-
-    @functools.cached_property
-    def _axes(self) -> list[int]:
-        """The joints whose axes are tilted."""
-        return [j for j, joint in enumerate(self.structure.joints) if joint.axis]
-
-    @functools.cached_property
-    def _axes_at(self) -> NDArray[np.intp]:
-        """Indices in ``g`` of axes and their two derivatives, one after the other."""
-        return np.concatenate([self._at["axis", j] + np.arange(9) for j in self._axes])
-
-    @functools.cached_property
-    def _tilts(self) -> tuple[Array, Array, Array, NDArray[np.intp]]:
-        """Tilted unit vectors (axes, measured directions, line of angles): n, u, v, the indices of their two angles."""
-        s, machine = self.structure, self.machine
-        vectors = [(machine.joints[j].axis, *self._bases[j]) for j in self._axes]
-        slots: list[tuple[object, ...]] = [(f"axis.{x}", j) for j in self._axes for x in "ab"]
-        if not s.moving:
-            seen = zip(machine.targets, self._target_bases, strict=True)
-            vectors += [(target.point, u, v) for target, (u, v) in seen]
-            slots += [("target", k, x) for k in range(len(machine.targets)) for x in "ab"]
+        tilted_parts = [("axis", j) for j, joint in enumerate(s.joints) if joint.axis]
+        vectors = [(joints[j].axis, *self.bases[j]) for _, j in tilted_parts]
         if s.line:
-            vectors.append((self._line, *_basis(self._line)))
-            slots += [(f"{machine.measurand.line}.{x}", 0) for x in "ab"]
-        n, u, v = np.array(vectors, float).reshape(-1, 3, 3).swapaxes(0, 1).copy()
-        return n, u, v, self._numbers(slots).reshape(-1, 2)
+            tilted_parts.append((s.measurand.line, 0))
+            vectors.append((self.line_of_file, *_basis(self.line_of_file)))
+        tilts = [x for name, j in tilted_parts for free in AB for x in self._sources(f"{name}.{free}", j)]
+        if ("target_by_a", 0) in at:
+            # all are those of the first set-up, in which none is mounted anew
+            seen = [*groups, *((k, 0) for k in range(len(self.points)) if s.centre)]
+            vectors += [(self.points[k], *_basis(tuple(self.points[k]))) for k, _ in seen]
+            tilts += [x for k, run in seen for free in AB for x in self._sources(f"target.{free}", 0, k, run)]
 
-    def _tilted(self, values: Array) -> tuple[Array, Array]:
-        n, u, v, numbers = self._tilts
-        return tilted(n, u, v, values[numbers]) if len(n) else (n, n[..., None])
-
-    @functools.cached_property
-    def _points(self) -> list[int]:
-        """The joints whose points are moved."""
-        s = self.structure
-        return [j for j, joint in enumerate(s.joints) if joint.point and ("point", j) in self._at]
-
-    @functools.cached_property
-    def _points_at(self) -> NDArray[np.intp]:
-        return np.concatenate([self._at["point", j] + np.arange(3) for j in self._points])
-
-    @functools.cached_property
-    def _moves(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Points, the two directions in which each moves, and the indices of its two freedoms."""
-        points = np.array([self.machine.joints[j].point for j in self._points], float)
-        numbers = self._numbers([(f"point.{x}", j) for j in self._points for x in "ab"])
-        return points, np.array([self._bases[j] for j in self._points]), numbers.reshape(-1, 1, 2)
-
-    def _moved_points(self, values: Array) -> Array:
-        points, directions, numbers = self._moves
-        return np.asarray(points + (values[numbers] @ directions)[:, 0])
-
-    @functools.cached_property
-    def _targets(self) -> Array:
-        return np.array([target.point for target in self.machine.targets], float)
-
-    @functools.cached_property
-    def _attitudes(self) -> Array:
-        return rotation_matrix(np.array([target.attitude for target in self.machine.targets], float))
-
-    @functools.cached_property
-    def _target_numbers(self) -> NDArray[np.intp]:
-        return self._numbers_of_targets("xyz")
-
-    @functools.cached_property
-    def _target_turns(self) -> NDArray[np.intp]:
-        return self._numbers_of_targets(TURNS)
-
-    def _numbers_of_targets(self, components: Sequence[str]) -> NDArray[np.intp]:
-        targets = range(len(self.machine.targets))
-        return self._numbers([("target", k, x) for k in targets for x in components]).reshape(-1, 3)
-
-    @functools.lru_cache(maxsize=8)  # noqa: B019
-    def _remounting_numbers(self, groups: tuple[tuple[int, int], ...]) -> NDArray[np.intp]:
-        """Return the indices of the freedoms of remounted targets, (groups, freedoms)."""
-        freedoms = self.structure.measurand.freedoms
-        slots = [("remounting", target, run, x) for target, run in groups for x in freedoms]
-        return self._numbers(slots).reshape(-1, len(freedoms))
-
-    def _shift_numbers(self, runs: int) -> NDArray[np.intp]:
-        return self._numbers([("shift", run, x) for run in range(runs) for x in (*"xyz", *TURNS)]).reshape(
-            -1, 6
+        points = [j for j, joint in enumerate(s.joints) if joint.point and ("point", j) in at]
+        components = s.kinematics.numbers
+        moves = [(f"geometry.{name}", name, components[name]) for name in s.numbers]
+        moves += [("target.", "target", XYZ)] if s.moving and s.target else []
+        moves += [("target.", "target_zero", ("zero",))] if s.measurand.has_zero and s.target else []
+        moves += [("shift.", "shift", XYZ)] if s.moving and s.shift else []
+        turning = [kind for kind in ("target", "remounting", "shift") if (f"{kind}_turns", 0) in at]
+        return _OfGroups(
+            groups,
+            constant,
+            tilted_at=_indices((at[part], 9) for part in tilted_parts),
+            vectors=np.array(vectors, float).reshape(-1, 3, 3).swapaxes(0, 1).copy(),
+            tilts=self._adding_up(tilts, (-1, 2)),
+            points_at=_indices((at["point", j], 3) for j in points),
+            directions=np.array([self.bases[j] for j in points]),
+            slides=self._numbers([(f"point.{x}", j) for j in points for x in AB]).reshape(-1, 1, 2),
+            moves_at=_indices((at[name, 0], len(of)) for _, name, of in moves),
+            moves=self._entering(groups, [f"{slot}{x}" for slot, _, of in moves for x in of]),
+            moves_of_targets=self._numbers(
+                [("target", k, x) for k in range(len(self.points)) for x in XYZ]
+            ).reshape(-1, 3),
+            turning=tuple(turning),
+            turns=self._entering(groups, [f"{kind}.{x}" for kind in turning for x in TURNS]),
         )
+
+    def _entering(self, groups: Groups, slots: Sequence[str]) -> tuple[NDArray[np.intp], ...]:
+        """Return the indices of the parameters that add up to each of some slots, (groups, slots) each."""
+        found = [x for target, run in groups for slot in slots for x in self._sources(slot, 0, target, run)]
+        return self._adding_up(found, (len(groups), len(slots)))
+
+    def _adding_up(
+        self, slots: Sequence[tuple[object, ...]], shape: tuple[int, int]
+    ) -> tuple[NDArray[np.intp], ...]:
+        """Return the indices of the parameters of pairs of slots: the first ones, and the second if there are any."""
+        first, second = self._numbers(slots).reshape(-1, 2).T
+        found = (first.reshape(shape), second.reshape(shape))
+        return found[: np.any(second != len(self.parameters)) + 1] if first.size else ()
+
+    @staticmethod
+    def _sources(slot: str, number: int, target: int = 0, run: int = 0) -> tuple[tuple[object, ...], ...]:
+        """Return the two parameters that add up to a slot for a target and a set-up; () where there is none."""
+        kind, x = slot.split(".")
+        match kind:
+            case "target":
+                # turns of a body have a slot of their own: they follow those of the target
+                return ("target", target, x), ("remounting", target, run, x) if x not in TURNS else ()
+            case "remounting":
+                return ("remounting", target, run, x), ()
+            case "shift":
+                return ("shift", run, x), ()
+        return (slot, number), ()
 
     # from the kernel's slots to parameters -------------------------------------------------------------------
 
@@ -532,19 +493,20 @@ class Model:
         """
         common = self._common_slots
         if not self.has_constant_slots:
+            targets = range(len(self.points))
+            every = self.geometries(theta, Frame.identity(), [(k, 0) for k in targets])
+            start, row = self._at["target_by_a", 0], self.structure.slots.index(("centre.x", 0))
             common = common.copy()
-            by = self._tilted(self._and_zero(theta))[1][len(self._axes) :][: len(self.machine.targets)]
-            rows, numbers, kept = self._centre_at
-            common[rows, numbers] += by.swapaxes(0, 1).reshape(3, -1)[:, kept] / len(by)
+            for k in targets:
+                for i, x in enumerate(AB):
+                    by = every[k, start + 3 * i : start + 3 * i + 3] / len(targets)
+                    if (index := self.index.get(("target", k, x))) is not None:
+                        common[row : row + 3, index] += by
         for target, run in groups:
             matrix = common.copy() if self._group_rows else common
-            for row, kind, component in self._group_rows:
-                slots: list[tuple[object, ...]] = [(kind, target if kind == "target" else run, component)]
-                # turns of a body have a slot of their own: they follow those of the target
-                if kind == "remounting" or (kind == "target" and component not in TURNS):
-                    slots.append(("remounting", target, run, component))
-                for slot in slots:
-                    if (index := self.index.get(slot)) is not None:
+            for row, slot in self._group_rows:
+                for source in self._sources(*slot, target, run):
+                    if (index := self.index.get(source)) is not None:
                         matrix[row, index] = 1.0
             yield matrix
 
@@ -554,41 +516,27 @@ class Model:
         return not (self.structure.centre and not self.structure.moving and self.structure.target)
 
     @functools.cached_property
-    def _split_slots(self) -> list[tuple[int, str, str, int]]:
-        return [(row, *name.split("."), number) for row, (name, number) in enumerate(self.structure.slots)]  # type: ignore[misc]
-
-    @functools.cached_property
-    def _group_rows(self) -> list[tuple[int, str, str]]:
+    def _group_rows(self) -> list[tuple[int, tuple[str, int]]]:
         """The slots that belong to a different parameter for each target or set-up."""
-        return [(row, kind, x) for row, kind, x, _ in self._split_slots if kind in _OF_GROUPS]
-
-    @functools.cached_property
-    def _centre_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-        """The slots of the mean of the directions, their parameters, and which freedoms have a parameter."""
-        rows = [row for row, kind, _, _ in self._split_slots if kind == "centre"]
-        numbers = self._numbers([("target", k, x) for k in range(len(self.machine.targets)) for x in "ab"])
-        kept = numbers < len(self.parameters)
-        return np.array(rows)[:, None], numbers[kept], kept
+        slots = enumerate(self.structure.slots)
+        return [
+            (row, slot) for row, slot in slots if slot[0].startswith(("target.", "remounting.", "shift."))
+        ]
 
     @functools.cached_property
     def _common_slots(self) -> Array:
         """The derivative of the slots that are the same for all targets and set-ups and do not depend on values."""
-        s, targets = self.structure, range(len(self.machine.targets))
+        s, own = self.structure, {row for row, _ in self._group_rows}
         matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
-        for row, kind, x, number in self._split_slots:
-            found: list[tuple[object, ...]] = [(f"{kind}.{x}", number)]
-            if kind in _OF_GROUPS:
-                continue
-            if kind == "centre":
-                found = [("target", k, x) for k in targets]  # of directions there is no such parameter
-            elif kind == "frame":
-                found = [("frame", x)]
-            for slot in found:
-                for index, factor in self._parts(slot):
+        for row, slot in enumerate([*s.slots, *(("e", *parameter) for parameter in s.parameters)]):
+            found: Sequence[tuple[object, ...]] = [slot]
+            if str(slot[0]).startswith("centre."):  # of directions there is no such parameter
+                found = [("target", k, str(slot[0])[-1]) for k in range(len(self.points))]
+            elif str(slot[0]).startswith("frame."):
+                found = [("frame", str(slot[0])[6:])]
+            for each in found if row not in own else ():
+                for index, factor in self._parts(each):
                     matrix[row, index] = factor / len(found)
-        for row, (n, name) in enumerate(s.parameters, start=len(s.slots)):
-            for index, factor in self._parts(("e", n, name)):
-                matrix[row, index] = factor
         return matrix
 
     def _parts(self, slot: tuple[object, ...]) -> Sequence[tuple[int, float]]:
@@ -596,6 +544,16 @@ class Model:
         if slot in self._of_tied:
             return self.tied[self._of_tied[slot]].factors
         return [(self.index[slot], 1.0)] if slot in self.index else []
+
+
+def _sum(values: Array, numbers: tuple[NDArray[np.intp], ...]) -> Array:
+    """Return the sums of the values with some indices: of one or two each."""
+    return values[numbers[0]] if len(numbers) == 1 else values[numbers[0]] + values[numbers[1]]
+
+
+def _indices(parts: Iterable[tuple[int, int]]) -> NDArray[np.intp]:
+    """Return the indices of parts, each with its first one and its length."""
+    return np.array([start + i for start, length in parts for i in range(length)], np.intp)
 
 
 def _travel(machine: Machine, travel: Any) -> Array:

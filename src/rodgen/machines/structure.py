@@ -15,7 +15,7 @@ It differentiates with respect to the *slots*: the freedoms of the geometry firs
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -23,7 +23,8 @@ from rodgen.machines.coupling import Coupling, couplings_of
 from rodgen.machines.effects.definition import SKY
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.families.kinematics import Chain, Kinematics, beyond, carriers
-from rodgen.machines.measured import TURNS, Measurand
+from rodgen.machines.layout import Part, layout
+from rodgen.machines.measured import Measurand
 from rodgen.machines.parts import Effect, MachineData
 
 GEOMETRY = {"axis", "point", "target", "frame_shift", "remounting"}
@@ -169,31 +170,10 @@ class Structure:
         return len(self.measurand.components)
 
     @cached_property
-    def slots(self) -> tuple[tuple[str, int | str], ...]:
-        """The geometry's freedoms, in the order of the Jacobian's columns: (``"axis"``, joint), ... a pair for each."""
-        return tuple(self._slots())
-
-    def _slots(self) -> Iterator[tuple[str, int | str]]:
-        for j, joint in enumerate(self.joints):
-            if joint.axis:
-                yield from (("axis.a", j), ("axis.b", j))
-            if joint.point:
-                yield from (("point.a", j), ("point.b", j))
-        components = self.kinematics.numbers
-        yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
-        if self.target:
-            yield from ((f"target.{x}", 0) for x in self.measurand.freedoms)
-        if self.remounting and self.measurand.has_attitude:
-            yield from ((f"remounting.{x}", 0) for x in TURNS)
-        if self.centre and self.target:
-            yield from ((f"centre.{x}", 0) for x in "xyz")
-        rigid = self.measurand.rigid
-        if self.shift:
-            yield from ((f"shift.{x}", 0) for x in rigid)
-        if self.frame:
-            yield from ((f"frame.{x}", 0) for x in rigid)
-        if self.line:
-            yield from ((f"{self.measurand.line}.{x}", 0) for x in "ab")
+    def slots(self) -> tuple[tuple[str, int], ...]:
+        """The geometry's freedoms, in the order of the Jacobian's columns: (``"axis.a"``, joint), ..."""
+        free = ((part, j) for part, j in layout(self) if part.free(self, j))
+        return tuple((f"{part.slot or part.name}.{x}", j) for part, j in free for x in part.freedoms(self))
 
     @property
     def by_run(self) -> bool:
@@ -216,53 +196,14 @@ class Structure:
         return tuple((n, name) for n, term in enumerate(self.terms) for name in term.parameters)
 
     @cached_property
+    def parts(self) -> tuple[tuple[Part, int], ...]:
+        """The parts of ``g`` in their order, each with the number of its joint or term."""
+        return tuple((part, j) for part, j in layout(self) if part.there(self, j))
+
+    @cached_property
     def geometry(self) -> tuple[tuple[str, int, int], ...]:
         """The layout of ``g``: name, number (of a joint or term), length."""
-        return tuple(self._geometry())
-
-    def _geometry(self) -> Iterator[tuple[str, int, int]]:
-        yield from ((name, 0, len(x)) for name, x in self.kinematics.numbers.items())
-        for j, joint in enumerate(() if self.kinematics.is_closed else self.joints):
-            terms = [term for term in self.terms if term.joint == j]
-            yield "axis", j, 3
-            if joint.axis:
-                yield from (("axis_by_a", j, 3), ("axis_by_b", j, 3))
-            if self.moving or self.weights:
-                yield "point", j, 3
-            if joint.point or any(term.uses_directions for term in terms):
-                yield from (("u", j, 3), ("v", j, 3))
-            if any(term.uses_travel for term in terms):
-                yield from (("start", j, 1), ("length", j, 1))
-        yield "target", 0, 3
-        if self.target and "a" in self.measurand.freedoms:
-            yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
-        if self.measurand.has_attitude:
-            yield "target_rotation", 0, 9
-            if self.target:
-                yield "target_turns", 0, 9
-            if self.remounting:
-                yield "remounting_turns", 0, 9
-        if self.centre:
-            yield "centre", 0, 3
-        if self.centre or any(term.uses_gravity for term in self.terms):
-            yield "gravity", 0, 3
-        if any(term.sky for term in self.terms):
-            yield from (("level_u", 0, 3), ("level_v", 0, 3))
-        if self.shift:
-            yield from (("shift_rotation", 0, 9), ("shift_turns", 0, 9))
-            if self.moving:
-                yield "shift", 0, 3
-        if self.frame:
-            yield "frame_rotation", 0, 9
-            if self.moving:
-                yield "frame", 0, 3
-        if self.measurand.has_origin:
-            yield "origin", 0, 3
-        if self.measurand.has_zero:
-            line = self.measurand.line
-            yield from ((part, 0, 3) for part in (line, *(self.line * (f"{line}_by_a", f"{line}_by_b"))))
-            yield "target_zero", 0, 1
-        yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)
+        return tuple((part.name, j, part.length) for part, j in self.parts)
 
     @cached_property
     def columns(self) -> tuple[tuple[str, int | str], ...]:

@@ -24,13 +24,13 @@ from rodgen.codegen.source_text import in_comment
 from rodgen.errors import RodgenError, shown
 from rodgen.machines.emit._compensation import Compensation
 from rodgen.machines.emit._kernels import (
-    OF_A_JOINT,
     Constant,
     MachineKernels,
     machine_kernels,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
 from rodgen.machines.families.kinematics import Kinematics
+from rodgen.machines.layout import OF_JOINTS, WORDS
 from rodgen.machines.measured import ANGLE_ABOUT
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.rigid import rotation_vector
@@ -262,7 +262,7 @@ def ideal_of(machine: Machine, model: Model) -> Machine:
     """
     targets, theta = machine.targets, model.start()
     if machine.measurand.moving:
-        places = [model.target(theta, k)[0].tolist() for k in range(len(targets))]
+        places = [model.target(theta, k).tolist() for k in range(len(targets))]
         targets = tuple(replace(target, point=tuple(x)) for target, x in zip(targets, places, strict=True))
     if machine.measurand.has_attitude:
         turns = [rotation_vector(model.attitude(theta, k)).tolist() for k in range(len(targets))]
@@ -312,21 +312,7 @@ def _checked(name: str) -> str:
 
 # words -------------------------------------------------------------------------------------------------------
 
-_PARTS = {
-    "axis": "axis of {joint}",
-    "point": "point of {joint}, {length}",
-    "u": "first direction across the axis of {joint}",
-    "v": "second direction across the axis of {joint}",
-    "start": "lowest coordinate of {joint}, {coordinate}",
-    "length": "travel of {joint}, {coordinate}",
-    "centre": "mean of the targets",
-    "gravity": "direction of gravity",
-    "level_u": "level direction at an azimuth of 90 degrees",
-    "level_v": "level direction at an azimuth of 0",
-    "shift": "frame shift, {length}",
-    "shift_rotation": "frame shift, rotation",
-    "target": "target {target}",
-    "target_rotation": "attitude of target {target}",
+_PARTS = WORDS | {
     "begin": "of a pose to begin with: lengths of the legs, position, unit quaternion",
 }
 
@@ -340,7 +326,7 @@ def constant_words(scope: Scope, constant: Constant) -> str:
         effect = shown(row_effects(machine)[number].title)
         return f"{name} of {effect}: {_shown_value(parameter, constant.value, '.9g')}"
     words = {"length": machine.length_unit, "joint": "", "coordinate": ""}
-    if part in OF_A_JOINT:
+    if part in {each.name for each in OF_JOINTS}:
         joint = machine.joints[number]
         words |= {"joint": shown(joint.name), "coordinate": coordinate_unit(machine, number)}
     parts = _PARTS | {name: text for name, (_, text) in machine.kinematics.number_words.items()}

@@ -23,12 +23,12 @@ from rodgen.codegen.tape_matrix import Matrix
 from rodgen.machines.algebra import TapeBuilder, on_tape
 from rodgen.machines.closed_chain import pose_from_afar
 from rodgen.machines.derivation import model_kernel
+from rodgen.machines.layout import OF_JOINTS
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure, Term, row_effects
 
-OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
-"""Parts of the geometry that each joint has."""
+_NUMBERED = {"acts", "begin", *(part.name for part in OF_JOINTS)}
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ class _Numbers:
 
     def _slot_name(self, part: str, number: int, component: str) -> str:
         part, _ = self.words.get(part, (part, ""))
-        of = f"{part}{number}" if part in OF_A_JOINT | {"acts", "begin"} else part
+        of = f"{part}{number}" if part in _NUMBERED else part
         return "_".join(filter(None, [of, component]))
 
     def _named(self, name: str, value: float, of: tuple[str, int, str]) -> Number:

@@ -83,7 +83,7 @@ def numbers_of(machine: Machine) -> Numbers:
     nominal = np.array(list(kinematics.legs.values()), float)
     angles = nominal + (angles - nominal + 180) % 360 - 180
     before = np.sqrt(kinematics.L**2 - kinematics.R**2)
-    nozzle = float(model.target(theta, 0)[0][2] - machine.targets[0].point[2])
+    nozzle = float(model.target(theta, 0)[2] - machine.targets[0].point[2])
     endstops = of["zero_offset"] + before - np.sqrt(rods**2 - radius**2) + nozzle
     angles, endstops, middle = (x.round(4) + 0.0 for x in (angles, endstops, middle))  # no -0.0000
     return Numbers(radius, rods, angles, endstops, middle, nozzle)
