@@ -14,8 +14,10 @@ import sympy as sp
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from rodgen.codegen.tape import Tape
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
 from rodgen.errors import InputFileError
+from rodgen.machines.algebra import on_tape
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
 
 PYTHON = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt")} | {
@@ -239,13 +241,6 @@ BAD = {
     "large product": ("1e200*1e200", "'1e200*1e200', a number beyond floating point; expected one between 1e-300"),
     "large exponential": ("exp(1000)", "'exp(1000)', a number beyond floating point; expected one between"),
     "many digits": ("1" * 41, "a number of 41 digits at character 1; expected one of at most 40"),
-    "power of powers": ("(((2*q)**20)**20)**20",
-                        "a power or root that may reach 8000; expected at most 1000"),
-    "power in disguise": ("(2*q)**(10**9*a/a)", "a power or root that may reach 1e+09; expected at most 1000"),
-    "power by logarithm": ("exp(10**9*log(2*q))", "a power or root that may reach 2e+09; expected at most 1000"),
-    "root without end": ("3**-1e-9", "exponent '-1e-9' in '3**-1e-9'; expected one of at most three decimals"),
-    "root by logarithm": ("exp(1e-9*log(3))", "a power or root that may reach 3e+09; expected at most 1000 in all"),
-    "root by roots": ("3**-sqrt(1e-18)", "a power or root that may reach 1e+18; expected at most 1000 in all"),
     "division by zero": ("a/(2 - 2)", "'a/(2 - 2)', a division by zero; expected a divisor that is not zero"),
     "division by rounded zero": ("1/sin(pi)", "'1/sin(pi)', a division by zero"),
     "power of zero": ("0**-1", "'0**-1', which is not a real number"),
@@ -292,6 +287,12 @@ def test_a_bad_formula_is_reported_in_one_sentence(case):
         "a*(1 - exp(-q/b))",
         "0*a",
         "a**b**q",
+        "(((2*q)**20)**20)**20",
+        "(2*q)**(10**9*a/a)",
+        "exp(10**9*log(2*q))",
+        "exp(1e-9*log(3))",
+        "3**-1e-9",
+        "3**-sqrt(1e-18)",
     ],
 )
 def test_what_is_just_within_the_limits_is_a_formula(text):
@@ -344,14 +345,17 @@ GROWTH = st.recursive(
 @example("(0.5/20)**(1e-9/2)")
 @example("sqrt((20**7*abs(q))**(-9)**-9)")
 @example("exp(1e-9**1)/(1/3 + 1e-9)**1e-9**3")
-def test_what_is_accepted_is_soon_evaluated_exactly(text):
-    """An exact evaluation of 9**9**9**9 would never end: what passes must be cheap for SymPy."""
+def test_what_is_accepted_is_soon_on_a_tape(text):
+    """Constants of a tape are exact: 9**9**9**9 would never end."""
     try:
         formula = parse(text)
     except InputFileError:
         return
-    symbols = {name: sp.Symbol(name, real=True) for name in formula.names} | {"pi": sp.pi}
-    formula.evaluate(symbols, SYMPY, lambda n: sp.Rational(n.numerator, n.denominator))
+    algebra = on_tape(Tape())
+    names = sorted(formula.names)
+    numbers = algebra.builder("").input("x", (len(names),), unit="", doc="")
+    symbols = dict(zip(names, numbers, strict=True))
+    formula.evaluate(symbols | {"pi": algebra.pi}, algebra.functions, algebra.number)
 
 
 # units ---------------------------------------------------------------------------------------------------------
