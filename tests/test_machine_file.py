@@ -21,7 +21,8 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.files.edit import text_with_effects, text_without_effect
 from rodgen.machines.files.read import machine_of
-from rodgen.machines.files.write import decimal, machine_text
+from rodgen.machines.files.schema import decimal
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.machines.parts import DRIVES
 

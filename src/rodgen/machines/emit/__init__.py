@@ -226,7 +226,7 @@ def _tables(
 
 def _check_names(machine: Machine) -> None:
     """Refuse names that no machine file has: one made in Python may, but here they name files and cells."""
-    from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
+    from rodgen.machines.files.schema import JOINT_NAME, PLACE_NAME
     from rodgen.machines.files.toml import UnfitError
 
     for what, kind, parts in (("joint", JOINT_NAME, machine.joints), ("target", PLACE_NAME, machine.targets)):

@@ -19,7 +19,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.machines.emit._geometry import Geometry, of_couplings
 from rodgen.machines.emit._numbers import K, said_of_uncertainties, standard, uncertain_number
-from rodgen.machines.files.write import toml_string
+from rodgen.machines.files.schema import toml_string
 from rodgen.machines.imports.denavit_hartenberg import CONVENTIONS
 from rodgen.machines.rigid import rotation_matrix
 

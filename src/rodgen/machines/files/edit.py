@@ -18,8 +18,9 @@ from rodgen import limits
 from rodgen.data.set_aside import SetAside
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.schema import toml_string
 from rodgen.machines.files.toml import read_text
-from rodgen.machines.files.write import effect_text, known_line, machine_text, set_aside_text, toml_string
+from rodgen.machines.files.write import effect_text, known_line, machine_text, set_aside_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 

@@ -12,13 +12,11 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any
 
 from rodgen import limits
 from rodgen.data.set_aside import SetAside
-from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit, typed_quantity
+from rodgen.data.units import ANGLE, LENGTH, parse_unit
 from rodgen.errors import InputFileError, UnexpectedError, in_file, joined, listed, shown, suggestion
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.effects.catalogue import NAMES
@@ -27,9 +25,9 @@ from rodgen.machines.effects.definition import coordinate_dimension
 from rodgen.machines.families import FAMILIES
 from rodgen.machines.families.kinematics import Chain, Kinematics
 from rodgen.machines.families.on_legs import OnLegs
+from rodgen.machines.files import schema
 from rodgen.machines.files.toml import (
     NUMBER,
-    PAIR,
     POSITIVE,
     TABLE,
     TEXT,
@@ -44,21 +42,15 @@ from rodgen.machines.files.toml import (
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.known import read_known
 from rodgen.machines.machine import Machine
-from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
+from rodgen.machines.measured import MEASURANDS, Measurand, Measured
 from rodgen.machines.parts import (
     BRANCHES,
-    DRIVES,
-    ENCODERS,
-    JOINT_TYPES,
     ColumnSource,
     Effect,
     Joint,
     Known,
     StatedPlausibility,
     Target,
-    Vector,
-    suggested_type,
-    unit_vector,
 )
 from rodgen.machines.plausibility import stated_plausibility
 from rodgen.machines.rules import (
@@ -128,69 +120,11 @@ PLATFORM = "platform"
 
 _OF_FAMILY, _OF_CHAIN = frozenset({"family", "geometry"}), frozenset({"branch", "joint"})
 """Keys of the file that stand in that of a family of machines alone, and of a chain of joints alone."""
-_KEYS = {
-    "file": (
-        "name",
-        "family",
-        "units",
-        "environment",
-        "geometry",
-        "branch",
-        "joint",
-        "target",
-        "measured",
-        "estimate",
-        "known",
-        "ties",
-        "plausibility",
-        "columns",
-        "record",
-        "effect",
-    ),
-    "units": ("length", "angle"),
-    "environment": ("gravity", "reference_temperature"),
-    "record": ("date", "instrument", "conditions"),
-    "joint": (
-        "name",
-        "type",
-        "axis",
-        "point",
-        "travel",
-        "period",
-        "encoder",
-        "drive",
-        "passive",
-        "counterbalance",
-        "reading",
-        "coordinate",
-        "reading_travel",
-    ),
-    "branch": ("name", "joints"),
-    "target": ("name", "point", "attitude", "zero"),
-    "measured": (
-        "kind",
-        "frame",
-        "from",
-        "about",
-        "noise",
-        "attitude_noise",
-        "correlation",
-        "instrument",
-        "set_aside",
-    ),
-    "estimate": ("parameters",),
-    "effect": (
-        "name",
-        "joint",
-        "target",
-        "hold",
-        "component",
-        "formula",
-        "parameters",
-        "meaning",
-        *OWN_COMPONENTS,
-    ),
-}
+_TOP = (
+    "name family units environment geometry branch joint target measured estimate known ties plausibility columns "
+    "record effect"
+).split()
+_RECORD = ("date", "instrument", "conditions")
 _OWN = ("component", "formula", "parameters", "meaning", *OWN_COMPONENTS)
 
 _MISSING = {
@@ -250,12 +184,15 @@ def machine_of(text: str, file: str) -> Machine:
     if "geometry" in content and "family" not in content:
         raise InputFileError(file, "[geometry]", "given without a family", f"family = {listed(FAMILIES)}")
     others = _OF_CHAIN if "family" in content else _OF_FAMILY
-    top = Table(file, "", content, [key for key in _KEYS["file"] if key not in others])
-    name = top.get("name", _TITLE)
-    units = top.sub("units", _KEYS["units"], missing=_MISSING["units"])
-    length, angle = units.get("length", unit_of(LENGTH, "mm")), units.get("angle", unit_of(ANGLE, "deg"))
+    top = Table(file, "", content, [key for key in _TOP if key not in others])
+    name = top.get("name", schema.TITLE)
+    units = top.sub("units", ("length", "angle"), missing=_MISSING["units"])
+    length, angle = (
+        units.get("length", schema.unit_of(LENGTH, "mm")),
+        units.get("angle", schema.unit_of(ANGLE, "deg")),
+    )
     per_radian = parse_unit(angle).factor()
-    environment = top.sub("environment", _KEYS["environment"])
+    environment = top.sub("environment", ("gravity", "reference_temperature"))
     measured = _measured(top, length, per_radian)
     kinematics = _on_legs(top, per_radian) if "family" in top else Chain()
     columns = _entries(top, "columns", f"A = {EXAMPLE}")
@@ -263,7 +200,7 @@ def machine_of(text: str, file: str) -> Machine:
         name=name,
         length_unit=length,
         angle_unit=angle,
-        gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
+        gravity=environment.get("gravity", schema.DIRECTION, (0.0, 0.0, -1.0)),
         reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
         joints=_legs(kinematics)
         if kinematics.is_closed
@@ -323,215 +260,35 @@ def _entries(top: Table, key: str, example: str) -> dict[str, Any]:
     return content
 
 
-# what a key may hold -------------------------------------------------------------------------------------------
-
-_COLUMNS = READING_COLUMNS | {"t", "load", "run", "target"}
-_PREFIXES = ("u_", "dir_", "v_", "T_")
-_NAME_TEXT = re.compile(r"[^\W_](?:[\w+-]|(?<=[\w+-]) (?=[\w+-])){0,59}")
+# blocks ------------------------------------------------------------------------------------------------------------
 
 
 def _record(top: Table) -> dict[str, str]:
     """Return what is noted of the measurements."""
-    table = top.sub("record", _KEYS["record"])
-    return {key: table.get(key, _NOTED) for key in _KEYS["record"] if key in table}
-
-
-def _noted(value: Any) -> str:
-    """Return a text, or a date or time that TOML reads without quotes, as text."""
-    return str(value.isoformat()) if hasattr(value, "isoformat") else TEXT.read(value)
-
-
-def _title(text: str) -> str:
-    if not text.isprintable() or len(text) > 200:
-        raise UnfitError(
-            "a text of several lines" if "\n" in text else "a text that cannot be printed on a line"
-        )
-    return text
-
-
-def _name(text: str) -> str:
-    if not _NAME_TEXT.fullmatch(text):
-        raise UnfitError(shown(text))
-    if text in NAMES:
-        raise UnfitError(f"{shown(text)}, the name of an effect", "another name")
-    return text
-
-
-def _column_name(text: str) -> str:
-    if text in _COLUMNS or text.startswith(_PREFIXES):
-        raise UnfitError(f"{shown(text)}, which is a column of measurements of its own", "another name")
-    return _name(text)
-
-
-def _direction(vector: tuple[float, ...]) -> Vector:
-    """Return a vector scaled to unit length; one that has it, to rounding, is not changed."""
-    try:
-        return unit_vector(vector)
-    except ValueError as error:
-        raise UnfitError(str(error)) from None
-
-
-def _squarable(number: float) -> float:
-    if not number < limits.NUMBER:
-        raise UnfitError
-    return number
-
-
-def _noise_in(dimension: Dimension, length: str, own: float) -> Kind[float]:
-    """Return the kind of a noise: a number in the file's unit, whose internal value is `own`, or a text with a unit."""
-
-    def read(value: Any) -> float:
-        if isinstance(value, str):
-            try:
-                number = typed_quantity(value, dimension, length, own)
-            except UnitError:
-                raise UnfitError from None
-        else:
-            number = NUMBER.read(value) * own
-        if not 1e-100 <= number <= 1e100:  # beyond, its square or the inverse of its square is no number
-            raise UnfitError
-        return number
-
-    return Kind(f'a positive number, or one with its unit, such as "{_SUCH_NOISE[dimension]}"', read)
-
-
-_SUCH_NOISE = {LENGTH: "2 um", ANGLE: "0.5 arcsec"}
-
-
-def _rising(pair: tuple[float, float]) -> tuple[float, float]:
-    if not pair[0] < pair[1]:
-        raise UnfitError(None, "the lower number first, then a higher one")
-    return pair
-
-
-def _scaled(factor: float) -> Any:
-    """Return the function that brings a number, or several, to internal units."""
-
-    def step(value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple(map(step, value))
-        if not math.isfinite(value * factor):
-            raise UnfitError("a number beyond floating point")
-        return value * factor
-
-    return step
-
-
-def unit_of(dimension: Dimension, example: str) -> Kind[str]:
-    """Return how the name of a unit is read: one name, no product, that measures a dimension."""
-    wanted = f"a unit of {dimension}, such as {example}"
-
-    def check(text: str) -> str:
-        text = text.strip()
-        try:
-            unit = parse_unit(text)
-        except UnitError as error:
-            raise UnfitError(error.found, error.expected) from None
-        if unit.dimension != dimension:
-            raise UnfitError(f"{shown(text)}, which measures {unit.dimension}")
-        if re.search(r"[*/^]", text):
-            raise UnfitError(f"{shown(text)}, a product of units", f"one name, such as {example}")
-        return text
-
-    return Kind(wanted, lambda value: check(TEXT.read(value)))
-
-
-def _texts(value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list):
-        raise UnfitError
-    return tuple(map(TEXT.read, value))
-
-
-def _joint_type(value: Any) -> str:
-    if not isinstance(value, str):
-        raise UnfitError
-    if value not in JOINT_TYPES:
-        raise UnfitError(shown(value), suggested_type(value))
-    return value
-
-
-def _yes_or_no(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise UnfitError
-    return value
-
-
-def _word(value: Any) -> str:
-    return str(value) if type(value) is int else TEXT.read(value)
-
-
-def _tables(value: Any) -> Sequence[Any]:
-    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
-        raise UnfitError
-    return value
-
-
-_WORD = Kind("a text in quotes, or a whole number", _word)
-_ENTRIES = Kind('a list of tables, such as [{ run = "3", why = "clouds" }]', _tables)
-_TITLE = TEXT.then(_title)
-_NOTED = Kind("a text in quotes, or a date", _noted).then(_title)
-_RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
-PLACE_NAME = TEXT.then(_name, _RULE)
-"""What may be the name of a target."""
-JOINT_NAME = TEXT.then(_column_name, _RULE)
-"""What may be the name of a joint, which is that of its column, too."""
-
-
-def _point(numbers: tuple[float, ...]) -> tuple[float, ...]:
-    if not max(map(abs, numbers)) < limits.NUMBER:
-        raise UnfitError(
-            f"numbers of {limits.NUMBER:g} and more", "three numbers whose squares can be added up"
-        )
-    return numbers
-
-
-_POINT: Kind[Vector] = VECTOR.then(_point)
-_ORIGIN: Vector = (0.0, 0.0, 0.0)
-_Z: Vector = (0.0, 0.0, 1.0)
-_DIRECTION: Kind[Vector] = VECTOR.then(_direction)
-_PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
-_YES_OR_NO = Kind("true or false", _yes_or_no)
-_TEXTS = Kind('a list of texts, such as ["target"]', _texts)
-_JOINT_TYPE = Kind(listed(JOINT_TYPES), _joint_type)
-_JOINTS = Kind('the names of its joints, such as ["A", "C"], the first one from the bed first', _texts)
-
-
-# blocks ------------------------------------------------------------------------------------------------------------
+    table = top.sub("record", _RECORD)
+    return {key: table.get(key, schema.NOTED) for key in _RECORD if key in table}
 
 
 def _measured(top: Table, length: str, per_radian: float) -> Measured:
-    table = top.sub("measured", _KEYS["measured"], missing=_MISSING["measured"])
+    branches = "branch" in top
+    names = [
+        key.name for key in schema.measured_keys(MEASURANDS["point"], length, per_radian, branches=branches)
+    ]
+    table = top.sub("measured", names, missing=_MISSING["measured"])
     kind = table.get("kind", one_of(tuple(MEASURANDS)))
     measurand = MEASURANDS[kind]
-    frame = table.get("frame", one_of(("machine", "free")))
-    if "from" in table and not measurand.has_origin:
-        raise table.error("from", f"given together with kind = {kind!r}", "it with kind = 'distance' only")
-    origin = table.get("from", _POINT) if measurand.has_origin else None
-    has_axis = measurand.line == "about"
-    if "about" in table and not has_axis:
-        raise table.error("about", f"given together with kind = {kind!r}", "it with kind = 'angle' only")
-    about = table.get("about", _DIRECTION) if has_axis else None
-    own = per_radian if measurand.dimension == ANGLE else 1.0
-    noise = table.get("noise", _noise_in(measurand.dimension, length, own), None)
-    attitude_noise = table.get("attitude_noise", _noise_in(ANGLE, length, per_radian), None)
-    if attitude_noise is not None and not measurand.is_pose:
-        raise table.error(
-            "attitude_noise", f"given together with kind = {kind!r}", "it with kind = 'pose' only"
-        )
-    if measurand.is_pose and (noise is None) != (attitude_noise is None):
-        given, lacking = (
-            ("noise", "attitude_noise") if attitude_noise is None else ("attitude_noise", "noise")
-        )
-        raise table.error(lacking, f"missing, while {given} is stated", "both of them, or neither")
-    correlation = table.get("correlation", _correlation(len(measurand.components)), None)
-    if correlation is not None and measurand.is_direction:
-        raise table.error("correlation", f"given together with kind = {kind!r}", "it with another kind")
-    if "instrument" in table and "branch" not in top:
+    if "instrument" in table and not branches:
         raise table.error("instrument", "given without [[branch]]", "it with blocks [[branch]] only")
-    instrument = table.get("instrument", one_of(BRANCHES), BRANCHES[0])
-    entries = table.get("set_aside", _ENTRIES) if "set_aside" in table else ()
-    set_aside = entries_of(entries, table.file, f"{table.place}, set_aside")
-    return Measured(kind, frame, origin, noise, attitude_noise, correlation, about, instrument, set_aside)
+    said = schema.read_keys(
+        table, schema.measured_keys(measurand, length, per_radian, branches=branches), kind
+    )
+    noises = ("noise", "attitude_noise")
+    missing = [name for name in noises if said[name] is None]
+    if measurand.is_pose and len(missing) == 1:
+        given = noises[1 - noises.index(missing[0])]
+        raise table.error(missing[0], f"missing, while {given} is stated", "both of them, or neither")
+    said["set_aside"] = entries_of(said["set_aside"], table.file, f"{table.place}, set_aside")
+    return Measured(**said)
 
 
 def entries_of(contents: Sequence[dict[str, Any]], file: str, place: str) -> tuple[SetAside, ...]:
@@ -545,72 +302,31 @@ def entries_of(contents: Sequence[dict[str, Any]], file: str, place: str) -> tup
     for number, content in enumerate(contents, 1):
         entry = Table(file, f"{place} {number}", content, tuple(SetAside.__dataclass_fields__))
         said = {
-            key: entry.get(key, _WORD if key in {"rows", "run"} else TEXT) for key in content if key != "back"
+            key: entry.get(key, schema.WORD if key in {"rows", "run"} else TEXT)
+            for key in content
+            if key != "back"
         }
         with in_file(entry.file, entry.place):
-            found.append(SetAside(**said, back=entry.get("back", _YES_OR_NO, False)))
+            found.append(SetAside(**said, back=entry.get("back", schema.YES_OR_NO, False)))
     return tuple(found)
-
-
-def _correlation(m: int) -> Kind[tuple[tuple[float, ...], ...] | Literal["columns"]]:
-    """Return the kind of a matrix of correlation coefficients of m components, or of the word for those by row."""
-
-    def read(value: Any) -> tuple[tuple[float, ...], ...] | Literal["columns"]:
-        if value == "columns" and m > 1:
-            return "columns"
-        rows = (
-            tuple(tuple(map(float, map(NUMBER.read, row))) for row in value) if _is_square(value, m) else ()
-        )
-        if not rows or any(rows[i][j] != rows[j][i] or rows[i][i] != 1 for i in range(m) for j in range(m)):
-            raise UnfitError
-        try:
-            np.linalg.cholesky(rows)
-        except np.linalg.LinAlgError:
-            raise UnfitError("a matrix that is not positive definite") from None
-        return rows
-
-    return Kind(
-        f'{m} rows of {m} correlation coefficients, symmetric, with 1 on the diagonal, or "columns"', read
-    )
-
-
-def _is_square(value: Any, m: int) -> bool:
-    lists = isinstance(value, list) and all(isinstance(row, list) for row in value)
-    return lists and [len(row) for row in value] == [m] * m
 
 
 def _joints(top: Table, per_radian: float) -> list[Joint]:
     joints = []
-    for table in _named_blocks(top, "joint", MOST_JOINTS, JOINT_NAME):
-        name = table.get("name", JOINT_NAME)
-        kind = table.get("type", _JOINT_TYPE)
-        scale = _scaled(per_radian if coordinate_dimension(kind) == ANGLE else 1.0)
-        travel = PAIR.then(scale).then(_rising)
-        period = POSITIVE.then(scale)
-        joints.append(
-            Joint(
-                name=name,
-                type=kind,
-                axis=table.get("axis", _DIRECTION),
-                point=table.get("point", _POINT, _ORIGIN),
-                travel=table.get("travel", travel, None),
-                period=table.get("period", period, None),
-                encoder=table.get("encoder", one_of(ENCODERS), None),
-                drive=table.get("drive", one_of(DRIVES), None),
-                passive=_passive(table),
-                counterbalance=table.get("counterbalance", _YES_OR_NO, False),
-                coordinate=table.get("coordinate", TEXT, None),
-                reading=table.get("reading", JOINT_NAME, None),
-                reading_travel=_reading_travel(table, travel),
-            )
-        )
+    for table in _named_blocks(top, "joint", MOST_JOINTS, schema.JOINT_NAME, schema.joint_keys(1.0)):
+        table.get("name", schema.JOINT_NAME)
+        turns = coordinate_dimension(table.get("type", schema.JOINT_TYPE)) == ANGLE
+        joint = Joint(**schema.read_keys(table, schema.joint_keys(per_radian if turns else 1.0)))
+        if joint.passive:
+            of_drive = [key for key in ("drive", "period") if key in table]
+            of_drive += ["encoder"] if joint.encoder == "motor" else []
+            if of_drive:
+                found = f"true, together with {of_drive[0]} = {table.content[of_drive[0]]!r}"
+                raise table.error("passive", found, "one of the two: nothing drives a passive joint")
+        if joint.reading_travel is not None and None in (joint.coordinate, joint.reading):
+            raise table.error("reading_travel", "given without coordinate and reading", "travel")
+        joints.append(joint)
     return joints
-
-
-def _reading_travel(table: Table, travel: Kind[tuple[float, float]]) -> tuple[float, float] | None:
-    if "reading_travel" in table and not {"coordinate", "reading"} <= table.content.keys():
-        raise table.error("reading_travel", "given without coordinate and reading", "travel")
-    return table.get("reading_travel", travel, None)
 
 
 def _of_branches(top: Table, joints: list[Joint], instrument: str) -> tuple[Joint, ...]:
@@ -620,12 +336,12 @@ def _of_branches(top: Table, joints: list[Joint], instrument: str) -> tuple[Join
     at = {joint.name: joint for joint in joints}
     found: dict[str, list[Joint]] = {}
     for number, block in enumerate(top.blocks("branch", len(BRANCHES)), start=1):
-        table = Table(top.file, f"[[branch]] {number}", block, _KEYS["branch"])
+        table = Table(top.file, f"[[branch]] {number}", block, ("name", "joints"))
         branch = table.get("name", one_of(BRANCHES))
         if branch in found:
             raise table.error("name", f"{shown(branch)} twice", "it once")
         found[branch] = []
-        for name in table.get("joints", _JOINTS):
+        for name in table.get("joints", schema.JOINTS):
             if name not in at:
                 elsewhere = any(joint.name == name for joint in joints)
                 what = f"{shown(name)} twice" if elsewhere else f"no joint {shown(name)}"
@@ -640,30 +356,20 @@ def _of_branches(top: Table, joints: list[Joint], instrument: str) -> tuple[Join
     return (*reversed(inner), *(joint for outer in found.values() for joint in outer))
 
 
-def _passive(table: Table) -> bool:
-    passive = table.get("passive", _YES_OR_NO, False)
-    of_drive = [key for key in ("drive", "period") if key in table]
-    of_drive += ["encoder"] if table.content.get("encoder") == "motor" else []
-    if passive and of_drive:
-        found = f"true, together with {of_drive[0]} = {table.content[of_drive[0]]!r}"
-        raise table.error("passive", found, "one of the two: nothing drives a passive joint")
-    return passive
-
-
 def _on_legs(top: Table, per_radian: float) -> OnLegs:
     family = FAMILIES[top.get("family", one_of(tuple(FAMILIES)))]
     table = top.sub("geometry", family.keys, missing=_MISSING["geometry"])
-    length = POSITIVE.then(_squarable, f"a positive number below {limits.NUMBER:g}")
+    length = POSITIVE.then(schema.squarable, f"a positive number below {limits.NUMBER:g}")
     found: dict[str, Any] = {}
     for name, components in family.numbers.items():
         if len(components) == 1:
             found[name] = table.get(name, length)
         else:
-            found[name] = table.get(name, _POINT, *([_ORIGIN] if hasattr(family, name) else []))
+            found[name] = table.get(name, schema.POINT, *([schema.ORIGIN] if hasattr(family, name) else []))
     if "home" in family.keys:
-        found["home"] = table.get("home", _POINT)
+        found["home"] = table.get("home", schema.POINT)
     if "start" in family.keys:
-        found["start"] = table.get("start", VECTOR.then(_scaled(per_radian)), None)
+        found["start"] = table.get("start", VECTOR.then(schema.scaled(per_radian)), None)
     return family(**found)
 
 
@@ -672,32 +378,20 @@ def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
 
 
 def _targets(top: Table, measurand: Measurand, per_radian: float, *, closed: bool) -> tuple[Target, ...]:
-    anywhere = measurand.has_axes and not measurand.moving  # where it is read does not matter
     if closed and "target" not in top:
-        if anywhere:
-            return (Target(PLATFORM, _Z),)
-        if not measurand.moving:
+        if not measurand.moving and not measurand.has_axes:
             raise InputFileError(
                 top.file, "[[target]]", "missing", "the direction on the platform that is seen"
             )
-        return (Target(PLATFORM, _ORIGIN),)
-    point = _POINT if measurand.moving else _DIRECTION
-    found = []
-    for table in _named_blocks(top, "target", MOST_TARGETS, PLACE_NAME):
-        if "attitude" in table and not measurand.has_attitude:
-            given = f"given together with kind = {measurand.kind!r}"
-            raise table.error("attitude", given, "it with kind = 'pose' or 'orientation' only")
-        attitude = table.get("attitude", VECTOR.then(_scaled(per_radian)), _ORIGIN)
-        place = table.get("point", point, *([_Z] if anywhere else []))
-        if "zero" in table and not measurand.has_zero:
-            given = f"given together with kind = {measurand.kind!r}"
-            raise table.error("zero", given, "it with kind = 'angle' or 'inclination' only")
-        zero = table.get("zero", NUMBER.then(lambda x: x * per_radian), 0.0)
-        found.append(Target(table.get("name", PLACE_NAME), place, attitude, zero))
-    return tuple(found)
+        return (Target(PLATFORM, schema.ORIGIN if measurand.moving else schema.Z),)
+    keys = schema.target_keys(measurand, per_radian)
+    tables = _named_blocks(top, "target", MOST_TARGETS, schema.PLACE_NAME, keys)
+    return tuple(Target(**schema.read_keys(table, keys, measurand.kind)) for table in tables)
 
 
-def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Table]:
+def _named_blocks(
+    top: Table, key: str, most: int, kind: Kind[str], keys: Sequence[schema.Key]
+) -> list[Table]:
     """Return the blocks `[[key]]`, each with its name as its place where it has a valid one."""
     tables = []
     for number, block in enumerate(top.blocks(key, most, missing=_MISSING[key]), start=1):
@@ -705,7 +399,7 @@ def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Tabl
             place = f"{key} {kind.read(block.get('name'))}"
         except UnfitError:
             place = f"[[{key}]] {number}"
-        tables.append(Table(top.file, place, block, _KEYS[key]))
+        tables.append(Table(top.file, place, block, [each.name for each in keys]))
     return tables
 
 
@@ -734,8 +428,8 @@ def _check_names(machine: Machine) -> None:
 def _estimate(top: Table, machine: Machine) -> tuple[str, ...]:
     if "estimate" not in top:
         return ()
-    table = top.sub("estimate", _KEYS["estimate"])
-    entries = table.get("parameters", _TEXTS)
+    table = top.sub("estimate", ("parameters",))
+    entries = table.get("parameters", schema.TEXTS)
     for entry in entries:
         if fault := check_estimate(machine, entry):
             raise table.error("parameters", *fault)
@@ -805,7 +499,7 @@ def effect_of(machine: Machine, block: Mapping[str, Any], file: str, where: str)
     ------
     InputFileError
     """
-    table = Table(file, where, block, _KEYS["effect"])
+    table = Table(file, where, block, ("name", "joint", "target", "hold", *_OWN))
     name = table.get("name", TEXT)
     place = _place(table, machine)
     hold = {
@@ -841,7 +535,7 @@ def _place(table: Table, machine: Machine) -> str | None:
 
 def _own_effect(table: Table, machine: Machine, place: str | None) -> Effect:
     parameters = {
-        key: table.convert(f"parameters.{key}", value, _PARAMETER_UNIT)
+        key: table.convert(f"parameters.{key}", value, schema.PARAMETER_UNIT)
         for key, value in table.get("parameters", TABLE, {}).items()
     }
     several = {key: table.get(key, TEXT) for key in table.content if key in OWN_COMPONENTS}

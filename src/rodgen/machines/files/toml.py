@@ -18,7 +18,7 @@ from rodgen.limits import NESTING
 
 _T = TypeVar("_T")
 _D = TypeVar("_D")
-_REQUIRED: Any = object()
+REQUIRED: Any = object()
 _TOML = "TOML, such as axis = [0, 0, 1]"
 _NAME = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 
@@ -237,7 +237,7 @@ class Table:
     @overload
     def get(self, key: str, kind: Kind[_T], default: _D) -> _T | _D: ...
 
-    def get(self, key: str, kind: Kind[Any], default: Any = _REQUIRED) -> Any:
+    def get(self, key: str, kind: Kind[Any], default: Any = REQUIRED) -> Any:
         """Return the value at a key.
 
         Parameters
@@ -250,7 +250,7 @@ class Table:
         InputFileError
         """
         if key not in self.content:
-            if default is _REQUIRED:
+            if default is REQUIRED:
                 raise self.error(key, "missing", kind.expected)
             return default
         return self.convert(key, self.content[key], kind)

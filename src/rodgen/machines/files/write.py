@@ -2,59 +2,30 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from rodgen.data.set_aside import SetAside
 from rodgen.data.units import ANGLE, unit_factor
 from rodgen.errors import joined
 from rodgen.files import write_file
+from rodgen.machines.files.schema import (
+    Scaled,
+    decimal,
+    joint_keys,
+    measured_keys,
+    target_keys,
+    toml_key,
+    toml_string,
+    written,
+    written_keys,
+)
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.known import unit_of
 from rodgen.machines.machine import Machine
-from rodgen.machines.parts import BRANCHES, ColumnSource, Effect, Joint, Known, StatedPlausibility, Target
-
-# numbers and texts -------------------------------------------------------------------------------------------------
-
-
-def decimal(value: float, factor: float = 1.0) -> str:
-    """Return the shortest decimal that, read and multiplied by `factor`, is `value` to the last bit.
-
-    Where there is none (a product of floats skips some values), the nearest is returned: within 2e-16 of the value.
-
-    Examples
-    --------
-    >>> import math
-    >>> decimal(math.pi, math.pi / 180), decimal(0.1 + 0.2), decimal(800.0)
-    ('180', '0.30000000000000004', '800')
-    """
-    quotient = value / factor
-    near = [quotient, math.nextafter(quotient, math.inf), math.nextafter(quotient, -math.inf)]
-    exact = next((x for x in near if x * factor == value), quotient)
-    short = (float(f"{exact:.{digits}g}") for digits in range(1, 17))
-    number = next((x for x in short if x * factor == exact * factor), exact)
-    return str(int(number)) if number.is_integer() and abs(number) < 1e15 else repr(number)
-
-
-def _vector(values: Sequence[float], factor: float = 1.0) -> str:
-    return f"[{', '.join(decimal(x, factor) for x in values)}]"
-
-
-def toml_string(text: str) -> str:
-    """Return a TOML string. JSON's escapes are valid in TOML, which wants DEL escaped too."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _toml_key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_string(name)
-
-
-def _inline_table(items: Mapping[str, str]) -> str:
-    return f"{{ {', '.join(f'{_toml_key(name)} = {value}' for name, value in items.items())} }}"
-
+from rodgen.machines.parts import BRANCHES, ColumnSource, Effect, Joint, Known, StatedPlausibility
 
 # the file ----------------------------------------------------------------------------------------------------------
 
@@ -83,88 +54,84 @@ def save_machine(machine: Machine, path: str | os.PathLike[str], *, fixed: bool 
 
 def machine_text(machine: Machine) -> str:
     """Return a complete machine file, without fitted numbers; it reads back as an equal machine."""
-    measured = machine.measured
-    blocks = [
-        [f"name = {toml_string(machine.name)}", *_family_lines(machine)],
-        [
-            "[units]",
-            f"length = {toml_string(machine.length_unit)}",
-            f"angle = {toml_string(machine.angle_unit)}",
-        ],
-        [
+    angle = machine.file_factor(ANGLE)
+    own = measured_keys(machine.measurand, machine.length_unit, angle, branches=bool(machine.branches))
+    tables: list[tuple[str, dict[str, Any]]] = [
+        ("", {"name": machine.name, "family": machine.kinematics.family}),
+        ("[units]", {"length": machine.length_unit, "angle": machine.angle_unit}),
+        (
             "[environment]",
-            f"gravity = {_vector(machine.gravity)}",
-            f"reference_temperature = {decimal(machine.reference_temperature)}",
-        ],
-        *_chain_blocks(machine),
-        *(_target_lines(machine, target) for target in machine.targets),
-        ["[measured]", f"kind = {toml_string(measured.kind)}", f"frame = {toml_string(measured.frame)}"],
+            {"gravity": machine.gravity, "reference_temperature": machine.reference_temperature},
+        ),
+        *_of_chain(machine),
     ]
-    if measured.origin is not None:
-        blocks[-1].append(f"from = {_vector(measured.origin)}")
-    if measured.about is not None:
-        blocks[-1].append(f"about = {_vector(measured.about)}")
-    if machine.branches:
-        blocks[-1].append(f"instrument = {toml_string(measured.instrument)}")
-    if measured.noise is not None:
-        noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
-        blocks[-1].append(f"noise = {noise}")
-    if measured.attitude_noise is not None:
-        blocks[-1].append(f"attitude_noise = {decimal(measured.attitude_noise, machine.file_factor(ANGLE))}")
-    if measured.correlation == "columns":
-        blocks[-1].append('correlation = "columns"')
-    elif measured.correlation is not None:
-        rows = (f"[{', '.join(map(decimal, row))}]" for row in measured.correlation)
-        blocks[-1].append(f"correlation = [{', '.join(rows)}]")
-    if measured.set_aside:
-        blocks[-1].append(set_aside_text(measured.set_aside))
-    if machine.estimate:
-        blocks.append(["[estimate]", f"parameters = [{', '.join(map(toml_string, machine.estimate))}]"])
-    if machine.known:
-        blocks.append(["[known]", *(known_line(machine, key, known) for key, known in machine.known.items())])
-    if machine.ties:
-        lines = (f"{toml_string(key)} = {toml_string(tie.text)}" for key, tie in machine.ties.items())
-        blocks.append(["[ties]", *lines])
-    if machine.plausible:
-        blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
-    if machine.column_sources:
-        sources = machine.column_sources.items()
-        blocks.append(["[columns]", *(f"{_toml_key(name)} = {_source(source)}" for name, source in sources)])
-    if machine.record:
-        noted = machine.record.items()
-        blocks.append(["[record]", *(f"{key} = {toml_string(text)}" for key, text in noted)])
-    blocks += [_effect_lines(machine, effect) for effect in machine.effects]
-    return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+    blocks = [_block(header, _entries(content)) for header, content in tables]
+    if not machine.kinematics.is_closed:
+        blocks += [
+            _block("[[joint]]", written_keys(joint, joint_keys(machine.file_factor(joint.dimension))))
+            for joint in machine.joints
+        ]
+    keys = target_keys(machine.measurand, angle)
+    blocks += [_block("[[target]]", written_keys(target, keys)) for target in machine.targets]
+    measured = list(written_keys(machine.measured, [key for key in own if key.name != "set_aside"]))
+    if machine.measured.set_aside:
+        measured.append(set_aside_text(machine.measured.set_aside))
+    blocks.append(_block("[measured]", measured))
+    more = {
+        "[estimate]": _entries({"parameters": machine.estimate}),
+        "[known]": [known_line(machine, key, known) for key, known in machine.known.items()],
+        "[ties]": [f"{toml_string(key)} = {toml_string(tie.text)}" for key, tie in machine.ties.items()],
+        "[plausibility]": [_plausible_line(*entry) for entry in machine.plausible.items()],
+        "[columns]": _entries({name: _source(source) for name, source in machine.column_sources.items()}),
+        "[record]": _entries(machine.record),
+    }
+    blocks += [_block(header, lines) for header, lines in more.items() if lines]
+    blocks += [_effect_block(machine, effect) for effect in machine.effects]
+    return "\n\n".join(blocks) + "\n"
 
 
-def _source(source: ColumnSource) -> str:
-    said = {"from": toml_string(source.name)}
-    if source.unit:
-        said["unit"] = toml_string(source.unit)
-    if source.sign != 1.0:
-        said["sign"] = decimal(source.sign)
-    if source.offset:
-        said["offset"] = decimal(source.offset)
-    return _inline_table(said)
+def _block(header: str, lines: Iterable[str]) -> str:
+    return "\n".join(filter(None, [header, *lines]))
+
+
+def _entries(content: Mapping[str, Any]) -> list[str]:
+    """Return the lines of a table, without what is empty."""
+    return [
+        f"{toml_key(name)} = {written(value)}" for name, value in content.items() if value not in ("", ())
+    ]
+
+
+def _of_chain(machine: Machine) -> list[tuple[str, dict[str, Any]]]:
+    """Return the blocks of branches, or that of a closed chain's geometry."""
+    kinematics = machine.kinematics
+    if not kinematics.is_closed:
+        return [
+            ("[[branch]]", {"name": name, "joints": tuple(joint.name for joint in joints)})
+            for name, joints in machine.branches.items()
+        ]
+    values = {name: kinematics.number(name) for name in kinematics.numbers}
+    content: dict[str, Any] = {name: x if len(x) > 1 else x[0] for name, x in values.items()}
+    content["home"] = kinematics.home or ()
+    start = kinematics.start
+    content["start"] = () if start is None else Scaled(start, machine.file_factor(ANGLE))
+    return [("[geometry]", content)]
+
+
+def _source(source: ColumnSource) -> dict[str, Any]:
+    said: dict[str, Any] = {
+        "from": source.name,
+        "unit": source.unit,
+        "sign": source.sign,
+        "offset": source.offset,
+    }
+    usual = {"unit": "", "sign": 1.0, "offset": 0.0}
+    return {key: value for key, value in said.items() if usual.get(key) != value}
 
 
 def set_aside_text(entries: Sequence[SetAside]) -> str:
     """Return the key of ``[measured]`` on rows that are set aside, an entry a line."""
-    lines = ["set_aside = ["]
-    for entry in entries:
-        said = {key: "true" if x is True else toml_string(x) for key, x in entry.to_dict().items()}
-        lines.append(f"    {_inline_table(said)},")
-    return "\n".join([*lines, "]"])
-
-
-def _target_lines(machine: Machine, target: Target) -> list[str]:
-    lines = ["[[target]]", f"name = {toml_string(target.name)}", f"point = {_vector(target.point)}"]
-    if any(target.attitude):
-        numbers = ", ".join(decimal(x, machine.file_factor(ANGLE)) for x in target.attitude)
-        lines.append(f"attitude = [{numbers}]")
-    if target.zero:
-        lines.append(f"zero = {decimal(target.zero, machine.file_factor(ANGLE))}")
-    return lines
+    lines = (f"    {written(entry.to_dict())}," for entry in entries)
+    return "\n".join(["set_aside = [", *lines, "]"])
 
 
 def known_line(machine: Machine, key: str, known: Known) -> str:
@@ -172,99 +139,42 @@ def known_line(machine: Machine, key: str, known: Known) -> str:
     unit = unit_of(machine, key)
     factor, _ = unit_factor(unit, machine.length_unit)
     of = "" if unit == "1" else f" {unit}"
-    found = {}
+    found: dict[str, Any] = {}
     if known.prior is not None:
         mean, std = (decimal(x, factor) for x in known.prior)
-        found["prior"] = toml_string(f"{mean} ± {std}{of}")
+        found["prior"] = f"{mean} ± {std}{of}"
     if known.bounds is not None:
-        ends = (f"{x}" if math.isinf(x) else toml_string(f"{decimal(x, factor)}{of}") for x in known.bounds)
-        found["bounds"] = f"[{', '.join(ends)}]"
-    return f"{toml_string(key)} = {_inline_table(found)}"
+        found["bounds"] = [x if math.isinf(x) else f"{decimal(x, factor)}{of}" for x in known.bounds]
+    return f"{toml_string(key)} = {written(found)}"
 
 
 def _plausible_line(key: str, stated: StatedPlausibility) -> str:
-    found = {} if stated.odds is None else {"odds": decimal(stated.odds)}
-    sizes = {"usual": stated.usual, "largest": stated.largest}
-    found |= {name: f"[{', '.join(map(toml_string, texts))}]" for name, texts in sizes.items() if texts}
-    found |= {} if stated.sign is None else {"sign": toml_string(stated.sign)}
-    return f"{toml_string(key)} = {_inline_table(found)}"
-
-
-def _family_lines(machine: Machine) -> list[str]:
-    family = machine.kinematics.family
-    return [f"family = {toml_string(family)}"] if family else []
-
-
-def _chain_blocks(machine: Machine) -> list[list[str]]:
-    """Return the blocks of the joints, or that of a closed chain's geometry."""
-    kinematics = machine.kinematics
-    if not kinematics.is_closed:
-        joints = [_joint_lines(joint, machine.file_factor(joint.dimension)) for joint in machine.joints]
-        return [*(_branch_lines(*branch) for branch in machine.branches.items()), *joints]
-    lines = ["[geometry]"]
-    for name, components in kinematics.numbers.items():
-        value = kinematics.number(name)
-        lines.append(f"{name} = {decimal(value[0]) if len(components) == 1 else _vector(value)}")
-    if kinematics.home is not None:
-        lines.append(f"home = {_vector(kinematics.home)}")
-    if kinematics.start is not None:
-        lines.append(f"start = {_vector(kinematics.start, machine.file_factor(ANGLE))}")
-    return [lines]
-
-
-def _branch_lines(name: str, joints: Sequence[Joint]) -> list[str]:
-    names = ", ".join(toml_string(joint.name) for joint in joints)
-    return ["[[branch]]", f"name = {toml_string(name)}", f"joints = [{names}]"]
-
-
-def _joint_lines(joint: Joint, factor: float) -> list[str]:
-    lines = [
-        "[[joint]]",
-        f"name = {toml_string(joint.name)}",
-        f"type = {toml_string(joint.type)}",
-        f"axis = {_vector(joint.axis)}",
-        f"point = {_vector(joint.point)}",
-    ]
-    if joint.travel is not None:
-        lines.append(f"travel = {_vector(joint.travel, factor)}")
-    if joint.reading_travel is not None:
-        lines.append(f"reading_travel = {_vector(joint.reading_travel, factor)}")
-    if joint.period is not None:
-        lines.append(f"period = {decimal(joint.period, factor)}")
-    words = {"reading": joint.reading, "coordinate": joint.coordinate}
-    words |= {"encoder": joint.encoder, "drive": joint.drive}
-    lines += [f"{key} = {toml_string(word)}" for key, word in words.items() if word is not None]
-    lines += [f"{key} = true" for key in ("passive", "counterbalance") if getattr(joint, key)]
-    return lines
+    said = {"odds": stated.odds, "usual": stated.usual, "largest": stated.largest, "sign": stated.sign}
+    found = {name: value for name, value in said.items() if value is not None and value != ()}
+    return f"{toml_string(key)} = {written(found)}"
 
 
 def effect_text(machine: Machine, effect: Effect) -> str:
     """Return the block of an effect, with a line break at its end."""
-    return "\n".join(_effect_lines(machine, effect)) + "\n"
+    return _effect_block(machine, effect) + "\n"
 
 
-def _effect_lines(machine: Machine, effect: Effect) -> list[str]:
-    lines = ["[[effect]]", f"name = {toml_string(effect.name)}"]
-    if effect.place is not None:
-        key = "target" if machine.kind_of(effect.place) == "target" else "joint"
-        lines.append(f"{key} = {toml_string(effect.place)}")
+def _effect_block(machine: Machine, effect: Effect) -> str:
     definition = effect.definition
+    content: dict[str, Any] = {"name": effect.name}
+    if effect.place is not None:
+        content["target" if machine.kind_of(effect.place) == "target" else "joint"] = effect.place
     if definition.own:
-        parts = {"component": definition.component, "formula": definition.formula.text}
         if definition.others:
-            parts = {definition.component: definition.formula.text}
-            parts |= {component: formula.text for component, formula in definition.others}
-        lines += [f"{key} = {toml_string(text)}" for key, text in parts.items()]
-        if definition.parameters:
-            units = {name: toml_string(unit) for name, unit in definition.parameters.items()}
-            lines.append(f"parameters = {_inline_table(units)}")
-        if definition.meaning:
-            lines.append(f"meaning = {toml_string(definition.meaning)}")
+            content[definition.component] = definition.formula.text
+            content |= {component: formula.text for component, formula in definition.others}
+        else:
+            content |= {"component": definition.component, "formula": definition.formula.text}
+        content |= {"parameters": dict(definition.parameters) or (), "meaning": definition.meaning}
     if effect.hold:
         factors = _factors(machine, effect)
-        held = {name: decimal(value, factors[name]) for name, value in effect.hold.items()}
-        lines.append(f"hold = {_inline_table(held)}")
-    return lines
+        content["hold"] = {name: Scaled(value, factors[name]) for name, value in effect.hold.items()}
+    return _block("[[effect]]", _entries(content))
 
 
 def _factors(machine: Machine, effect: Effect) -> dict[str, float]:

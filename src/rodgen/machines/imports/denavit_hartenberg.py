@@ -20,7 +20,8 @@ from rodgen.array_types import Array
 from rodgen.data.measurements import Measurements, Names
 from rodgen.data.units import ANGLE, LENGTH, Quantity, conversion_factor
 from rodgen.errors import InputFileError, in_file, joined, listed, shown
-from rodgen.machines.files.read import MOST_JOINTS, unit_of
+from rodgen.machines.files.read import MOST_JOINTS
+from rodgen.machines.files.schema import unit_of
 from rodgen.machines.files.toml import NUMBER, PAIR, TEXT, VECTOR, Table, one_of, parse, read_text
 from rodgen.machines.imports.imported import Imported, clean, machine_name
 from rodgen.machines.machine import Machine

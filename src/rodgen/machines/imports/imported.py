@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.measurements import Measurements
-from rodgen.machines.files.read import JOINT_NAME, PLACE_NAME
+from rodgen.machines.files.schema import JOINT_NAME, PLACE_NAME
 from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine

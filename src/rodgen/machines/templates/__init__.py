@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from importlib import resources
 
 from rodgen.errors import UnexpectedError, shown, suggestion
-from rodgen.machines.files.write import decimal, toml_string
+from rodgen.machines.files.schema import decimal, toml_string
 from rodgen.machines.mounts import EQUATORIAL
 
 __all__ = ["CODES", "KINDS", "machine_template"]
