@@ -23,12 +23,15 @@ from rodgen.machines.files.toml import (
     PAIR,
     POSITIVE,
     REQUIRED,
+    TABLE,
     TEXT,
     VECTOR,
     Kind,
     Table,
     UnfitError,
+    of_type,
     one_of,
+    several,
 )
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand
 from rodgen.machines.parts import BRANCHES, DRIVES, ENCODERS, JOINT_TYPES, Vector, suggested_type, unit_vector
@@ -141,12 +144,6 @@ def unit_of(dimension: Dimension, example: str) -> Kind[str]:
     return Kind(wanted, lambda value: check(TEXT.read(value)))
 
 
-def _texts(value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list):
-        raise UnfitError
-    return tuple(map(TEXT.read, value))
-
-
 def _joint_type(value: Any) -> str:
     if not isinstance(value, str):
         raise UnfitError
@@ -155,24 +152,12 @@ def _joint_type(value: Any) -> str:
     return value
 
 
-def _yes_or_no(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise UnfitError
-    return value
-
-
 def _word(value: Any) -> str:
     return str(value) if type(value) is int else TEXT.read(value)
 
 
-def _tables(value: Any) -> Sequence[Any]:
-    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
-        raise UnfitError
-    return value
-
-
 WORD = Kind("a text in quotes, or a whole number", _word)
-ENTRIES = Kind('a list of tables, such as [{ run = "3", why = "clouds" }]', _tables)
+ENTRIES = several(TABLE, 'a list of tables, such as [{ run = "3", why = "clouds" }]')
 TITLE = TEXT.then(_title)
 NOTED = Kind("a text in quotes, or a date", _noted).then(_title)
 _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
@@ -195,10 +180,10 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 Z: Vector = (0.0, 0.0, 1.0)
 DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
-YES_OR_NO = Kind("true or false", _yes_or_no)
-TEXTS = Kind('a list of texts, such as ["target"]', _texts)
+YES_OR_NO = of_type(bool, "true or false")
+TEXTS = several(TEXT, 'a list of texts, such as ["target"]')
 JOINT_TYPE = Kind(listed(JOINT_TYPES), _joint_type)
-JOINTS = Kind('the names of its joints, such as ["A", "C"], the first one from the bed first', _texts)
+JOINTS = several(TEXT, 'the names of its joints, such as ["A", "C"], the first one from the bed first')
 
 
 def correlation_of(m: int) -> Kind[tuple[tuple[float, ...], ...] | Literal["columns"]]:

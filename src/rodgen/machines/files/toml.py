@@ -120,45 +120,46 @@ def _read_number(value: Any) -> float:
     return number
 
 
-def _read_vector(value: Any) -> tuple[float, ...]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise UnfitError
-    return tuple(map(_read_number, value))
-
-
-def _read_pair(value: Any) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise UnfitError
-    low, high = map(_read_number, value)
-    return low, high
-
-
 def _positive(number: float) -> float:
     if number <= 0:
         raise UnfitError
     return number
 
 
-def _read_text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise UnfitError
-    if not value.strip():
+def _not_empty(text: str) -> str:
+    if not text.strip():
         raise UnfitError("an empty text")
-    return value
+    return text
 
 
-def _read_table(value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise UnfitError
-    return value
+def of_type(wanted: type[_T], expected: str) -> Kind[_T]:
+    """Return the kind of a value of a type."""
+
+    def read(value: Any) -> _T:
+        if not isinstance(value, wanted):
+            raise UnfitError
+        return value
+
+    return Kind(expected, read)
+
+
+def several(one: Kind[_T], expected: str, count: int | None = None) -> Kind[tuple[_T, ...]]:
+    """Return the kind of a list of values of a kind: of so many, or of any number."""
+
+    def read(value: Any) -> tuple[_T, ...]:
+        if not isinstance(value, list) or (count is not None and len(value) != count):
+            raise UnfitError
+        return tuple(map(one.read, value))
+
+    return Kind(expected, read)
 
 
 NUMBER = Kind("a number", _read_number)
 POSITIVE = NUMBER.then(_positive, "a positive number")
-PAIR = Kind("two numbers, such as [0, 360]", _read_pair)
-VECTOR = Kind("three numbers, such as [0, 0, 1]", _read_vector)
-TEXT = Kind("a text in quotes", _read_text)
-TABLE = Kind("a table", _read_table)
+PAIR: Kind[tuple[float, float]] = several(NUMBER, "two numbers, such as [0, 360]", 2).then(tuple)
+VECTOR = several(NUMBER, "three numbers, such as [0, 0, 1]", 3)
+TEXT = of_type(str, "a text in quotes").then(_not_empty)
+TABLE: Kind[dict[str, Any]] = of_type(dict, "a table")
 
 
 def one_of(options: Collection[str]) -> Kind[str]:
