@@ -1,8 +1,8 @@
 """Change a machine file's effects, or its geometry, without changing any other byte.
 
-The text is not written again: blocks are inserted, cut out or moved between two statements, and values are replaced. Of
-TOML, only the start and end of each statement are found here, in text that was parsed before; and the result must read
-as the intended machine.
+The text is not written again: blocks are inserted, cut out or moved between two statements, and values are replaced.
+Statements are the shortest stretches of lines that are TOML by themselves; and the result must read as the intended
+machine.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from __future__ import annotations
 import os
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeAlias
 
 from rodgen import limits
 from rodgen.data.set_aside import SetAside
@@ -315,14 +316,13 @@ def _outline(machine: Machine) -> tuple[Any, ...]:
 def _entries(text: str, table: str) -> tuple[list[tuple[str, slice]], int | None]:
     """Return the entries of a table, each with its key and place; and where its header ends, None without one."""
     found: list[tuple[str, slice]] = []
-    after, inside = None, False
+    after = None
     for statement in _statements(text):
-        if statement.header is not None:
-            inside = statement.header == {table: {}}
-            after = statement.stop if inside else after
-        elif inside:
-            key = _entry_key(text[statement.start : statement.stop])
-            found.append((key, slice(statement.start, statement.stop)))
+        if statement.header == f"[{table}]":
+            if statement.content is None:
+                after = statement.place.stop
+            else:
+                found.append((_entry_key(statement.content), statement.place))
     return found, after
 
 
@@ -332,10 +332,9 @@ def _without(text: str, parts: Sequence[slice]) -> str:
     return text
 
 
-def _entry_key(statement: str) -> str:
+def _entry_key(content: Any) -> str:
     """Return the key of an entry of ``[known]`` or ``[ties]``."""
     names: list[str] = []
-    content: Any = tomllib.loads(statement)
     while isinstance(content, dict) and len(content) == 1 and not content.keys() & {"prior", "bounds"}:
         ((name, content),) = content.items()
         names.append(name)
@@ -344,77 +343,61 @@ def _entry_key(statement: str) -> str:
 
 # where statements are ------------------------------------------------------------------------------------------------
 
-_TOKEN = re.compile(
-    r'"""(?:\\.|[^\\"]|"{1,2}(?!"))*"{3,5}'
-    r"|'''(?:[^']|'{1,2}(?!'))*'{3,5}"
-    r'|"(?:\\.|[^\\"\n])*"'
-    r"|'[^'\n]*'"
-    r"|(?P<comment>#[^\n]*)"
-    r"|(?P<open>[\[{])"
-    r"|(?P<close>[\]}])"
-    r"|(?P<end>\n)",
-    re.DOTALL,
-)
-_BLANK = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\r?\n)*[ \t]*(?:#[^\n]*\Z)?")
+_HEADER = re.compile(r"^[ \t]*(\[.*\])[ \t]*(?:#.*)?\r?$\n?", re.MULTILINE)
+_KEY = re.compile(r"^[ \t]*[^\s#\[\]{}=,][^=\n]*=", re.MULTILINE)
+_PLAIN = re.compile(r"[ \t]*([A-Za-z0-9_-]+)[ \t]*=[ \t]*")
 
 
-@dataclass(frozen=True)
-class _Statement:
-    """A header or a key with its value, from the start of its first line to the end of its last."""
+class _Statement(NamedTuple):
+    """A header, or a key with its value: whole lines."""
 
-    start: int
-    stop: int
-    header: Any  # what it opens, as nested tables and lists; None for a key
+    header: str
+    """Of the table that it opens, or is in, without blanks and quotes: ``[[effect]]``."""
+    content: dict[str, Any] | None
+    """What a key says; None of a header."""
+    place: slice
+
+
+def _parts(
+    text: str, start: int, stop: int, begins: re.Pattern[str]
+) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    """Yield the stretches of a text that begin where a line matches, if each is TOML by itself, and what it says."""
+    for end in [*(found.start() for found in begins.finditer(text, start, stop)), stop]:
+        try:
+            content = tomllib.loads(text[start:end].removeprefix("\ufeff"))
+        except tomllib.TOMLDecodeError:  # the line is within a value
+            continue
+        yield start, end, content
+        start = end
 
 
 def _statements(text: str) -> Iterator[_Statement]:
-    position = 1 if text.startswith("\ufeff") else 0
-    while True:
-        blank = _BLANK.match(text, position)
-        assert blank is not None
-        position = blank.end()
-        if position >= len(text):
-            return
-        start = text.rfind("\n", 0, position) + 1
-        if text[position] == "[":  # a header ends on its line
-            stop = text.find("\n", position) + 1 or len(text)
-            yield _Statement(start, stop, tomllib.loads(text[position:stop].strip()))
-        else:
-            stop = _end_of_value(text, position)
-            yield _Statement(start, stop, None)
-        position = stop
-
-
-def _end_of_value(text: str, position: int, end: str = "end") -> int:
-    """Return where a value's line ends, or where its ``comment`` begins if it has one."""
-    depth = 0
-    for token in _TOKEN.finditer(text, position):
-        if token["open"]:
-            depth += 1
-        elif token["close"]:
-            depth -= 1
-        elif token[end] and not depth:
-            return token.start() if end == "comment" else token.end()
-        elif token["end"] and not depth:
-            return token.end()
-    return len(text)
+    for start, stop, _ in _parts(text, 0, len(text), _HEADER):
+        header, opened = "", start
+        if found := _HEADER.match(text, start, stop):
+            header, opened = re.sub(r"[\s\"']", "", found[1]), found.end()
+            yield _Statement(header, None, slice(start, opened))
+        for begin, end, content in _parts(text, opened, stop, _KEY):
+            lines = text[begin:end].splitlines(keepends=True)
+            while lines and re.match(r"\s*(#|\Z)", lines[-1]):
+                lines.pop()
+            if lines:
+                yield _Statement(header, content, slice(begin, begin + len("".join(lines))))
 
 
 def _blocks(text: str, name: str) -> list[list[slice]]:
     """Return the slices of each ``[[name]]``: its header, its keys and its own tables, wherever these are."""
     blocks: list[list[slice]] = []
-    inside = False  # whether the statement before was of a block
-    for statement in _statements(text):
-        opens, continues = False, inside
-        if statement.header is not None:
-            inside = name in statement.header
-            opens = inside and isinstance(statement.header[name], list)
-        if opens:
-            blocks.append([])
-        if inside and continues and not opens:
-            blocks[-1][-1] = slice(blocks[-1][-1].start, statement.stop)
-        elif inside:
-            blocks[-1].append(slice(statement.start, statement.stop))
+    before = False  # whether the statement before was of a block
+    for header, content, place in _statements(text):
+        inside = header.strip("[]").split(".")[0] == name
+        if header == f"[[{name}]]" and content is None:
+            blocks.append([place])
+        elif inside and before:
+            blocks[-1][-1] = slice(blocks[-1][-1].start, place.stop)
+        elif inside and blocks:
+            blocks[-1].append(place)
+        before = inside and bool(blocks)
     return [[_with_comments(text, part) for part in parts] for parts in blocks]
 
 
@@ -433,38 +416,32 @@ def _with_comments_above(text: str, parts: list[slice]) -> slice:
     return slice(above.start(), parts[-1].stop)
 
 
-_KEY = re.compile(r"[ \t]*([A-Za-z0-9_-]+)[ \t]*=[ \t]*")
-
-
 def _values(text: str) -> dict[tuple[str, int | str, str], tuple[str, slice]]:
     """Return the values of plain keys, as they are written and where.
 
     By table, number of its block or the name of the joint, target or branch that it is of, and key.
     """
-    found = {}
-    table, counts = "", dict[str, int]()
-    for statement in _statements(text):
-        if statement.header is not None:
-            table = ".".join(_path(statement.header))
-            counts[table] = counts.get(table, -1) + 1
-        elif key := _KEY.match(text, statement.start, statement.stop):
-            written = text[key.end() : _end_of_value(text, key.end(), "comment")].rstrip()
-            place = table, counts.get(table, 0), key[1]
-            found[place] = written, slice(key.end(), key.end() + len(written))
-    names = {
-        place[:2]: tomllib.loads(f"name = {written}")["name"]
-        for place, (written, _) in found.items()
-        if place[2] == "name" and place[0] in {"joint", "target", "branch"}
-    }
+    found: dict[tuple[str, int | str, str], tuple[str, slice]] = {}
+    counts = Counter[str]()
+    names: dict[tuple[str, int | str], str] = {}
+    for header, content, place in _statements(text):
+        if content is None:
+            counts[header] += 1
+        elif key := _PLAIN.match(text, place.start, place.stop):
+            block = header.strip("[]"), counts[header]
+            if key[1] == "name" and block[0] in {"joint", "target", "branch"}:
+                names[block] = content["name"]
+            written = _value(text[place].rstrip(), content, key.end() - place.start)
+            found[*block, key[1]] = written, slice(key.end(), key.end() + len(written))
     return {(table, names.get((table, n), n), key): value for (table, n, key), value in found.items()}
 
 
-def _path(header: Any) -> Iterator[str]:
-    """Yield the names of a header, as of ``[a.b]``."""
-    while header:
-        inner = header[0] if isinstance(header, list) else header
-        if not inner:
-            return
-        (name,) = inner
-        yield name
-        header = inner[name]
+def _value(statement: str, content: dict[str, Any], start: int) -> str:
+    """Return the value of a statement as it is written, without a comment behind it."""
+    for comment in re.finditer("#", statement):
+        try:
+            if tomllib.loads(statement[: comment.start()]) == content:
+                return statement[start : comment.start()].rstrip()
+        except tomllib.TOMLDecodeError:  # the sign is within the value
+            continue
+    return statement[start:]
