@@ -10,7 +10,7 @@ import numpy as np
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Model
 from rodgen.machines.parts import Effect, Joint, Vector
-from rodgen.machines.rigid import rotation_vector
+from rodgen.machines.rigid import rotation_vector, three
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -57,17 +57,17 @@ def fixed_machine(machine: Machine) -> Machine:
             tilts.append(Effect(machine.effect(name, joint.name).definition, joint.name, tilt))
         elif any(tilt.values()):
             axis = _unit(rigid.axis(theta, j))
-        joints.append(replace(joint, axis=axis, point=_vector(rigid.point(theta, j))))
+        joints.append(replace(joint, axis=axis, point=three(rigid.point(theta, j))))
 
     targets = []
     for k, target in enumerate(machine.targets):
         point = rigid.target(theta, k)
         zero = target.zero + rigid.value(theta, "target", k, "zero")
         moves = machine.measurand.moving or any(rigid.value(theta, "target", k, x) for x in "ab")
-        scaled = _vector(point) if machine.measurand.moving else _unit(point)
+        scaled = three(point) if machine.measurand.moving else _unit(point)
         attitude = target.attitude
         if machine.measurand.has_attitude:
-            attitude = _vector(rotation_vector(rigid.attitude(theta, k)))
+            attitude = three(rotation_vector(rigid.attitude(theta, k)))
         targets.append(replace(target, point=scaled if moves else target.point, attitude=attitude, zero=zero))
 
     numbers: dict[str, Any] = {name: rigid.number(theta, name) for name in machine.kinematics.numbers}
@@ -89,12 +89,7 @@ def fixed_machine(machine: Machine) -> Machine:
 
 
 def _unit(vector: np.ndarray) -> Vector:
-    return _vector(vector / np.linalg.norm(vector))
-
-
-def _vector(vector: np.ndarray) -> Vector:
-    x, y, z = (float(component) for component in vector)
-    return x, y, z
+    return three(vector / np.linalg.norm(vector))
 
 
 def values_to_hold(machine: Machine, effect: Effect) -> dict[str, float]:

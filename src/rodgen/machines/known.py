@@ -10,9 +10,9 @@ from typing import Any
 
 from rodgen.data.units import UnitError, number_and_unit, parse_unit, unit_factor
 from rodgen.errors import RodgenError, UnexpectedError, shown, suggestion
-from rodgen.machines.linear import combination
+from rodgen.machines.linear import Combination, combination
 from rodgen.machines.parameters import Parameter, parameters_of
-from rodgen.machines.parts import Known, MachineData, Tie, belongs
+from rodgen.machines.parts import Known, MachineData, belongs
 from rodgen.machines.rules import UnfitEffectError, catalogue_effect
 from rodgen.machines.structure import structure_of
 
@@ -101,8 +101,8 @@ def _prior(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
     (mean, own), (std, of) = parts  # type: ignore[misc]
     if not std > NONE:
         raise UnfitEffectError("prior", shown(str(value)), expected.replace("deviation", "deviation above 0"))
-    factor = _factor(machine, "prior", of, unit)
-    return mean * (_factor(machine, "prior", own, unit) if own else factor), std * factor
+    factor = factor_of(machine, "prior", of, unit)
+    return mean * (factor_of(machine, "prior", own, unit) if own else factor), std * factor
 
 
 def _bounds(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
@@ -114,7 +114,7 @@ def _bounds(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
         number = number_and_unit(x) if isinstance(x, str) else (float(x), "") if _is_number(x) else None
         if number is None:
             raise UnfitEffectError("bounds", shown(str(x)), expected)
-        found.append(number[0] * _factor(machine, "bounds", number[1], unit))
+        found.append(number[0] * factor_of(machine, "bounds", number[1], unit))
     low, high = found
     if not low < high or (math.isinf(low) and math.isinf(high)):
         raise UnfitEffectError("bounds", shown(str(value)), expected)
@@ -125,8 +125,14 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
 
 
-def _factor(machine: MachineData, key: str, text: str, own: str) -> float:
-    """Return the factor from a unit, or that of the machine file where it is empty, to internal units."""
+def factor_of(machine: MachineData, key: str, text: str, own: str) -> float:
+    """Return the factor from a unit, or that of the machine file where it is empty, to internal units.
+
+    Raises
+    ------
+    UnfitEffectError
+        When it does not measure what the own unit of the parameter does.
+    """
     _, dimension = unit_factor(own, machine.length_unit)
     if not text:
         return machine.file_factor(dimension)
@@ -181,7 +187,7 @@ def parameters_to_tie(machine: MachineData) -> dict[str, Parameter]:
     return {p.key: p for p in found if str(p.slot[0]).partition(".")[0] in TIED}
 
 
-def read_tie(machine: MachineData, key: str, text: str) -> Tie:
+def read_tie(machine: MachineData, key: str, text: str) -> Combination:
     """Return the tie of a parameter to others, as a machine file says it.
 
     Raises
@@ -206,4 +212,4 @@ def read_tie(machine: MachineData, key: str, text: str) -> Tie:
         if name == key or name in machine.ties:
             what = "itself" if name == key else f"{shown(name)}, which is tied, too"
             raise UnexpectedError(what, "parameters that are not tied")
-    return Tie(text, own.factors, own.constant)
+    return own

@@ -26,6 +26,8 @@ _LINEAR = "sums of multiples, such as 'a - 2*b + 10 deg'"
 class Combination:
     """A linear combination, internal units."""
 
+    text: str
+    """As it was stated."""
     factors: tuple[tuple[str, Fraction], ...]
     """Each name once, with its factor, none of them zero."""
     constant: Fraction
@@ -57,8 +59,8 @@ def combination(
     Examples
     --------
     >>> from rodgen.data.units import ANGLE
-    >>> combination("-(J2m - J3m)/2", {"J2m": ANGLE, "J3m": ANGLE}, ANGLE, "mm", "reading")
-    Combination(factors=(('J2m', Fraction(-1, 2)), ('J3m', Fraction(1, 2))), constant=Fraction(0, 1))
+    >>> combination("-(J2m - J3m)/2", {"J2m": ANGLE, "J3m": ANGLE}, ANGLE, "mm", "reading").factors
+    (('J2m', Fraction(-1, 2)), ('J3m', Fraction(1, 2)))
     """
     values: dict[str, _Value] = {}
     written: dict[str, str] = {}
@@ -104,7 +106,7 @@ def combination(
             raise UnexpectedError(
                 "a factor or a constant of an unusual size", f"one below {float(_LARGEST):g}"
             )
-    return Combination(tuple((name, x) for name, x in value.terms.items() if x), constant)
+    return Combination(text, tuple((name, x) for name, x in value.terms.items() if x), constant)
 
 
 def _plain(number: Fraction) -> _Value:

@@ -79,7 +79,7 @@ class Machine(MachineData):
         What the file says of the plausibility of effects, by ``PLACE.EFFECT``, or ``EFFECT`` for every place.
     record : mapping of str to str
         What is noted of the measurements for reports: ``date``, ``instrument``, ``conditions``.
-    ties : mapping of str to Tie
+    ties : mapping of str to Combination
         Parameters, by their keys, that are combinations of others; see `tying`.
     column_sources : mapping of str to ColumnSource
         What the columns of other people's tables are, for ``rodgen import``.

@@ -23,6 +23,7 @@ from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target
+from rodgen.machines.rigid import three
 
 
 def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
@@ -128,7 +129,7 @@ def from_mechanism(
         if not turns and mechanism.joints[j] == "C":
             label += "_S"
         kind = "revolute" if turns else "prismatic"
-        joints.append(Joint(label, kind, _three(axis), _three(point)))
+        joints.append(Joint(label, kind, three(axis), three(point)))
     labels = [joint.name for joint in joints]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice is not None:
@@ -137,7 +138,7 @@ def from_mechanism(
         )
     seen = {"end": (0.0, 0.0, 0.0)} if targets is None else targets
     marks = [
-        Target(label, _three(product.home[:3, :3] @ np.asarray(point, float) + product.home[:3, 3]))
+        Target(label, three(product.home[:3, :3] @ np.asarray(point, float) + product.home[:3, 3]))
         for label, point in seen.items()
     ]
     if not marks:
@@ -170,8 +171,3 @@ def _of_r_p_c(robot: Mechanism | Placement) -> Placement:
 def _label(name: str) -> str:
     """Return a joint's name as a machine file may have it: letters, digits, _, - and +, at most 60."""
     return re.sub(r"[^A-Za-z0-9_+-]", "_", name)[:60]
-
-
-def _three(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(value) + 0.0 for value in values)
-    return x, y, z

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, TypeAlias, TypeVar
 
@@ -13,6 +12,7 @@ from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import RodgenError, listed, shown, suggestion
 from rodgen.machines.effects.definition import OF_A_LOOP, TURNING, EffectDefinition, coordinate_dimension
 from rodgen.machines.families.kinematics import Chain, Kinematics, beyond, carriers
+from rodgen.machines.linear import Combination
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.views import with_html
 
@@ -312,17 +312,6 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Tie:
-    """A parameter as a combination of others, internal units."""
-
-    text: str
-    """As it was stated."""
-    factors: tuple[tuple[str, Fraction], ...]
-    """The others by their keys, with the factors."""
-    constant: Fraction
-
-
-@dataclass(frozen=True)
 class StatedPlausibility:
     """What a machine file says of the plausibility of an effect; None and empty: what is usual on such machines."""
 
@@ -368,7 +357,7 @@ class MachineData:
     known: Mapping[str, Known] = field(default_factory=dict, hash=False)
     plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
     record: Mapping[str, str] = field(default_factory=dict, hash=False)
-    ties: Mapping[str, Tie] = field(default_factory=dict, hash=False)
+    ties: Mapping[str, Combination] = field(default_factory=dict, hash=False)
     column_sources: Mapping[str, ColumnSource] = field(default_factory=dict, hash=False)
     doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 

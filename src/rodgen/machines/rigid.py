@@ -34,6 +34,12 @@ def complete_basis(axis: ArrayLike) -> tuple[Array, Array]:
     ) + 0.0  # np.cross takes five times as long
 
 
+def three(vector: ArrayLike) -> tuple[float, float, float]:
+    """Return a vector as three numbers of Python, without negative zeros."""
+    x, y, z = (np.asarray(vector, float) + 0.0).tolist()
+    return x, y, z
+
+
 def rotation_matrix(w: ArrayLike) -> Array:
     """Return the matrix of the rotation by a rotation vector in radians, (..., 3, 3).
 

@@ -11,8 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rodgen.data.units import UnitError, number_and_unit, parse_unit, unit_factor
+from rodgen.data.units import number_and_unit, unit_factor
 from rodgen.errors import shown
+from rodgen.machines.known import factor_of
 from rodgen.machines.rules import UnfitEffectError
 
 if TYPE_CHECKING:
@@ -104,16 +105,7 @@ def holding(
             raise UnfitEffectError(f"hold.{parameter}", shown(text), "a number, such as 0 or 12arcsec")
         hold[parameter], unit = number
         if unit and parameter in units:  # unknown names are reported where the hold is checked
-            hold[parameter] *= _in_file_units(machine, parameter, unit, units[parameter])
+            _, dimension = unit_factor(units[parameter], machine.length_unit)
+            internal = factor_of(machine, f"hold.{parameter}", unit, units[parameter])
+            hold[parameter] *= internal / machine.file_factor(dimension)
     return made(hold)
-
-
-def _in_file_units(machine: Machine, name: str, text: str, own: str) -> float:
-    _, dimension = unit_factor(own, machine.length_unit)
-    try:
-        unit = parse_unit(text)
-    except UnitError as error:
-        raise UnfitEffectError(f"hold.{name}", error.found, error.expected) from None
-    if not unit.dimension.fits(dimension):
-        raise UnfitEffectError(f"hold.{name}", f"unit {shown(text)}", f"one such as {own}")
-    return unit.factor(machine.length_unit) / machine.file_factor(dimension)
