@@ -513,7 +513,7 @@ class Model:
     @property
     def has_constant_slots(self) -> bool:
         """Whether :meth:`slots` are the same for all values: but for the mean of several directions they are."""
-        return not (self.structure.centre and not self.structure.moving and self.structure.target)
+        return not (self.structure.centre and ("target_by_a", 0) in self._at)
 
     @functools.cached_property
     def _group_rows(self) -> list[tuple[int, tuple[str, int]]]:
