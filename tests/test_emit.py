@@ -359,9 +359,9 @@ def test_own_test_of_the_matlab_finds_a_wrong_number(every, tmp_path):
 def test_wrong_arguments_are_an_error_in_matlab(every, tmp_path):
     write_files(tmp_path, render(every("gantry").content, "matlab"))
     wrong = {
-        "forward([1 2 3 4].')": "the row is no struct; expected one with q, s, T, t, load",
-        "forward(struct('q', [1 2 3 4].'))": "the row has no s",
-        "ideal([1 2 3])": "q: expected real numbers, 4 x N",
+        "forward([1 2 3 4].')": "the row has no s; expected q, s, T, t, load",
+        "forward(struct('q', [1 2 3 4].'))": "the row has no s; expected q, s, T, t, load",
+        "ideal([1 2 3])": "q is 1 x 3; expected 4 x N",
         "ideal(ones(4, 3), [1 2])": "target has 2 columns, another input 3",
     }
     tries = (f"try; rodgen.device.{call}; catch problem; disp(problem.message); end" for call in wrong)

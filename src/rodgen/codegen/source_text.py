@@ -67,7 +67,7 @@ def scale_functions() -> str:
 
 
 def matlab_helpers(code: str) -> str:
-    """Return the MATLAB functions that a code calls, of those that a `MatlabPrinter` needs."""
+    """Return the MATLAB functions for columns, and those that a code calls of what a `MatlabPrinter` needs."""
     called = set(re.findall(r"\b(?:real_\w+|select|sign_of|power_of_two_scale)(?=\()", code))
     return ENVIRONMENT.get_template("helpers.m.j2").render(helpers=called)
 

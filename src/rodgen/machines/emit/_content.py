@@ -8,6 +8,7 @@ that is emitted, with its numbers.
 from __future__ import annotations
 
 import keyword
+import math
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +23,7 @@ from rodgen.array_types import Array
 from rodgen.codegen.operations import CPP_WORDS, MATLAB_WORDS
 from rodgen.codegen.source_text import in_comment
 from rodgen.errors import RodgenError, shown
-from rodgen.machines.emit._compensation import Compensation
+from rodgen.machines.emit._compensation import ROUNDING, STATUSES, Compensation
 from rodgen.machines.emit._kernels import (
     Constant,
     MachineKernels,
@@ -129,6 +130,15 @@ REGULAR = 0.1
 MARGIN = 0.1
 """Part of the travel at its ends from where no sample is taken, so that small steps from a sample stay inside."""
 
+DIFFERENCE = 1e-5
+"""Step of the difference quotients, in parts of a sample's motion: rounding leaves 1e-11, curvature less."""
+SLOPES = 1e-6
+"""Of the size and the motion, how far a slope may be off."""
+ASIDE = 1e-3
+"""By so many weights the commands of a sample are moved to a place that can be reached."""
+FAR = 1e3
+"""So many sizes away nothing is reached."""
+
 NEARBY, IN_LINE = 1e-6, 1e-3
 """A motion of so many weights shows where a joint moves a place; a motion of all of them by less than this part of the
 size across the others is the curvature of these. The sample with most freedoms counts."""
@@ -174,6 +184,26 @@ class Sample:
     place: tuple[float, ...]
     ideal: tuple[float, ...]
     """Where the machine is, fitted and nominal, by the kernels of a fit."""
+    along: tuple[float, ...]
+    slope: tuple[float, ...]
+    """A motion of the coordinates, and how the place goes with it: a quotient of differences of the fourth order."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A compensation by which the emitted code is tested."""
+
+    sample: int
+    """The sample with the command and the conditions."""
+    times: float
+    """The command is that of the sample times this: 1 or NaN."""
+    target: int
+    wanted: tuple[float, ...]
+    lowest: int
+    highest: int
+    """Codes of the status between which it is."""
+    most: float
+    """The distance of the corrected place from the wanted one, at most; NaN where there is none."""
 
 
 @dataclass(frozen=True)
@@ -196,8 +226,9 @@ class Content:
     size: float
     """Of the numbers that a place is made of."""
     samples: tuple[Sample, ...]
-    ways: tuple[float, ...]
-    """By which the test measures derivatives: the weights of all joints."""
+    cases: tuple[Case, ...]
+    slopes: float
+    """How far slopes of samples may be off."""
 
     @property
     def directions(self) -> bool:
@@ -230,8 +261,9 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     weight = [way if 0 < way < np.inf else other for way, other in zip(ranges, usual, strict=True)]
     reference = Reference.of(machine, scope, travel)
     nominal = reference.nominal()
-    samples = tuple(_samples(scope, fitted, reference, nominal, size))
+    samples = tuple(_samples(scope, fitted, reference, nominal, size, weight))
     moved, freedoms = _moves(nominal, samples, weight, size)
+    freely = np.where(moved, weight, 0.0)
     return Content(
         name=chosen,
         machine=machine,
@@ -247,10 +279,11 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
             is_bound=freedoms < len(measurand.freedoms),
         ),
         fields=tuple(_fields(scope.machine, fitted)),
-        weight=tuple(np.where(moved, weight, 0.0).tolist()),
+        weight=tuple(freely.tolist()),
         size=size,
         samples=samples,
-        ways=tuple(map(float, weight)),
+        cases=tuple(_cases(scope, fitted, reference, samples, size, freely)),
+        slopes=SLOPES * (size + sum(weight)),
     )
 
 
@@ -395,7 +428,12 @@ def _size(scope: Scope) -> float:
 
 
 def _samples(
-    scope: Scope, fitted: MachineKernels, reference: Reference, nominal: Reference, size: float
+    scope: Scope,
+    fitted: MachineKernels,
+    reference: Reference,
+    nominal: Reference,
+    size: float,
+    weight: Sequence[float],
 ) -> Iterator[Sample]:
     """Yield samples from an even sequence all over the travel, with their places."""
     machine, count = scope.machine, len(scope.machine.joints)
@@ -424,11 +462,62 @@ def _samples(
             f"{machine.file or machine.name}: the model is not finite at any of {TRIES} points all over the travel; "
             "expected formulas and values that are"
         )
-    for n in np.flatnonzero(good)[:SAMPLES].tolist():
+    chosen = np.flatnonzero(good)[:SAMPLES]
+    q, places, ideal = q[chosen], places[chosen], ideal[chosen]
+    values = {column: x[chosen] for column, x in values.items()}
+    targets = [targets[n] for n in chosen.tolist()]
+    along = weight * (1 - 2 * points[chosen, :count])
+    quotients = [
+        factor * reference.places(q + offset * DIFFERENCE * along, targets, values) / (12 * DIFFERENCE)
+        for offset, factor in zip((-2, -1, 1, 2), (1, -8, 8, -1), strict=True)
+    ]
+    slopes = np.sum(quotients, axis=0)
+    for n, target in enumerate(targets):
         columns = {name: float(values[column][n]) for name, column in fitted.columns}
-        yield Sample(
-            tuple(q[n].tolist()), columns, targets[n], *(tuple(x[n].tolist()) for x in (places, ideal))
-        )
+        of_target = (tuple(x[n].tolist()) for x in (places, ideal, along, slopes))
+        yield Sample(tuple(q[n].tolist()), columns, target, *of_target)
+
+
+def levers(scope: Scope, size: float) -> Array:
+    """Return by what the numbers of a place count in a distance: turns as lengths."""
+    measurand = scope.machine.measurand
+    turns = 9 if measurand.has_attitude else 0
+    return np.repeat([1.0, size / math.sqrt(2)], [measurand.place_numbers - turns, turns])
+
+
+def _cases(
+    scope: Scope,
+    fitted: MachineKernels,
+    reference: Reference,
+    samples: Sequence[Sample],
+    size: float,
+    weight: Array,
+) -> Iterator[Case]:
+    """Yield what can be reached and what is wanted of each sample; of the first, too, what cannot be computed."""
+    code = {name: k for k, (name, _) in enumerate(STATUSES)}
+    q = np.array([sample.q for sample in samples])
+    targets = [sample.target for sample in samples]
+    values = {
+        column: np.array([sample.columns[name] for sample in samples]) for name, column in fitted.columns
+    }
+    aside = ASIDE * weight * (1 - 2 * (np.arange(len(weight)) % 2))
+    near = reference.places(q + aside, targets, values)
+    rounding = ROUNDING * size
+    worst = code["NOT_CONVERGED"]
+    for n, sample in enumerate(samples):
+        yield Case(n, 1.0, sample.target, tuple(near[n].tolist()), 0, 0, 4 * rounding)
+        before = float(np.linalg.norm((np.array(sample.place) - sample.ideal) * levers(scope, size)))
+        yield Case(n, 1.0, sample.target, sample.ideal, 0, worst, before + rounding)
+        if scope.machine.measurand.moving:
+            far = FAR * size, *sample.ideal[1:]
+            is_endless = any(limits is None or math.isinf(limits[1]) for limits in scope.machine.limits)
+            yield Case(n, 1.0, sample.target, far, 0 if is_endless else 1, worst, math.inf)
+    first, none, missing = samples[0], code["NOT_FINITE"], code["NO_TARGET"]
+    nowhere = (math.nan,) * len(first.ideal)
+    yield Case(0, math.nan, first.target, first.ideal, none, none, math.nan)
+    yield Case(0, 1.0, first.target, nowhere, none, none, math.nan)
+    for target in (-1, len(scope.machine.targets)):
+        yield Case(0, 1.0, target, first.ideal, missing, missing, math.nan)
 
 
 def _moves(

@@ -2,7 +2,8 @@
 
 ``place`` and ``place_and_jacobian`` are the fitted machine, ``ideal`` is the nominal one. A number of the machine that
 is 0 or ±1 is folded in, so that an axis along z costs what a turn about z costs; every other one is a named constant.
-What differs from target to target is an input, ``seen``.
+What differs from target to target is an input, ``seen``. Its first component is added to every result: it is 0, and NaN
+where there is no such target.
 """
 
 from __future__ import annotations
@@ -72,15 +73,14 @@ class MachineKernels:
     """Forward programs of a machine, with its numbers."""
 
     place: Program
-    """Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the
-    constants."""
+    """Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen``, the constants."""
     pose: PosePrograms | None
     """What finds ``start``."""
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
     """Names of the inputs that differ from row to row, other than ``q``, and the column of each."""
     constants: tuple[Constant, ...]
     seen: Array
-    """The input ``seen`` of each target, (targets, n)."""
+    """The input ``seen`` of each target, and of one that there is not, (targets + 1, n)."""
     seen_of: tuple[str, ...]
     """What its components are."""
     values: _Values
@@ -93,7 +93,8 @@ class MachineKernels:
         """
         tape, q, place, held = self.values
         late = len(tape.numbers)
-        slopes = list(chain(*jacobian(place, q, held)))
+        known = tape.inputs("seen", self.seen.shape[1], same=False)[0]
+        slopes = [slope + known for slope in chain(*jacobian(place, q, held))]
         outputs = {
             "place": ((len(place),), place),
             "place_jacobian": ((len(place), len(q)), slopes),
@@ -144,7 +145,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     freedoms = [0] * len(structure.slots)  # the change of a freedom is in the geometry already
     given = {"rows": rows, "g": numbers.geometry, "e": numbers.effects or [0], "freedom": freedoms}
     steps = _Builder(tape, given).steps(structure)
-    place = model_kernel(steps).outputs["place"]
+    place = [x + numbers.known for x in model_kernel(steps).outputs["place"]]
     found = _pose(model, structure, numbers, q, start) if start else {}
 
     shapes: dict[str, tuple[int, ...]] = {"q": (len(q),), "start": (len(start),)}
@@ -221,11 +222,13 @@ class _Numbers:
             [self._geometry(model, structure, theta, k) for k in range(len(model.machine.targets))]
         )
         differ = np.flatnonzero(np.ptp(values, axis=0) > 0)
-        self.seen = values[:, differ]
-        seen = iter(tape.inputs("seen", len(differ), same=False))
+        self.seen = np.pad(values[:, differ], ((0, 1), (1, 0)))
+        self.seen[-1] = np.nan
+        self.known, *others = tape.inputs("seen", 1 + len(differ), same=False)
+        seen = iter(others)
         slots = _slots(structure)
         self.words = structure.kinematics.number_words
-        self.seen_of = tuple(self._slot_name(*slots[i]) for i in differ)
+        self.seen_of = ("whether there is no such target", *(self._slot_name(*slots[i]) for i in differ))
         self.geometry: list[Any] = [
             next(seen) if i in differ else self.number(float(values[0, i]), *slot)
             for i, slot in enumerate(slots)
