@@ -45,7 +45,9 @@ def function(program: Program, namespace: Any) -> Any:
 
 def named(kernels: MachineKernels, sample: Any, number: Any) -> dict[str, Any]:
     values = {f"q_{j}": number(x) for j, x in enumerate(sample.q, 1)}
-    values |= {name: number(x) for name, x in sample.columns.items()}
+    for port, xs in sample.fields.items():
+        names = component_names(port, kernels.place.inputs[port])
+        values |= {name: number(x) for name, x in zip(names, xs, strict=True)}
     values |= {f"seen_{i}": number(x) for i, x in enumerate(kernels.seen[sample.target].tolist(), 1)}
     return values | {constant.name: number(constant.value) for constant in kernels.constants}
 

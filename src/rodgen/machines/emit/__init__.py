@@ -118,9 +118,9 @@ def emit(
     residual : tuple of (int, float), optional
         Rows that the machine was fitted to, and the rms of their residuals, internal units, for a model of TPOINT.
     into : str or os.PathLike, optional
-        With ``"urdf"``: the URDF that the machine was imported from. Its text is written, with corrected origins of
-        joints and nothing else changed. Where the target of the machine file is the tip, a fixed joint leads to it
-        where the model has it; otherwise a comment says where the target is on the last link.
+        With ``"urdf"``: the URDF that the machine was imported from. It is written with corrected origins of joints;
+        all other elements, comments and lines stay as they are. Where the target of the machine file is the tip, a
+        fixed joint leads to it where the model has it; otherwise a comment says where the target is on the last link.
     force : bool
         Whether a machine is written, too, that has numbers which no machine has, or was fitted to data that cannot
         belong to its file (`rodgen check`), and whether files that rodgen did not write are replaced.

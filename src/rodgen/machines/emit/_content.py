@@ -25,6 +25,7 @@ from rodgen.codegen.source_text import in_comment
 from rodgen.errors import RodgenError, shown
 from rodgen.machines.emit._compensation import ROUNDING, STATUSES, Compensation
 from rodgen.machines.emit._kernels import (
+    PORTS,
     Constant,
     MachineKernels,
     machine_kernels,
@@ -40,10 +41,6 @@ from rodgen.machines.structure import row_effects
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parameters import Parameter
-
-
-_OF_ROWS = frozenset("svTtFx")
-"""Kinds of columns that conditions are, other than coordinates."""
 
 
 class Reference:
@@ -80,7 +77,7 @@ class Reference:
     @property
     def conditions(self) -> list[tuple[str, int | str]]:
         """The columns of a row other than coordinates, as in `Structure.columns`."""
-        return [column for column in self.model.structure.columns if column[0] in _OF_ROWS]
+        return [column for column in self.model.structure.columns if column[0] in PORTS]
 
     @cached_property
     def _fitted(self) -> Kinematics:
@@ -151,14 +148,14 @@ _TAKEN = {*_MODULES, *_HEADERS.split(), *CPP_WORDS.split(), *MATLAB_WORDS.split(
 _LONGEST_NAME = 40
 
 COLUMNS = {
-    "s": ("s", "direction of approach, +1 or -1"),
-    "v": ("v", "velocity"),
-    "T": ("T", "temperature less {reference:g} degC, K"),
-    "t": ("t", "time, s"),
-    "F": ("load", "payload force along gravity, N"),
-    "x": ("x", "covariates, in these units"),
+    "s": "direction of approach, +1 or -1",
+    "v": "velocity",
+    "T": "temperature less {reference:g} degC, K",
+    "t": "time, s",
+    "F": "payload force along gravity, N",
+    "x": "covariates, in these units",
 }
-"""Field of each column other than the coordinates, and its description."""
+"""What each kind of column is, other than the coordinates."""
 
 
 @dataclass(frozen=True)
@@ -169,8 +166,6 @@ class Field:
     length: int
     """0 for a number."""
     doc: str
-    used: tuple[tuple[str, int], ...]
-    """Input of a kernel, and where it stands in the field."""
 
 
 @dataclass(frozen=True)
@@ -178,8 +173,8 @@ class Sample:
     """A point at which the emitted code is tested."""
 
     q: tuple[float, ...]
-    columns: dict[str, float]
-    """Values of the kernels' further inputs."""
+    fields: dict[str, tuple[float, ...]]
+    """Values of the conditions, zero where a machine does not depend on them."""
     target: int
     place: tuple[float, ...]
     ideal: tuple[float, ...]
@@ -261,7 +256,8 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     weight = [way if 0 < way < np.inf else other for way, other in zip(ranges, usual, strict=True)]
     reference = Reference.of(machine, scope, travel)
     nominal = reference.nominal()
-    samples = tuple(_samples(scope, fitted, reference, nominal, size, weight))
+    fields = tuple(_fields(scope.machine, fitted))
+    samples = tuple(_samples(scope, fitted, fields, reference, nominal, size, weight))
     moved, freedoms = _moves(nominal, samples, weight, size)
     freely = np.where(moved, weight, 0.0)
     return Content(
@@ -278,7 +274,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
             size,
             is_bound=freedoms < len(measurand.freedoms),
         ),
-        fields=tuple(_fields(scope.machine, fitted)),
+        fields=fields,
         weight=tuple(freely.tolist()),
         size=size,
         samples=samples,
@@ -373,19 +369,13 @@ def coordinate_unit(machine: Machine, joint: int) -> str:
 
 def _fields(machine: Machine, kernels: MachineKernels) -> Iterator[Field]:
     names = [joint.name for joint in machine.joints]
-    for kind, (field, text) in COLUMNS.items():
-        doc = text.format(reference=machine.reference_temperature)
-        used = [(symbol, of) for symbol, (k, of) in kernels.columns if k == kind]
-        if not used:
-            continue
-        if kind in {"t", "F"}:
-            yield Field(field, 0, doc, ((used[0][0], 0),))
-        elif kind == "x":
-            listed = ", ".join(shown(of) for _, of in used)
-            yield Field(field, len(used), f"{doc} {listed}", tuple((s, i) for i, (s, _) in enumerate(used)))
-        else:
-            listed = ", ".join(shown(names[int(of)]) for _, of in used)
-            yield Field(field, len(names), f"{doc}; of {listed}", tuple((s, int(of)) for s, of in used))
+    for kind, text in COLUMNS.items():
+        doc, port = text.format(reference=machine.reference_temperature), PORTS[kind]
+        used = [of for k, of in kernels.conditions if k == kind]
+        words = ", ".join(shown(of if kind == "x" else names[int(of)]) for of in used if kind not in "tF")
+        if used:
+            length = 0 if kind in "tF" else kernels.place.inputs[port][0]
+            yield Field(port, length, doc + {"x": f" {words}", "t": "", "F": ""}.get(kind, f"; of {words}"))
 
 
 def effect_words(scope: Scope) -> list[tuple[str, str]]:
@@ -430,6 +420,7 @@ def _size(scope: Scope) -> float:
 def _samples(
     scope: Scope,
     fitted: MachineKernels,
+    fields: Sequence[Field],
     reference: Reference,
     nominal: Reference,
     size: float,
@@ -473,9 +464,11 @@ def _samples(
     ]
     slopes = np.sum(quotients, axis=0)
     for n, target in enumerate(targets):
-        columns = {name: float(values[column][n]) for name, column in fitted.columns}
+        own = {field.name: [0.0] * max(field.length, 1) for field in fields}
+        for column, (port, i) in fitted.conditions.items():
+            own[port][i] = float(values[column][n])
         of_target = (tuple(x[n].tolist()) for x in (places, ideal, along, slopes))
-        yield Sample(tuple(q[n].tolist()), columns, target, *of_target)
+        yield Sample(tuple(q[n].tolist()), {port: tuple(x) for port, x in own.items()}, target, *of_target)
 
 
 def levers(scope: Scope, size: float) -> Array:
@@ -498,7 +491,8 @@ def _cases(
     q = np.array([sample.q for sample in samples])
     targets = [sample.target for sample in samples]
     values = {
-        column: np.array([sample.columns[name] for sample in samples]) for name, column in fitted.columns
+        column: np.array([sample.fields[port][i] for sample in samples])
+        for column, (port, i) in fitted.conditions.items()
     }
     aside = ASIDE * weight * (1 - 2 * (np.arange(len(weight)) % 2))
     near = reference.places(q + aside, targets, values)

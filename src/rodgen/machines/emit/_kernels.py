@@ -8,6 +8,7 @@ where there is no such target.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,6 +31,9 @@ from rodgen.machines.model_steps import ModelSteps
 from rodgen.machines.structure import Structure, Term, row_effects
 
 _NUMBERED = {"acts", "begin", *(part.name for part in OF_JOINTS)}
+
+PORTS = {"s": "s", "v": "v", "T": "T", "t": "t", "F": "load", "x": "x"}
+"""Inputs that kinds of columns are, but for coordinates: numbers of all joints, a number, or covariates."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +77,11 @@ class MachineKernels:
     """Forward programs of a machine, with its numbers."""
 
     place: Program
-    """Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen``, the constants."""
+    """Inputs: ``q``, ``start`` of a closed chain, the conditions (:data:`PORTS`), ``seen``, the constants."""
     pose: PosePrograms | None
     """What finds ``start``."""
-    columns: tuple[tuple[str, tuple[str, int | str]], ...]
-    """Names of the inputs that differ from row to row, other than ``q``, and the column of each."""
+    conditions: dict[tuple[str, int | str], tuple[str, int]]
+    """The columns of a row that it depends on, other than ``q``: input and component of each."""
     constants: tuple[Constant, ...]
     seen: Array
     """The input ``seen`` of each target, and of one that there is not, (targets + 1, n)."""
@@ -131,25 +135,31 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     numbers = _Numbers(model, structure, prefix, tape)
     q = tape.inputs("q", len(structure.joints), same=False)
     start = tape.inputs("start", structure.kinematics.pose_numbers, same=False)
-    names: dict[str, tuple[str, int | str]] = {}
-    rows: list[Any] = []
+    conditions: dict[tuple[str, int | str], tuple[str, int]] = {}
+    shapes: dict[str, tuple[int, ...]] = {"q": (len(q),), "start": (len(start),)}
     for kind, of in structure.columns:
-        if kind in {"q", "start"}:
-            rows.append((q if kind == "q" else start)[int(of)])
-        elif kind in {"reading", "weight"}:
-            rows.append(np.nan)  # of residuals only
-        else:
-            column = _column_name(kind, of, names)
-            names[column] = kind, of
-            rows += tape.inputs(column, 1, same=False)
+        if kind in PORTS:
+            port, others = PORTS[kind], [kind for kind, _ in conditions]
+            conditions[kind, of] = port, int(of) if kind in "svT" else others.count(kind)
+    for kind, port in PORTS.items():
+        if count := [kind for kind, _ in conditions].count(kind):
+            shapes[port] = () if kind in "tF" else (count if kind == "x" else len(q),)
+    inputs = {port: tape.inputs(port, math.prod(shape), same=False) for port, shape in shapes.items()}
+    rows = [
+        inputs[kind][int(of)]
+        if kind in ("q", "start")
+        else inputs[PORTS[kind]][conditions[kind, of][1]]
+        if kind in PORTS
+        else np.nan  # of residuals only
+        for kind, of in structure.columns
+    ]
     freedoms = [0] * len(structure.slots)  # the change of a freedom is in the geometry already
     given = {"rows": rows, "g": numbers.geometry, "e": numbers.effects or [0], "freedom": freedoms}
     steps = _Builder(tape, given).steps(structure)
     place = [x + numbers.known for x in model_kernel(steps).outputs["place"]]
     found = _pose(model, structure, numbers, q, start) if start else {}
 
-    shapes: dict[str, tuple[int, ...]] = {"q": (len(q),), "start": (len(start),)}
-    shapes |= {**dict.fromkeys(names, ()), "seen": (numbers.seen.shape[1],)}
+    shapes["seen"] = (numbers.seen.shape[1],)
     constants: dict[str, tuple[int, ...]] = {constant.name: () for constant in numbers.constants}
     outputs = {"place": ((len(place),), place)}
     begin = {"q": (len(q),), **constants}
@@ -158,16 +168,15 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         tape.program(name, shapes | constants, outputs),
         *(tape.program(f"{name}_{port}", ports[port], {port: ((len(x),), x)}) for port, x in found.items()),
     ]
-    read = {args[0] for program in programs for op, *args in program.operations if op == "input"}
-    for port, shape in [("q", len(q)), ("start", len(start)), ("seen", numbers.seen.shape[1])]:
-        read |= {port} if shape else set()  # whole, whatever is read of them
+    of_ports = {tuple(args) for program in programs for op, *args in program.operations if op == "input"}
+    read = {"q", "seen", *(port for port, _ in of_ports)} | ({"start"} if start else set())
     first, *pose = (
         replace(p, inputs={port: shape for port, shape in p.inputs.items() if port in read}) for p in programs
     )
     return MachineKernels(
         first,
         PosePrograms(f"{name}_pose", *pose) if pose else None,
-        tuple((n, column) for n, column in names.items() if n in read),
+        {column: place for column, place in conditions.items() if place in of_ports},
         tuple(constant for constant in numbers.constants if constant.name in read),
         numbers.seen,
         numbers.seen_of,
@@ -203,12 +212,6 @@ def _pose(
     }
     builder: Any = pose_from_afar(_Builder(numbers.tape, given, "pose_").steps(bare), begins.shape)
     return {port: list(x) for port, x in builder.outputs.items()}
-
-
-def _column_name(kind: str, of: int | str, names: Mapping[str, tuple[str, int | str]]) -> str:
-    if kind == "x":
-        return f"column{sum(k == 'x' for k, _ in names.values())}"
-    return {"t": "t", "F": "load"}.get(kind, f"{kind}{of}")
 
 
 class _Numbers:
