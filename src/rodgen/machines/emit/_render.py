@@ -62,7 +62,7 @@ class Form(NamedTuple):
     """How the tables of numbers are written."""
     array: str = "[{}]"
     """How an array in a table is written."""
-    index: str = "[{}]"
+    component: str = "[{}]"
     first: int = 0
     """How a component is written, and the number of the first."""
 
@@ -178,11 +178,12 @@ def _words_of(content: Content, form: Form) -> Iterator[str]:
         what = machine.kinematics.coordinate if joint.in_loop else f"{joint.type} joint"
         what = f"reading {shown(joint.reading)} of {what}" if joint.reading else what
         what = what if joint.is_read else f"not used, as it follows: {what}"
-        yield f"q{form.index.format(j + form.first)}  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
+        q = f"q{form.component.format(j + form.first)}"
+        yield f"{q}  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
         if joint.coordinate:
             yield from _wrapped(f"      whose coordinate is {shown(joint.coordinate, 200)}")
     for field in content.fields:
-        yield f"{field.name}{form.index.format('') if field.length else ''}  {field.doc}"
+        yield f"{field.name}{form.component.format('') if field.length else ''}  {field.doc}"
     yield from _about_poses(content)
     for k, target in enumerate(machine.targets, form.first):
         yield f"target {k}  {shown(target.name)}"

@@ -345,13 +345,13 @@ def _motion(joint: UrdfJoint, axis: Array, point: Array, value: float) -> Array:
 def _edited(text: str, origins: Mapping[str, Array]) -> str:
     """Return the text of a robot with other origins of some joints; its comments and lines stay."""
     document = minidom.parseString(text.lstrip().encode())
-    for joint in document.documentElement.childNodes:
-        name = joint.getAttribute("name") if joint.nodeName == "joint" else ""
-        if name in origins:
-            found = [element for element in joint.childNodes if element.nodeName == "origin"]
-            origin = (
-                found[0] if found else joint.insertBefore(document.createElement("origin"), joint.firstChild)
-            )
+    for joint in document.getElementsByTagName("joint"):
+        name = joint.getAttribute("name")
+        if joint.parentNode is document.documentElement and name in origins:
+            there = [each for each in joint.getElementsByTagName("origin") if each.parentNode is joint]
+            origin = there[0] if there else document.createElement("origin")
+            if not there:
+                joint.insertBefore(origin, joint.firstChild)
             origin.setAttribute("xyz", numbers_text(origins[name][:3, 3]))
             origin.setAttribute("rpy", numbers_text(roll_pitch_yaw(origins[name][:3, :3])))
     return "\n".join(['<?xml version="1.0"?>', *(node.toxml() for node in document.childNodes)])
