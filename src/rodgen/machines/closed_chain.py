@@ -90,16 +90,20 @@ class ClosedChain:
         m, terms = self.m, self.m.structure.terms
         if (closed := self.family.closed_form(m, self.base)) is not None:
             return closed
-        pose = self.start()
+        pose, held = self.start(), frozenset[Any]()
         if any(term.uses_tension for term in terms):
             # the pose with rigid legs has the same forces; the start of the row would not do, as the forces depend
             # on the commands
-            pose, _ = self.nearer(pose, self.lengths(lambda term: not term.uses_tension))
+            rigid = self.lengths(lambda term: not term.uses_tension)
+            pose, _ = self.nearer(pose, rigid)
+            for _ in range(m.further_steps):
+                held |= frozenset(self.family.numbers_of(pose.state))
+                pose, _ = self.nearer(pose, rigid)
             m.tension = dict(enumerate(self.tensions(pose, x, m.known("gravity"))))
         half = self.lengths(lambda term: True)
         step = m.matrix.zeros(3, 1)
         for _ in range(STEPS):
-            m.held = frozenset(self.family.numbers_of(pose.state))
+            m.held = held | frozenset(self.family.numbers_of(pose.state))
             pose, step = self.nearer(pose, half)
         return pose, m.let("square", self.family.step_size(m, step, self.spans(pose)))
 

@@ -76,6 +76,7 @@ class ModelSteps:
         self.held: frozenset[Any] = (
             frozenset()
         )  # a pose of legs, on which the next one does not depend to first order
+        self.further_steps = 0  # of Newton's, to the pose in which the legs have their forces
         self.zero = self.matrix.zeros(3, 1)
         self.inputs()
 

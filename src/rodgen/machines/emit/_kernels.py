@@ -53,6 +53,8 @@ class _Values(NamedTuple):
     tape: Tape
     q: list[Number]
     place: list[Any]
+    differentiable: list[Any]
+    """The place; forces of legs are those in a pose that is solved, so that they change with `q` as it does."""
     held: frozenset[Any]
 
 
@@ -95,10 +97,10 @@ class MachineKernels:
 
         It runs through the last of Newton's steps alone: on where this starts a solved pose does not depend.
         """
-        tape, q, place, held = self.values
+        tape, q, place, differentiable, held = self.values
         late = len(tape.numbers)
         known = tape.inputs("seen", self.seen.shape[1], same=False)[0]
-        slopes = [slope + known for slope in chain(*jacobian(place, q, held))]
+        slopes = [slope + known for slope in chain(*jacobian(differentiable, q, held))]
         outputs = {
             "place": ((len(place),), place),
             "place_jacobian": ((len(place), len(q)), slopes),
@@ -157,6 +159,8 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     given = {"rows": rows, "g": numbers.geometry, "e": numbers.effects or [0], "freedom": freedoms}
     steps = _Builder(tape, given).steps(structure)
     place = [x + numbers.known for x in model_kernel(steps).outputs["place"]]
+    further = _Builder(tape, given).steps(structure)
+    further.further_steps = 1
     found = _pose(model, structure, numbers, q, start) if start else {}
 
     shapes["seen"] = (numbers.seen.shape[1],)
@@ -180,7 +184,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         tuple(constant for constant in numbers.constants if constant.name in read),
         numbers.seen,
         numbers.seen_of,
-        _Values(tape, q, place, steps.held),
+        _Values(tape, q, place, model_kernel(further).outputs["place"] if start else place, further.held),
     )
 
 
