@@ -18,7 +18,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -48,6 +48,8 @@ from rodgen.machines.rigid import complete_basis
 
 _EXPECTED = "a model of TPOINT"
 _LINE = re.compile(r"(?P<flags>[=&]*)\s*(?P<name>[A-Z][A-Z0-9]*)\s+(?P<value>[-+.\dEe]+)(?:\s+[-+.\dEe]+)*")
+_Key: TypeAlias = tuple[str, str | None, str]
+"""Effect, place and parameter of a number."""
 _TILTS = {"altaz": ("AN", "AW"), "equatorial": ("MA", "ME")}
 
 
@@ -279,66 +281,54 @@ def terms_of(machine: Machine, mount: Mount, latitude: float, *, others: bool = 
         When it has an effect that is no term of TPOINT.
     """
     numbers = _numbers_of(machine)
-    found: dict[str, float] = {}
-
-    def take(term: str) -> float:
-        name, place, parameter, factor = _parameter(term, mount, latitude)
-        found[term] = numbers.pop((name, place, parameter), 0.0) / factor
-        return found[term]
-
-    first, second = mount.joints
-    for term in _TILTS[mount.name]:
-        _, _, parameter, factor = _parameter(term, mount, latitude)
-        for name, place, x, value in _followers(mount, parameter, factor * take(term)):
-            numbers[name, place, x] = numbers.get((name, place, x), 0.0) - value
-    # the second axis turned about the first: as the first one's zero, but for the boresight
-    n1, n2 = (np.array(axis) for axis in mount.axes)
-    boresight = np.array(mount.boresight)
-    directions = complete_basis(n2)
-    tilt = sum(
-        (numbers.get(("axis_tilt", second, x), 0.0) * d for x, d in zip("ab", directions, strict=True)),
-        np.zeros(3),
-    )
-    turn = float(tilt @ n1)
-    turned = -turn * n1  # the boresight, as a rotation vector
-    for x, direction in zip("ab", complete_basis(boresight), strict=True):
-        turned = turned + numbers.pop(("target_offset", BORESIGHT, x), 0.0) * direction
-    shifts = {("zero_offset", first, "a"): turn, ("zero_offset", second, "a"): float(turned @ n2)}
-    for key, value in shifts.items():
-        numbers[key] = numbers.get(key, 0.0) + value
-    for x, direction in zip("ab", directions, strict=True):
-        numbers["axis_tilt", second, x] = float((tilt - turn * n1) @ direction)
-    turned = turned - n2 * float(turned @ n2)
-    for x, direction in zip("ab", complete_basis(boresight), strict=True):
-        numbers["target_offset", BORESIGHT, x] = float(turned @ direction)
-    for term in GEOMETRY[mount.name]:
-        if term not in found:
-            take(term)
-    for term in TERMS:
-        if (
-            _is_term_for(term, mount)
-            and term not in OF_NASMYTH
-            and _parameter(term, mount, latitude)[:3] in numbers
-        ):
-            take(term)
-    for effect in machine.effects:
-        if _is_own_term(machine, effect):
-            found[effect.name.upper()] = numbers.pop((effect.name, effect.place, "a"), 0.0)
-    left = {
-        f"{name} at {place}" if place else name
-        for (name, place, x), v in numbers.items()
-        if abs(v) > 1e-9 and x != "P"
+    found = {
+        effect.name.upper(): numbers.pop((effect.name, effect.place, "a"), 0.0)
+        for effect in machine.effects
+        if _is_own_term(machine, effect)
     }
+    units: dict[str, dict[_Key, float]] = {}
+    for term in (*_TILTS[mount.name], *GEOMETRY[mount.name], *TERMS):
+        if term in units or term in OF_NASMYTH or not _is_term_for(term, mount):
+            continue
+        name, place, parameter, factor = _parameter(term, mount, latitude)
+        key = name, place, parameter
+        is_known = key in numbers or term in GEOMETRY[mount.name]
+        if is_known and not any(key in unit for unit in units.values() if len(unit) == 1):
+            units[term] = {key: factor}
+            if term in _TILTS[mount.name]:
+                units[term] |= {(n, at, x): y for n, at, x, y in _followers(mount, parameter, factor)}
+    every = [*units.values(), *_changing_nothing(mount)]
+    keys = list(dict.fromkeys([key for unit in every for key in unit] + [*numbers]))
+    matrix = np.array([[unit.get(key, 0.0) for unit in every] for key in keys])
+    values = np.array([numbers.get(key, 0.0) for key in keys])
+    of_units = np.linalg.lstsq(matrix, values, rcond=None)[0]
+    left = [
+        f"{name} at {place}" if place else name
+        for (name, place, x), v in zip(keys, values - matrix @ of_units, strict=True)
+        if abs(v) > 1e-9 and x != "P"
+    ]
     if left and not others:
         raise RodgenError(
-            f"{joined(sorted(left))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
+            f"{joined(sorted(set(left)))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
         )
+    found = dict(zip(units, of_units.tolist(), strict=False)) | found
     return {term: value for term, value in found.items() if abs(value) > 1e-9}
 
 
-def _numbers_of(machine: Machine) -> dict[tuple[str, str | None, str], float]:
+def _changing_nothing(mount: Mount) -> Iterator[dict[_Key, float]]:
+    """Yield numbers that together move nothing: the zero of an axis, and the same turn of all that it carries."""
+    first, second = mount.joints
+    n1, n2 = (np.array(axis) for axis in mount.axes)
+    tilts = {("axis_tilt", second, x): d for x, d in zip("ab", complete_basis(n2), strict=True)}
+    boresight = zip("ab", complete_basis(np.array(mount.boresight)), strict=True)
+    offsets = {("target_offset", BORESIGHT, x): d for x, d in boresight}
+    yield {key: float(d @ n1) for key, d in (tilts | offsets).items()} | {("zero_offset", first, "a"): -1.0}
+    yield {key: float(d @ n2) for key, d in offsets.items()} | {("zero_offset", second, "a"): -1.0}
+
+
+def _numbers_of(machine: Machine) -> dict[_Key, float]:
     """Return the numbers of effects and of a base fit, in arcsec, by effect, place and parameter."""
-    found: dict[tuple[str, str | None, str], float] = {}
+    found: dict[_Key, float] = {}
     joints = {joint.name for joint in machine.joints}
     for effect in machine.effects:
         for x in effect.units(machine):
