@@ -196,7 +196,7 @@ def _tables(
     """Return the text of each file by its name."""
     _check_names(machine)
     if form == "tpoint":
-        from rodgen.machines.emit._tpoint import tpoint_text
+        from rodgen.machines.emit.pointing_terms import tpoint_text
 
         return {f"{name}.mod": tpoint_text(machine, note, travel, covariance, residual)}
     if form in ("iso230", "screw"):

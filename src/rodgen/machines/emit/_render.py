@@ -310,7 +310,7 @@ def _c_kernel(program: Program, constants: set[str], pose: PosePrograms | None) 
 # NumPy and JAX -----------------------------------------------------------------------------------------------
 
 
-def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
+def _numpy(content: Content, namespace: str = "np", results: str = "({},)") -> dict[str, Any]:
     """Return what the templates of NumPy and JAX use."""
     arguments = "".join(f", {field.name}" for field in content.fields)
     end, columns = len(content.machine.joints), {}
@@ -325,13 +325,13 @@ def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
         "width": end,
         "joint_names": repr([shown(j.name)[1:-1] for j in content.machine.joints]),
         "target_names": repr([shown(t.name)[1:-1] for t in content.machine.targets]),
-        "kernels": _kernels(content, partial(_numpy_kernel, array_language(namespace))),
+        "kernels": _kernels(content, partial(_numpy_kernel, array_language(namespace), results)),
         "traced": namespace == "jnp",
     }
 
 
 def _numpy_kernel(
-    language: Language, program: Program, constants: set[str], pose: PosePrograms | None
+    language: Language, results: str, program: Program, constants: set[str], pose: PosePrograms | None
 ) -> dict[str, Any]:
     """Write a program as a function of its numbers; each may be an array of many rows."""
     text = program_text(program, language)
@@ -346,7 +346,7 @@ def _numpy_kernel(
         "operations": operations_text(text.operations),
         "parameters": ", ".join(name for port in names if port not in constants for name in names[port]),
         "lines": lines,
-        "results": ", ".join(x for values in text.results.values() for x in values),
+        "results": results.format(", ".join(x for values in text.results.values() for x in values)),
     }
 
 
@@ -428,7 +428,7 @@ LANGUAGES: Mapping[str, Form] = {
     ),
     "jax": Form(
         {"{}.py": "machine_jax.py.j2", "test_{}.py": "machine_test.py.j2"},
-        partial(_numpy, namespace="jnp"),
+        partial(_numpy, namespace="jnp", results="tuple(jnp.asarray(x, float) for x in ({},))"),
         array_language("np"),
     ),
 }
