@@ -118,17 +118,16 @@ def _lines(machine: Machine, numbers: Numbers, note: str) -> Iterator[str]:
     yield ""
     yield "# Marlin: M666 of now has no positive number; keep it so"
     rod = float(rods[0])
-    words = "".join(f" {x}{trim:.4f}" for x, trim in zip("XYZ", trims, strict=True))
-    words += "".join(f" {x}{one - rod:.4f}" for x, one in zip("ABC", rods, strict=True))
-    yield f"M665 L{rod:.4f} R{radius:.4f}{words}"
+    angles_of_towers = "".join(f" {x}{trim:.4f}" for x, trim in zip("XYZ", trims, strict=True))
+    words = "".join(f" {x}{one - rod:.4f}" for x, one in zip("ABC", rods, strict=True))
+    yield f"M665 L{rod:.4f} R{radius:.4f}{angles_of_towers}{words}"
     yield f"; M665 H: {least:+.4f} to what it is now"
     changes = ", ".join(f"{x} {least - one:+.4f}" for x, one in zip("XYZ", endstops, strict=True))
     yield f"; M666: {changes} to what they are now"
     yield "M500"
     yield ""
     yield "# RepRapFirmware, config.g"
-    words = "".join(f" {x}{trim:.4f}" for x, trim in zip("XYZ", trims, strict=True))
-    yield f"M665 L{':'.join(f'{one:.4f}' for one in rods)} R{radius:.4f}{words}"
+    yield f"M665 L{':'.join(f'{one:.4f}' for one in rods)} R{radius:.4f}{angles_of_towers}"
     yield f"; M665 H: {mean:+.4f} to what it is now"
     changes = ", ".join(f"{x} {one - mean:+.4f}" for x, one in zip("XYZ", endstops, strict=True))
     yield f"; M666: {changes} to what they are now"

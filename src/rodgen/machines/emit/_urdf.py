@@ -201,7 +201,7 @@ def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any =
             said.append(f"target {target.name} {what} {numbers_text(x.round(9))} in the frame of link {link}")
     by_name = {joint.name: joint for joint in joints.values()}
     changed = {
-        name: pose for name, pose in origins.items() if np.abs(pose - _pose(by_name[name])).max() > _SAME
+        name: pose for name, pose in origins.items() if np.abs(pose - by_name[name].pose).max() > _SAME
     }
     said = [f"{CORRECTED}: {', '.join(changed) or 'none, as none differs'}", *said]
     said += [f"not in it: {what}" for what in left_out]
@@ -298,16 +298,10 @@ def _placed(
 # frames --------------------------------------------------------------------------------------------------------------
 
 
-def _pose(joint: UrdfJoint) -> Array:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = joint.turn, joint.origin
-    return pose
-
-
 def _product(joints: Sequence[UrdfJoint]) -> Array:
     product = np.eye(4)
     for joint in joints:
-        product = product @ _pose(joint)
+        product = product @ joint.pose
     return product
 
 

@@ -86,10 +86,8 @@ class UrdfJoint:
     type: str
     parent: str
     child: str
-    turn: Array
-    """Shape (3, 3)."""
-    origin: Array
-    """Shape (3,)."""
+    pose: Array
+    """Of its frame, (4, 4)."""
     axis: Array
     """A unit vector in its own frame, (3,)."""
     travel: tuple[float, float] | None
@@ -192,6 +190,9 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
     multiples = np.round(angles / _STEP)
     near = np.abs(angles - multiples * _STEP) < _NEAR
     off = near & (np.abs(angles - multiples * _STEP) > 1e-12)
+    pose = np.eye(4)
+    pose[:3, :3] = matrix_from_roll_pitch_yaw(np.where(near, multiples * _STEP, angles))
+    pose[:3, 3] = numbers("origin", "xyz", (0.0, 0.0, 0.0))
     length = float(np.linalg.norm(axis))
     kind = element.get("type", "")
     if kind in MOVING and length == 0:
@@ -207,8 +208,7 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
         type=kind,
         parent=text("parent", "link") or "",
         child=text("child", "link") or "",
-        turn=matrix_from_roll_pitch_yaw(np.where(near, multiples * _STEP, angles)),
-        origin=numbers("origin", "xyz", (0.0, 0.0, 0.0)),
+        pose=pose,
         axis=axis / (length or 1.0),
         travel=(low, high) if limited else None,
         mimic=mimic,
@@ -261,22 +261,23 @@ def _chain(file: str, joints: Mapping[str, UrdfJoint], base: str, tip: str) -> l
 
 
 def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint]) -> Imported:
-    turn, place = np.eye(3), np.zeros(3)
+    frame = np.eye(4)
     joints: list[Joint] = []
     names: dict[str, str] = {}
     notes = [
         f"{os.path.basename(file)}: URDF of {shown(robot)}, from link {base} to link {tip}; m and rad there."
     ]
     for joint in chain:
-        place = place + turn @ joint.origin
-        turn = turn @ joint.turn
+        frame = frame @ joint.pose
         if joint.type == "fixed":
             continue
         kind = MOVING[joint.type]
         name = machine_name(joint.name, [each.name for each in joints], joint=True)
         scale = 1.0 if kind == "revolute" else _MM
         travel = None if joint.travel is None else (joint.travel[0] * scale, joint.travel[1] * scale)
-        joints.append(Joint(name, kind, clean(turn @ joint.axis, 15), clean(_MM * place, 9), travel))
+        joints.append(
+            Joint(name, kind, clean(frame[:3, :3] @ joint.axis, 15), clean(_MM * frame[:3, 3], 9), travel)
+        )
         if name != joint.name:
             notes.append(f"Joint {shown(joint.name)} is called {name}, as a machine file has it.")
         names[joint.name] = name
@@ -286,7 +287,7 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint])
     followers = {names[joint.name]: joint.mimic for joint in chain if joint.mimic and joint.name in names}
     joints = [_following(joint, followers.get(joint.name), names, joints, notes) for joint in joints]
     notes += _on_fixed_and_limits(chain)
-    target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * place, 9))
+    target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * frame[:3, 3], 9))
     machine = Machine(
         f"{robot}, {base} to {tip}"[:200],
         "mm",
