@@ -78,7 +78,6 @@ def _common(content: Content, form: Form) -> dict[str, Any]:
         "words": [in_comment(line) for line in _words_of(content, form)],
         "joints": machine.joints,
         "targets": machine.targets,
-        "length": machine.length_unit,
         "directions": content.directions,
         "unit": machine.length_unit if content.scope.machine.measurand.moving else "rad",
         "dim": content.numbers,
