@@ -10,7 +10,6 @@ import numpy as np
 
 from rodgen.data.units import ARCSEC
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines.emit._content import title_of
 from rodgen.machines.emit._numbers import Covariance, standard, varied
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.imports.tpoint_model import model_text, terms_of
@@ -87,6 +86,8 @@ def tpoint_text(
     InputFileError
         When the machine is no such mount, has an effect that is no term, or a parameter without a value.
     """
+    from rodgen.machines.emit._content import title_of  # with templates, which terms alone do not need
+
     file = machine.file or machine.name
     if mount_of(machine) is None:
         axes = "; or ".join(
