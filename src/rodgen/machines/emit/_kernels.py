@@ -180,7 +180,12 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     return MachineKernels(
         first,
         PosePrograms(f"{name}_pose", *pose) if pose else None,
-        {column: place for column, place in conditions.items() if place in of_ports},
+        {
+            column: place
+            for column, place in conditions.items()
+            if place in of_ports
+            or place[0] == "x" in read  # covariates, all or none: they stand in their order
+        },
         tuple(constant for constant in numbers.constants if constant.name in read),
         numbers.seen,
         numbers.seen_of,
