@@ -319,11 +319,11 @@ def _changing_nothing(mount: Mount) -> Iterator[dict[_Key, float]]:
     """Yield numbers that together move nothing: the zero of an axis, and the same turn of all that it carries."""
     first, second = mount.joints
     n1, n2 = (np.array(axis) for axis in mount.axes)
-    tilts = {("axis_tilt", second, x): d for x, d in zip("ab", complete_basis(n2), strict=True)}
-    boresight = zip("ab", complete_basis(np.array(mount.boresight)), strict=True)
-    offsets = {("target_offset", BORESIGHT, x): d for x, d in boresight}
-    yield {key: float(d @ n1) for key, d in (tilts | offsets).items()} | {("zero_offset", first, "a"): -1.0}
-    yield {key: float(d @ n2) for key, d in offsets.items()} | {("zero_offset", second, "a"): -1.0}
+    across, beside = complete_basis(n2), complete_basis(np.array(mount.boresight))
+    tilts: dict[_Key, Any] = {("axis_tilt", second, x): d for x, d in zip("ab", across, strict=True)}
+    offsets: dict[_Key, Any] = {("target_offset", BORESIGHT, x): d for x, d in zip("ab", beside, strict=True)}
+    for axis, turned, carried in ((first, n1, tilts | offsets), (second, n2, offsets)):
+        yield {("zero_offset", axis, "a"): -1.0} | {key: float(d @ turned) for key, d in carried.items()}
 
 
 def _numbers_of(machine: Machine) -> dict[_Key, float]:
