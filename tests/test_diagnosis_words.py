@@ -119,7 +119,7 @@ def test_of_many_alternatives_the_most_probable_are_listed_and_the_others_counte
 
 def test_dimensions_that_are_not_those_of_the_file_are_named_first():
     first, second = mount().fits[:2]
-    geometry = WrongGeometry(("AZ.axis",), 5.0, first, 2.79)
+    geometry = WrongGeometry(("AZ.axis",), (), 5.0, first, 2.79)
     found = replace(
         mount(), verdict="wrong_geometry", steps=(), fits=(second,), geometry=geometry,
         rms=replace(mount().rms, after=second.rms),

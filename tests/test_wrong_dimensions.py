@@ -2,6 +2,7 @@
 
 A robot is drawn once. The simulator measures it, with dimensions that are off by what such machines have, or with
 drives that give way to the moments of the weights that they carry, which is physics and no formula of the catalogue.
+Platforms on legs have joint centres and rods of their own, and loops that are closed as vectors.
 """
 
 from __future__ import annotations
@@ -10,10 +11,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import run
+from delta_cases import PRINTER, L, R, probed
 from diagnosis_checks import diagnosis_of
+from hexapod_cases import BASE, PLATFORM, drawn_poses, hexapod_file, lengths, table
 from hidden_effects import Hidden, Sealed, Truth
+from machine_cases import toml
 from machine_simulator import arcsec
+from parallel_simulator import LEGS, Parallel
 from real_machines import arm_6r
+from test_delta import machine_file, printer
+
+from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
+from rodgen.machines.effects.catalogue import GEOMETRY
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.machine import Machine
 
 WINDUPS = {f"{joint}.weight_windup.c": 2e-4 * arcsec(1) for joint in ("J2", "J3")}
 """1e6 N m/rad, as gears of such a robot have."""
@@ -75,3 +89,90 @@ def test_two_dimensions_that_are_off_are_two(tmp_path):
     assert found.geometry is None
     assert {"gravity_windup at J2", "gravity_windup at J3"} <= names(found)
     assert len(names(found)) == 4
+
+
+def dimensions(found) -> set[str]:
+    return {name for name in names(found) if name.split(" at ")[0] in GEOMETRY}
+
+
+@pytest.mark.thorough
+def test_towers_that_are_all_off_are_one_answer(tmp_path):
+    """The file that is written estimates what the diagnosis did."""
+    random = np.random.default_rng(1)
+    towers = {"radius": (R + 0.5, 0.3), "heading": (PRINTER, 0.2), "rod": (L, 0.2), "offset": (0.0, 0.3)}
+    off = {name: drawn + size * random.normal(size=3) for name, (drawn, size) in towers.items()}
+    log = probed(80, seed=1, **off)
+    head = ",".join(log)
+    np.savetxt(
+        tmp_path / "data.csv", np.column_stack([*log.values()]), delimiter=",", header=head, comments=""
+    )
+    rows = Measurements.load(tmp_path / "data.csv")
+    text = toml(machine_file("linear-delta", kind="height", noise=0.012))
+    (tmp_path / "machine.toml").write_text(text, encoding="utf-8")
+    found = diagnose(machine_of(text, "machine.toml"), rows)
+    assert found.verdict == "wrong_geometry"
+    assert not dimensions(found)
+    assert found.rms.after == pytest.approx(0.012, rel=0.3)  # three deviations of 68 readings
+    written = run("diagnose", "machine.toml", "data.csv", "-o", "new.toml", folder=tmp_path)
+    assert written.returncode == 0, written.stderr
+    again = fit(Machine.load(tmp_path / "new.toml"), rows)
+    assert again.rms == pytest.approx(found.rms.after, rel=1e-3)  # as far as both converge
+
+
+@pytest.mark.thorough
+def test_one_or_two_dimensions_of_a_tower_are_named():
+    rows = probed(offset=[0, 0.45, 0], heading=PRINTER + np.array([0, 0, 0.35]), radius=R + 0.8)
+    found = diagnose(printer(), Measurements.from_frame(rows))
+    assert found.geometry is None
+    assert names(found) == {"zero_offset at B", "delta_angle at C"}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("legs", "several"), [(slice(None), True), ([2], False)])
+def test_joint_centres_of_a_hexapod(legs, several):
+    random = np.random.default_rng(5)
+    base, platform = BASE.copy(), PLATFORM.copy()
+    for centres in (base, platform):
+        centres[legs] += 0.1 * random.normal(size=centres[legs].shape)
+    position, turn = drawn_poses(60, random)
+    commands = lengths(position, turn, base, platform)
+    rows = table(commands, position, turn, random, noise=0.01)
+    built = machine_of(toml(hexapod_file(estimate=["target"])), "machine.toml")
+    found = diagnose(built, Measurements.from_frame(rows))
+    assert (found.geometry is not None) == several
+    assert dimensions(found) == (
+        set() if several else {"base_joint_offset at L3", "platform_joint_offset at L3"}
+    )
+    assert not {effect.name for effect in found.unseen} & (GEOMETRY if several else set())
+    assert found.rms.after < 0.011  # the noise, and three deviations of 100 readings or more
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("several", [True, False])
+def test_joint_centres_of_a_tricept(several):
+    """With radii that the file estimates already."""
+    random = np.random.default_rng(2)
+    reflectors = {"nose": [0.0, 0, 0], "left": [120.0, 80, -60], "right": [-100.0, 70, -90]}
+    file = {
+        "name": "Tricept", "family": "tricept", "units": {"length": "mm", "angle": "deg"},
+        "environment": {"gravity": [0.0, 0, 1]}, "geometry": {"R": 330.0, "r": 140.0, "q": [0.0, 0, 250]},
+        "target": [{"name": name, "point": point} for name, point in reflectors.items()],
+        "measured": {"kind": "point", "frame": "free", "noise": 0.01},
+        "estimate": {"parameters": ["geometry", "target"]},
+    }  # fmt: skip
+    off = {
+        f"{leg}.{joint}_joint_offset.{x}": 0.2 * random.normal()
+        for leg in LEGS["tricept"][: 3 if several else 1]
+        for joint in ("base", "platform")
+        for x in "xyz"
+    }
+    machine = Parallel(file, off)
+    where = np.column_stack([*random.uniform(-0.4, 0.4, (2, 80)), random.uniform(660, 920, 80)])
+    q, names_of_rows = machine.legs(where), [[*reflectors][k % 3] for k in range(80)]
+    read = machine.measure(q, target=names_of_rows) + 0.01 * random.normal(size=(80, 3))
+    columns = {f"{leg} [mm]": q[:, k] for k, leg in enumerate(LEGS["tricept"])} | {"target": names_of_rows}
+    columns |= {f"{x} [mm]": read[:, k] for k, x in enumerate("xyz")}
+    found = diagnose(machine_of(toml(file), "machine.toml"), Measurements.from_frame(columns))
+    assert (found.geometry is not None) == several
+    assert bool(dimensions(found)) != several
+    assert found.rms.after == pytest.approx(0.01, rel=0.15)  # three deviations of 200 readings

@@ -37,7 +37,7 @@ from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, balanced, ended, fit
 from rodgen.calibration.forms import propose, sharpened
-from rodgen.calibration.geometry import GEOMETRY, SEVERAL, gain_of_geometry, with_geometry
+from rodgen.calibration.geometry import SEVERAL, gain_of_geometry, with_geometry
 from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
@@ -57,6 +57,7 @@ from rodgen.calibration.summary import contradictions
 from rodgen.calibration.validation import bind_validation, on_another_machine, validation_error
 from rodgen.calibration.words import NAMES, capitalized, uncapitalized
 from rodgen.errors import InputFileError, joined
+from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
 from rodgen.stages import Progress, reporting, stage
@@ -286,7 +287,8 @@ def _wrong_geometry(state: _State) -> tuple[WrongGeometry, Fit] | None:
     whole = _with_geometry(base) if gain > least else None
     if whole is None:
         return None
-    return WrongGeometry(whole.machine.estimate, log10_of(gain), base, base.held_out().rms), whole
+    more = whole.machine.effects[len(base.machine.effects) :]
+    return WrongGeometry(whole.machine.estimate, more, log10_of(gain), base, base.held_out().rms), whole
 
 
 @stage("further fits")

@@ -11,6 +11,7 @@ from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.pointing import pointing
 from rodgen.errors import joined
+from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.methods import method
@@ -275,6 +276,8 @@ class WrongGeometry(HasOdds, Result):
     ----------
     estimate : tuple of str
         What the machine file then estimates.
+    effects : tuple of Effect
+        Those of dimensions of single legs, which it then has, too.
     log10_odds : float
         Logarithm of how many times as probable that is as the effects that would take its place.
     before : Fit
@@ -284,11 +287,17 @@ class WrongGeometry(HasOdds, Result):
     """
 
     estimate: tuple[str, ...]
+    effects: tuple[Effect, ...]
     log10_odds: float
     before: Fit = field(repr=False)
     rms_held_out: float | None
 
-    _keys = "estimate odds rms=before.rms rms_held_out"
+    _keys = "estimate effects=titles odds rms=before.rms rms_held_out"
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """Names of these effects, with their places."""
+        return tuple(effect.title for effect in self.effects)
 
 
 @dataclass(frozen=True, repr=False)
@@ -417,14 +426,18 @@ class Diagnosis(HasOdds, Result):
 
     @property
     def unseen(self) -> tuple[Effect, ...]:
-        """Effects that these data could not show at all; on a mount none whose terms the model has in other parts."""
+        """Effects that these data could not show at all; on a mount none whose terms the model has in other parts.
+
+        Where dimensions are estimated, none that is one of them.
+        """
         sized = {
             one.effect.title for one in self.could_hide
         }  # with another value of what is searched it shows
         ranked = [r.effect for r in self.ranking if r.visible < COST.visible]
         if on_sky := pointing(self.final_with_forms):
             ranked = [e for e in ranked if not (e.terms and e.term_names <= on_sky.terms.keys())]
-        return tuple(effect for effect in ranked if effect.title not in sized)
+        there = frozenset() if self.geometry is None else GEOMETRY
+        return tuple(e for e in ranked if not (e.title in sized or e.name in there))
 
     @property
     def open_questions(self) -> OpenQuestions:

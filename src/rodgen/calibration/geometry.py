@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -11,25 +12,10 @@ from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.selection import select
 from rodgen.errors import RodgenError
+from rodgen.machines.effects.catalogue import GEOMETRY, OFFSETS
 from rodgen.machines.machine import Machine
 from rodgen.statistics.thresholds import COST
 
-GEOMETRY = frozenset(
-    {
-        "axis_tilt",
-        "axis_offset",
-        "zero_offset",
-        "target_offset",
-        "base_joint_offset",
-        "platform_joint_offset",
-        "leg_zero_offset",
-        "delta_radius",
-        "delta_angle",
-        "rod_length",
-        "arm_length",
-    }
-)
-"""Effects that say that a dimension is not that of the file."""
 SEVERAL = 3
 """Effects from which on a geometry is asked for, and dimensions from which on it is preferred as fewer causes: two are
 two."""
@@ -43,7 +29,7 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     N the number is uniform, and all sets of n are alike. Minus infinity where zeros of the joints alone do as well.
     """
     off = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
-    zeros = [c for c in off if c.effect.name == "zero_offset"]
+    zeros = [c for c in off if c.effect.name in OFFSETS]
     if not off:
         return -math.inf
     geometry = _cost(evidence, chosen, off)
@@ -57,15 +43,16 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
 def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candidate]) -> float:
     """Return the cost of dimensions as one cause, with the effects that are selected in addition.
 
-    None is chosen, and those with the same usual size are distributed with the same width. Effects may stand for
-    dimensions, so those beside them are selected anew.
+    None is chosen. Those with the same usual size are distributed with the same width, or each as usual or wider: where
+    the readings hardly determine them, a common width shrinks with the sizes. Effects may stand for dimensions, so
+    those beside them are selected anew.
     """
-    one = evidence.as_one_cause(off)
     rests = (
         [c for c in some if c.effect.name not in GEOMETRY] for some in (chosen, select(evidence.beside(off)))
     )
-    costs = (one.cost([*rest, *off]) - one.choice([*rest, *off]) + one.choice(rest) for rest in rests)
-    return min(costs) + 2 * one.log_choices
+    ways = itertools.product((evidence.as_one_cause(off), evidence), rests)
+    costs = (way.cost([*rest, *off]) - way.choice([*rest, *off]) + way.choice(rest) for way, rest in ways)
+    return min(costs) + 2 * evidence.log_choices
 
 
 def with_geometry(machine: Machine) -> Machine | None:
@@ -74,16 +61,15 @@ def with_geometry(machine: Machine) -> Machine | None:
     Where the frame is free, axis and point of the first joint are the base.
     """
     if machine.kinematics.is_closed:
-        if "geometry" in machine.estimate:
-            return None
-        found = replace(machine, estimate=("geometry", *machine.estimate))
+        there = machine.kinematics.one_by_one or "geometry" in machine.estimate
+        found = machine if there else replace(machine, estimate=("geometry", *machine.estimate))
         for name in machine.kinematics.dimensions:
             for joint in machine.joints:
                 try:
                     found = found.with_effect(found.effect(name, joint.name))
                 except RodgenError:  # it is there
                     continue
-        return found
+        return None if found is machine else found
     joints = machine.joints[1:] if machine.measured.frame == "free" else machine.joints
     more = tuple(f"{joint.name}.{part}" for joint in joints for part in PARTS.get(joint.type, ()))
     new = tuple(entry for entry in more if entry not in machine.estimate)

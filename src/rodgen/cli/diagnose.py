@@ -89,6 +89,7 @@ def _write(options: argparse.Namespace, found: Diagnosis) -> str:
     if found.geometry is not None:
         estimated = replace(found.geometry.before.machine, estimate=found.geometry.estimate)
         text = text_with_geometry(options.machine, estimated)
+        text = text_with_effects(options.machine, found.geometry.effects, text)
     text = text_with_effects(options.machine, effects, text)
     if found.further_exclusions:
         text = text_with_set_aside(options.machine, found.machine.measured.set_aside, text)

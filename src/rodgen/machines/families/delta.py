@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,8 @@ class _Delta(OnLegs):
     L: float
     """Radius of the rods' upper joints less that of the lower ones; length of the rods."""
 
-    dimensions = ("zero_offset", "delta_angle")
+    dimensions: ClassVar[tuple[str, ...]] = ("zero_offset", "delta_angle", "delta_radius", "rod_length")
+    one_by_one = True
     number_words = MappingProxyType(
         {
             "R": ("base_radius", "radius of the rods' upper joints less that of the lower ones, {length}"),
@@ -144,6 +145,7 @@ class RotaryDelta(_Delta):
     keys = ("R", "A", "L")
     leg = "arm"
     coordinate = "angle of arm"
+    dimensions = (*_Delta.dimensions, "arm_length")
 
     @property
     def size(self) -> float:

@@ -45,6 +45,8 @@ class Kinematics:
         What the numbers of each pose in `begins` are.
     dimensions : tuple of str
         Effects at them that say, beside `numbers`, that a dimension is not that of the file.
+    one_by_one : bool
+        Whether these have all that `numbers` have, each for one joint.
     start : tuple of float, length 3, or None
         Rotation vector in radians near which the assembly mode is; None where the file does not say, or need not.
     seen : tuple of tuple of float
@@ -66,6 +68,7 @@ class Kinematics:
     coordinate: ClassVar[str] = "length of leg"
     begin_of: ClassVar[tuple[str, ...]] = ()
     dimensions: ClassVar[tuple[str, ...]] = ("leg_zero_offset",)
+    one_by_one: ClassVar[bool] = False
 
     @property
     def start(self) -> Vector | None:

@@ -178,6 +178,7 @@ class OnThreeLegs(OnLegs):
     r: float
     """Radii of the circles of the joints on the base and on the platform."""
 
+    dimensions = ("leg_zero_offset", "base_joint_offset", "platform_joint_offset")
     number_words = MappingProxyType(
         {
             "R": ("base_radius", "radius of the joints on the base, {length}"),
