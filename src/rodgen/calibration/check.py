@@ -34,7 +34,7 @@ from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.calibration.problem.binding import bind_once
-from rodgen.calibration.repairs import Repair, far_offsets, repairs
+from rodgen.calibration.repairs import Repair, far_offsets, ratio_of_one_axis, repairs
 from rodgen.calibration.rows import wrong_rows
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.solve.staged_fit import FitError
@@ -448,13 +448,17 @@ class _Search:
             doubts = tuple(self._doubts(null))
             notes = (*self._on_gravity(null), *([f"{capitalized(stars)}."] if stars else []))
             right = replace(right, before=null.rms / self.factor, notes=notes)
-        if not doubts:
+        alone = ratio_of_one_axis(self.machine, self.observations)
+        if not doubts and abs(alone or 1) == 1:
             return right
         found = self._searched()
         named = [x for x in found if x[1].cost - found[0][1].cost < CHECK.equal]
         if not named or not _is_named(named[0][1], null):
             wrong = null is None or null.is_impossible
             return replace(right, suspicions=doubts, wrong=wrong)
+        doubts = doubts or (
+            f"the readings follow {float(alone or 1):.6g} of what {self.machine.joints[0].name} reads",
+        )
         named.sort(key=lambda x: (x[0].effort, x[1].cost))
         told = tuple(r.fitted(fit.model, fit.theta) if r.fitted else r for r, fit in named)
         after = named[0][1].rms / self.factor

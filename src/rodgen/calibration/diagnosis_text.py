@@ -6,6 +6,7 @@ import math
 import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from rodgen.calibration.gross_readings import on_outliers
 from rodgen.calibration.pointing import pointing
+from rodgen.calibration.repairs import simplest
 from rodgen.calibration.words import (
     IN_UNCERTAINTIES,
     comparison,
@@ -45,6 +47,8 @@ MOST_IN_VERDICT = 2
 """Alternatives that the verdict names; of more it says how many there are."""
 MOST_NAMED = 4
 """Alternatives of an effect that are listed."""
+RATIOS = frozenset({"scale", "leg_scale"})
+"""Effects that are a wrong ratio where they are far from usual: of a gear, a pitch, or counts per turn."""
 AT_NOISE = 1.15
 """An error up to this multiple of the noise agrees with it."""
 MOST_UNSEEN = 6
@@ -82,7 +86,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
             unknown = " How much of it is noise is not known: no pose was repeated, and none is stated."
         return f"{what} that these data could show; {error}{noise}.{unknown}"
     fallen = f"the error {fall(before, after, unit)}{noise}"
-    names = joined([with_alternatives(step) for step in diagnosis.steps])
+    names = joined([with_alternatives(step, diagnosis.base.machine) for step in diagnosis.steps])
     if diagnosis.verdict == "unknown_effect":
         begin = f"In addition to {names}, something" if names else "Something"
         what = f"{begin} outside the catalogue follows {drivers(diagnosis)}"
@@ -111,8 +115,9 @@ def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
     return f", which agrees with the noise ({shown})" if error <= same * noise else f"; the noise is {shown}"
 
 
-def with_alternatives(step: DiagnosedEffect) -> str:
+def with_alternatives(step: DiagnosedEffect, machine: Machine) -> str:
     """Return the name of an effect, with those that are nearly as probable, or how many of them there are."""
+    ratio = "a wrong ratio" if step.effect.name in RATIOS and far_from_usual(step, machine) else ""
     near = [alias for alias in step.indistinguishable_from if -2 * math.log(alias.odds) < COST.needed]
     alone = [str(a.effect.place) for a in near if a in step.shares and step.effect not in a.effects]
     parts = [e.place for a in step.shares if step.effect in a.effects for e in a.effects if e != step.effect]
@@ -122,7 +127,9 @@ def with_alternatives(step: DiagnosedEffect) -> str:
     others = joined([together(alias) for alias in near])
     if len(near) > MOST_IN_VERDICT:
         others = f"{len(near)} others"
-    return step.effect.titled(", ".join(where), f"here indistinguishable from {others}" if near else "")
+    return step.effect.titled(
+        ratio, ", ".join(where), f"here indistinguishable from {others}" if near else ""
+    )
 
 
 def together(alias: Alias) -> str:
@@ -397,8 +404,30 @@ def far_from_usual(step: DiagnosedEffect, machine: Machine) -> str:
                 found.append(f"{name} is {two_digits(times)} times the size that is usual")
     if not found:
         return ""
+    if step.effect.name in RATIOS:
+        return f"{joined(found)}: {on_ratio(step, machine)}"
     return (
         f"{joined(found)}. Few machines have so much: look for another cause, too, such as one not recorded."
+    )
+
+
+def on_ratio(step: DiagnosedEffect, machine: Machine) -> str:
+    """Return that the ratio of a joint is wrong in the file, what it is, and what to write there.
+
+    A fraction is named where no other with as small a divisor is as near: such differ by 1/d² at least.
+    """
+    e, joint = step.parameters["k"], machine.joints[machine.number_of(str(step.effect.place))]
+    near = CERTAIN * (e.std or 0.0)
+    fraction = simplest(1 + e.value, near)
+    if fraction is not None and 2 * near * fraction.denominator**2 > 1:
+        fraction = None
+    text = f"{1 + e.value:.6g}" if fraction is None else str(fraction)
+    is_nearly = "" if fraction is None else f", which is {fraction}"
+    written = f', or write reading = "{joint.column}", coordinate = "{text}*{joint.column}"'
+    change = "" if machine.kinematics.is_closed or joint.coordinate or joint.reading else written
+    return (
+        f"the ratio of {joint.name} is wrong. It {'turns' if joint.revolute else 'moves'} by "
+        f"{replace(e, value=1 + e.value).text} of what it reads{is_nearly}: correct it in the control{change}."
     )
 
 

@@ -292,11 +292,8 @@ def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]
 
 def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence[Joint]) -> Iterator[Repair]:
     """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
-    ratios = [Fraction(ratio) for ratio in RATIOS]
-    alone = machine.joints[0] if len(machine.joints) == 1 else None
-    if alone is not None and machine.measured.kind == ("angle" if alone.revolute else "distance"):
-        ratio = _ratio(observations.q[:, 0], observations.reading[:, 0], moving=machine.measurand.moving)
-        ratios = [ratio * (-1 if _falls(machine) else 1)] if abs(ratio) != 1 else []
+    alone = ratio_of_one_axis(machine, observations)
+    ratios = [Fraction(ratio) for ratio in RATIOS] if alone is None else [alone] if abs(alone) != 1 else []
     for joint, ratio in product((j for j in commanded if not j.coordinate), ratios):
         verb, name = "turns" if joint.revolute else "moves", joint.column
         size = f"{float(abs(ratio)):g}"
@@ -309,6 +306,18 @@ def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence
         )
         change = _with_joint(joint.name, reading=name, coordinate=f"{sign}{text}*{name}")
         yield Repair(words, f"unit {name}", 2 + (ratio < 0), change)
+
+
+def ratio_of_one_axis(machine: Machine, observations: Observations) -> Fraction | None:
+    """Return the simplest ratio of what is read of the only joint to what it is commanded; None of another machine.
+
+    One where it differs from that by no more than an error of scale.
+    """
+    joint = machine.joints[0]
+    if len(machine.joints) > 1 or machine.measured.kind != ("angle" if joint.revolute else "distance"):
+        return None
+    ratio = _ratio(observations.q[:, 0], observations.reading[:, 0], moving=machine.measurand.moving)
+    return ratio * (-1 if _falls(machine) else 1)
 
 
 def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
@@ -336,9 +345,13 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
     near = max(error * STANDARD_ERRORS, 1e-6 * abs(found))
     if abs(abs(found) - 1) < CHECK.imperfect:  # an error of scale, if it is one
         return Fraction(1)
-    sign = -1 if found < 0 else 1
-    whole = (Fraction(round(abs(found) * d), d) for d in range(1, MOST_TEETH))
-    return sign * next((x for x in whole if x and abs(float(x) - abs(found)) < near), Fraction(1))
+    return (-1 if found < 0 else 1) * (simplest(abs(found), near) or Fraction(1))
+
+
+def simplest(ratio: float, near: float) -> Fraction | None:
+    """Return the simplest fraction so near to a ratio; None where it has no divisor of at most `MOST_TEETH`."""
+    whole = (Fraction(round(ratio * d), d) for d in range(1, MOST_TEETH))
+    return next((x for x in whole if x and abs(float(x) - ratio) < near), None)
 
 
 def _falls(machine: Machine) -> bool:

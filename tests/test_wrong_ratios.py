@@ -1,0 +1,83 @@
+"""A gear ratio or a number of counts that is wrong in the file is said to be that, with the ratio and what to write.
+
+Machines are drawn by SciPy's rotations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from machine_cases import toml
+from scipy.spatial.transform import Rotation
+
+from rodgen.calibration.check import check
+from rodgen.calibration.diagnose import diagnose
+from rodgen.data.measurements import Measurements
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.machine import Machine
+
+
+def arm(ratio: float) -> tuple[Machine, Measurements]:
+    """Two axes, of which the second turns by a ratio of what it is commanded."""
+    random = np.random.default_rng(1)
+    q = random.uniform(-80, 80, (80, 2))
+    turned = Rotation.from_euler("ZY", np.radians(q * [1, ratio]))
+    read = turned.apply([500, 20, 100]) + 0.01 * random.normal(size=(80, 3))
+    axes = {"A": [0.0, 0.0, 1.0], "B": [0.0, 1.0, 0.0]}
+    file = {
+        "name": "arm",
+        "units": {"length": "mm", "angle": "deg"},
+        "joint": [
+            {"name": name, "type": "revolute", "axis": axis, "point": [0.0, 0, 0]}
+            for name, axis in axes.items()
+        ],
+        "target": [{"name": "ball", "point": [500.0, 20, 100]}],
+        "measured": {"kind": "point", "frame": "machine"},
+        "estimate": {"parameters": ["target"]},
+    }
+    columns = {f"{name} [deg]": q[:, k] for k, name in enumerate("AB")}
+    columns |= {f"{x} [mm]": read[:, k] for k, x in enumerate("xyz")}
+    return machine_of(toml(file), "arm.toml"), Measurements.from_frame(columns)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("ratio", "said"),
+    [
+        (
+            91 / 90,
+            'which is 91/90: correct it in the control, or write reading = "B", coordinate = "91/90*B".',
+        ),
+        (1.00001, ""),
+    ],
+)
+def test_a_ratio_that_is_no_effect_of_a_machine_is_said_to_be_wrong(ratio, said):
+    text = " ".join(str(diagnose(*arm(ratio))).split())
+    assert said in text
+    assert ("a wrong ratio" in text) == bool(said)
+
+
+def of_one_axis(ratio: float) -> tuple[Machine, Measurements]:
+    q = np.linspace(0, 350, 72)
+    read = ratio * q + 0.3 + np.random.default_rng(2).normal(scale=5 / 3600, size=72)
+    file = {
+        "name": "table",
+        "units": {"length": "mm", "angle": "deg"},
+        "joint": [{"name": "C", "type": "revolute", "axis": [0.0, 0, 1], "point": [0.0, 0, 0]}],
+        "target": [{"name": "encoder", "zero": 0.0}],
+        "measured": {"kind": "angle", "frame": "machine", "about": [0.0, 0, 1]},
+        "estimate": {"parameters": ["target"]},
+    }
+    columns = {"C [deg]": q, "angle [deg]": read}
+    return machine_of(toml(file), "table.toml"), Measurements.from_frame(columns)
+
+
+def test_a_ratio_of_one_axis_that_is_a_hundredth_off_is_found_by_check_and_by_diagnose():
+    """The error is a third of a percent of the motion, as large effects leave."""
+    case = of_one_axis(91 / 90)
+    change = 'C turns by 91/90 of what its reading says: reading = "C", coordinate = "91/90*C"'
+    assert [repair.words for repair in check(*case).repairs] == [change]
+    found = diagnose(*case)
+    assert found.verdict == "cannot_tell"
+    assert change in str(found.reason)
+    assert not check(*of_one_axis(1.004)).repairs  # an error of scale, if a large one
