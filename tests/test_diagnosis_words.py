@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from machine_cases import toml
 from made_diagnoses import mount
 
+from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, WrongGeometry
 from rodgen.calibration.diagnosis_text import (
     alternatives,
@@ -18,6 +21,8 @@ from rodgen.calibration.diagnosis_text import (
 )
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.words import comparison, plain
+from rodgen.data.measurements import Measurements
+from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.output.report import report_page
 
@@ -167,3 +172,35 @@ def test_one_effect_at_several_places_has_its_meaning_once():
 )  # fmt: skip
 def test_odds_in_words(odds, words):
     assert comparison(odds) == words
+
+
+def test_the_noise_by_replicates_is_shown_with_its_interval_and_what_is_stated():
+    """The interval itself is tested with the noise."""
+    q = np.tile(np.arange(0.0, 360, 30), 2)
+    read = q + np.random.default_rng(1).normal(scale=10 / 3600, size=24)
+    file = {
+        "name": "table",
+        "units": {"length": "mm", "angle": "deg"},
+        "joint": [{"name": "C", "type": "revolute", "axis": [0.0, 0, 1], "point": [0.0, 0, 0]}],
+        "target": [{"name": "encoder", "zero": 0.0}],
+        "measured": {"kind": "angle", "frame": "machine", "about": [0.0, 0, 1], "noise": 20 / 3600},
+        "estimate": {"parameters": ["target"]},
+    }
+    rows = Measurements.from_frame({"C [deg]": q, "angle [deg]": read})
+    found = diagnose(machine_of(toml(file), "table.toml"), rows)
+    noise = found.final.noise.replicates
+    (line,) = (line.split() for line in str(found).splitlines() if line.startswith("noise"))
+    shown = [f"{x:#.3g}" for x in (noise.value, noise.low, noise.high)]
+    assert line == [
+        "noise,",
+        "by",
+        "replicates",
+        shown[0],
+        shown[1],
+        "to",
+        shown[2],
+        "(95",
+        "%);",
+        "stated:",
+        "20.0",
+    ]

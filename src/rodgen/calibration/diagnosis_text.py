@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.fitted import Estimate
+    from rodgen.calibration.noise_floor import NoiseFloor
     from rodgen.machines.machine import Machine
 
 HARDLY = 20.0
@@ -100,7 +101,8 @@ def _verdict(diagnosis: Diagnosis) -> str:
 def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
     """Return how the error of a fit compares with the noise; empty where that is not known.
 
-    Of n readings with r degrees of freedom noise leaves an error of √(r/n) of it, known to 1/√(2r).
+    Of n readings with r degrees of freedom noise leaves an error of √(r/n) of it, known to 1/√(2r). The noise by
+    replicates is known to its interval.
     """
     noise = diagnosis.rms.noise
     if not noise:
@@ -109,10 +111,16 @@ def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
     readings = max(fit.residuals.shape[1] * int(np.sum(~fit.outliers)), 1)
     dof = max(fit.degrees_of_freedom, 1)
     error, same = fit.rms / math.sqrt(dof / readings), max(AT_NOISE, 1 + 2 / math.sqrt(2 * dof))
-    if error < noise / same:
+    replicates = diagnosis.final.noise.replicates
+    low, high = (replicates.low, replicates.high) if replicates else (noise, noise)
+    if error < min(noise / same, low):
         source = "stated" if diagnosis.final.noise.source == "stated" else "the replicates say"
         return f", less than the noise ({shown}), which is smaller than {source}"
-    return f", which agrees with the noise ({shown})" if error <= same * noise else f"; the noise is {shown}"
+    return (
+        f", which agrees with the noise ({shown})"
+        if error <= max(same * noise, high)
+        else f"; the noise is {shown}"
+    )
 
 
 def with_alternatives(step: DiagnosedEffect, machine: Machine) -> str:
@@ -313,13 +321,15 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     rms, rows = d.rms, rungs(d)
     factor, unit = readable(rms.unit, max(row.rms for row in rows))
     header = f"rms in {unit} per reading"
-    width = max(len(header), *(len(row.title) for row in rows))
+    floor = d.final.noise
+    noise = "noise, by replicates" if floor.replicates else "noise"
+    width = max(len(header), len(noise), *(len(row.title) for row in rows))
     yield f"{header:{width}}  {'fitted':>9}  {'held out':>9}  odds"
     for title, fitted, held_out, odds in rows:
         shown = "-" if held_out is None else three_digits(held_out * factor)
         yield f"{title:{width}}  {three_digits(fitted * factor):>9}  {shown:>9}  {odds}".rstrip()
     if rms.noise is not None:
-        yield f"{'noise':{width}}  {three_digits(rms.noise * factor):>9}"
+        yield f"{noise:{width}}  {three_digits(rms.noise * factor):>9}{_known_to(floor, factor)}"
     fits = (d.base, d.final_with_forms)
     for said in (*dict.fromkeys(fit.held_out().note for fit in fits), only_together(d)):
         if said:
@@ -329,6 +339,15 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
         yield f"On the further measurements: {before} before, {after} after."
     if out := on_outliers(d.final_with_forms, d.base.outliers):
         yield from textwrap.wrap(out, WIDTH)
+
+
+def _known_to(floor: NoiseFloor, factor: float) -> str:
+    """Return the interval of a noise by replicates, and what is stated beside it; empty of a stated one."""
+    if floor.replicates is None:
+        return ""
+    low, high = (three_digits(x * factor) for x in (floor.replicates.low, floor.replicates.high))
+    stated = "" if floor.stated is None else f"; stated: {three_digits(floor.stated * factor)}"
+    return f"  {low} to {high} (95 %){stated}"
 
 
 def of_one_kind(steps: Sequence[DiagnosedEffect]) -> list[list[DiagnosedEffect]]:

@@ -101,7 +101,8 @@ def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | 
         both = zip(nearest, merged, strict=True)
         merged = [new for new, old in both if evidence.cost(new) < evidence.cost(old) + LOOKAHEAD]
         tried += merged
-    better = min(evidence.weighed(tried), key=evidence.cost, default=chosen)
+    few = (some for some in tried if len(some) <= max(COST.most, len(chosen)))
+    better = min(evidence.weighed(few), key=evidence.cost, default=chosen)
     return better if evidence.cost(better) < evidence.cost(chosen) - 1e-6 else None
 
 
