@@ -808,22 +808,8 @@ NAMES = tuple(dict.fromkeys(definition.name for definition in CATALOGUE))
 OFFSETS = frozenset({"zero_offset", "leg_zero_offset"})
 SCALES = frozenset({"scale", "leg_scale", "instrument_scale"})
 """Names of effects of the reading that need no cause in the machine: where it counts from, and in what unit."""
-GEOMETRY = frozenset(
-    {
-        "axis_tilt",
-        "axis_offset",
-        "zero_offset",
-        "target_offset",
-        "base_joint_offset",
-        "platform_joint_offset",
-        "leg_zero_offset",
-        "delta_radius",
-        "delta_angle",
-        "rod_length",
-        "arm_length",
-    }
-)
-"""Names of effects that say that a dimension is not that of the file."""
+GEOMETRY = frozenset(d.name for d in CATALOGUE if d.rung <= 1) - {"squareness", "tower_lean"}
+"""Names of effects that say that a dimension is not that of the file; guides and towers are set square one by one."""
 WINDUPS = frozenset({"gravity_windup", "load_windup"})
 """Names of those by which a drive yields."""
 
