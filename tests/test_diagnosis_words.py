@@ -17,6 +17,7 @@ from rodgen.calibration.diagnosis_text import (
     far_from_usual,
     headline,
     of_effects,
+    only_together,
     rungs,
 )
 from rodgen.calibration.fitted import Estimate
@@ -204,3 +205,11 @@ def test_the_noise_by_replicates_is_shown_with_its_interval_and_what_is_stated()
         "stated:",
         "20.0",
     ]
+
+
+def test_plain_errors_do_not_speak_against_an_effect_where_the_fit_weighs_what_poses_share():
+    found = mount()
+    weighed = replace(found, fits=tuple(replace(fit, weighed=True) for fit in found.fits))
+    said = "The fit weighs readings by the error that those of a pose share."
+    assert only_together(weighed).startswith(said)
+    assert said not in only_together(found)

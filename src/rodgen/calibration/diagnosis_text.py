@@ -172,7 +172,15 @@ def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
 
 
 def only_together(diagnosis: Diagnosis) -> str:
-    """Return a sentence on effects with which poses held out are predicted no better; empty where there are none."""
+    """Return a sentence on effects with which poses held out are predicted no better; empty where there are none.
+
+    Where the fit weighs readings by what those of a pose share, plain errors do not tell.
+    """
+    if diagnosis.final.weighed:
+        return (
+            "The fit weighs readings by the error that those of a pose share. These plain errors do not, so that they "
+            "may rise with an effect that is there."
+        )
     alone = [
         step.effect.title
         for step, (before, after) in zip(diagnosis.steps, pairwise(diagnosis.fits), strict=True)
