@@ -1,10 +1,12 @@
 """Proofs are proofs: what is false, open or badly refuted does not pass."""
 
+import itertools
 import random
 import re
 
 import pytest
 import sympy as sp
+from sympy.polys.rings import ring
 
 from rodgen.symbolic import (
     EPS,
@@ -29,7 +31,7 @@ from rodgen.symbolic import (
     skew,
 )
 from rodgen.symbolic._latex import component_names, latex, latex_lines, rendered_width
-from rodgen.symbolic.reduction import reduction
+from rodgen.symbolic.reduction import _coprime, reduction
 
 x, y, z = sp.symbols("x y z", real=True)
 
@@ -468,3 +470,12 @@ def test_power_of_two_scale_is_constant_to_a_derivative_and_one_at_zero():
 
 def test_tests_run_in_no_notebook():
     assert not in_notebook()
+
+
+def test_fractions_are_brought_to_lowest_terms_only_where_something_is_in_common() -> None:
+    _, x, y, z = ring("x, y, z", sp.ZZ)
+    for f, g in itertools.product((x + y, x * y - 1, x**2 + y**2 + 1, 3 * z + x), repeat=2):
+        for h in (x + z, y**2 - z):
+            assert _coprime(f * h, g * h) == (f * h).cancel(g * h)  # shares h
+            assert _coprime(f * h, g) == (f * h).cancel(g)  # shares f where it is g
+    assert _coprime(6 * x, 4 * y + 2) == (3 * x, 2 * y + 1)  # a number
