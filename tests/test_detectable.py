@@ -56,7 +56,12 @@ def test_text_and_json_say_what_could_hide(innocent):
     assert "How much of it is noise is not known" in " ".join(
         text.split()
     )  # none is stated, and no pose was repeated
-    assert f"{found.could_hide[0].effect.title} {found.could_hide[0].parameter} = " in text
+    first = next(one for one in found.could_hide if one.possible)
+    assert f"{first.effect.title} {first.parameter} = " in text
+    huge = [one for one in found.could_hide if not one.possible]
+    assert huge  # sizes that no machine has are no table of what may be there
+    assert not [one for one in huge if f"{one.effect.title} {one.parameter} = " in text]
+    assert f"only more than any machine has of {huge[0].effect.title}" in text
     assert "e+" not in text  # 4000 arcsec, not 4e+03
     assert not {one.effect.title for one in found.could_hide} & {effect.title for effect in found.unseen}
     printed = found.to_dict()["could_hide"]

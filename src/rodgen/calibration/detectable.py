@@ -58,8 +58,6 @@ class Detectable(Result):
     @property
     def how_rare(self) -> str:
         """Which machines have so much of it, in words; empty where many have."""
-        if not self.possible:
-            return "more than any machine has"
         return "more than most machines have" if self.rare else ""
 
     @property

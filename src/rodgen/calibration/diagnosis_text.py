@@ -261,9 +261,14 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         yield from textwrap.wrap(nearest(d), WIDTH)
         yield from _could_hide(d)
     unseen = [effect.title for effect in d.unseen]
-    if unseen:
+    huge = [one.effect.title for one in d.could_hide if not one.possible]
+    if unseen or huge:
         yield ""
+    if unseen:
         yield from _paragraph("Not seen", f"These data could not show {joined(unseen, most=MOST_UNSEEN)}.")
+    if huge:
+        text = f"These data would show only more than any machine has of {joined(huge, most=MOST_UNSEEN)}."
+        yield from _paragraph("Hardly seen", text)
     yield from _notes(d)
 
 
@@ -279,7 +284,8 @@ def nearest(diagnosis: Diagnosis) -> str:
 
 def _could_hide(d: Diagnosis) -> Iterator[str]:
     """Yield a table of the effects that could hide most error, with the least sizes that would have been found."""
-    worst = d.could_hide[:MOST_HIDDEN]
+    possible = [one for one in d.could_hide if one.possible]
+    worst = possible[:MOST_HIDDEN]
     if not worst:
         return
     yield ""
@@ -293,8 +299,8 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
         factor, unit = readable(d.rms.unit, one.rms)
         error = f"{two_digits(one.rms * factor)} {unit}"
         yield f"  {one.effect.title:<{width}}  {one.text:<24}  {error:<12}  {one.how_rare}".rstrip()
-    if len(d.could_hide) > len(worst):
-        yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
+    if len(possible) > len(worst):
+        yield f"  and {len(possible) - len(worst)} more with less error, in --json"
 
 
 class Rung(NamedTuple):

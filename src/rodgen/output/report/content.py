@@ -100,8 +100,9 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
                 "error": f"{two_digits(one.rms * shown.factor)} {shown.unit}",
                 "note": one.how_rare,
             }
-            for one in diagnosis.could_hide[:MOST_RANKED]
-        ],
+            for one in diagnosis.could_hide
+            if one.possible
+        ][:MOST_RANKED],
         "model": list(_model(diagnosis)),
         "terms": list(_terms(diagnosis)),
         "plan": None if plan is None else _plan(plan),
