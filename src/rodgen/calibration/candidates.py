@@ -182,8 +182,16 @@ def _is_later_weight(effect: Effect, key: str) -> bool:
 def with_searched(sensitivities: Sensitivities, effect: Effect, searched: Mapping[str, float]) -> Candidate:
     """Return an effect that is a product, at some values of the parameters that are searched."""
     linear = [name for name in effect.definition.parameters if name not in effect.definition.searched]
-    columns = [_column(sensitivities, effect, {name: 1.0}, searched) for name in linear]
-    return Candidate(effect, tuple(map(effect.key, linear)), np.stack(columns, axis=-1), searched)
+    columns = columns_at(sensitivities, effect, {name: [value] for name, value in searched.items()})[0]
+    return Candidate(effect, tuple(map(effect.key, linear)), columns, searched)
+
+
+def columns_at(
+    sensitivities: Sensitivities, effect: Effect, searched: Mapping[str, Sequence[float]]
+) -> Array:
+    """Return the columns of an effect that is a product at several values of what is searched, (values, n, m, k)."""
+    linear = [name for name in effect.definition.parameters if name not in effect.definition.searched]
+    return np.stack([_column(sensitivities, effect, name, searched) for name in linear], axis=-1)
 
 
 def promising_waves(
@@ -270,29 +278,30 @@ def _number(sensitivities: FitRows, effect: Effect) -> int:
 
 
 def _column(
-    sensitivities: Sensitivities, effect: Effect, values: Mapping[str, float], searched: Mapping[str, float]
+    sensitivities: Sensitivities, effect: Effect, name: str, searched: Mapping[str, Sequence[float]]
 ) -> Array:
-    """Return the derivative in the direction of some values of the parameters, the others zero, (n, m)."""
+    """Return the derivative by one parameter, the other linear ones zero, at searched values, (values, n, m)."""
     definition = effect.definition
-    names = dict.fromkeys(definition.parameters, 0.0) | dict(values) | dict(searched)
+    values = {key: np.reshape(several, (-1, 1, 1)) for key, several in searched.items()}
+    names = dict.fromkeys(definition.parameters, 0.0) | {name: 1.0} | values
     words = _vocabulary(sensitivities, effect.place)
     if definition.component != "reading" and "q" in words:
         words = words | {"q": sensitivities.observations.coordinates[:, _number(sensitivities, effect)]}
     with np.errstate(all="ignore"):
         change = definition.formula.evaluate(words | names, ARRAY_FUNCTIONS, float)
-    n = sensitivities.observations.n
+    count, n = max(map(len, values.values()), default=1), sensitivities.observations.n
     if definition.component == "reading":
         sensitivity = sensitivities.component(effect.place, "reading")
         assert sensitivity is not None
-        return np.asarray(sensitivity * np.broadcast_to(change, n)[:, None])
+        return np.asarray(sensitivity * np.broadcast_to(change, (count, 1, n))[:, 0, :, None])
     turns = not sensitivities.fit.machine.measurand.moving
     letter = "r" if definition.component == "rotation" or (definition.component == "frame" and turns) else "t"
-    change = np.broadcast_to(change, (3, n))
-    found = np.zeros(sensitivities.residual.shape)
-    for x, along in zip("xyz", change, strict=True):
+    change = np.broadcast_to(change, (count, 3, n))
+    found = np.zeros((count, *sensitivities.residual.shape))
+    for x, along in zip("xyz", np.swapaxes(change, 0, 1), strict=True):
         sensitivity = sensitivities.component(effect.place, f"{letter}{x}")
         if sensitivity is not None and along.any():
-            found += sensitivity * along[:, None]
+            found += sensitivity * along[:, :, None]
     return found
 
 

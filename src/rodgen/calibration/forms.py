@@ -23,6 +23,7 @@ from rodgen.array_types import Array, Ints, Mask
 from rodgen.calibration.candidates import (
     FEWEST_WAVES,
     Candidate,
+    columns_at,
     number_tried,
     promising_waves,
     with_searched,
@@ -141,7 +142,7 @@ def _sharper(given: _Given, c: Candidate) -> Candidate:
         reach, most = min(reach, value / 2 / span), max(value, span / FEWEST_WAVES)
     for k in range(ROUNDS):
         values = np.minimum(value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k), most)
-        near = [with_searched(sensitivities, c.effect, {name: float(one)}).columns for one in values]
+        near = columns_at(sensitivities, c.effect, {name: values})
         best = int(np.argmax(given.falls(near)))
         value, columns = float(values[best]), near[best]
     return replace(c, searched={name: value}, columns=columns)
@@ -209,7 +210,7 @@ class _Search:
         fewer = [tuple(c for c in chosen if c is not one) for one in chosen]
         parts = [*fewer, ()] if pieces and chosen else []
         given = [_Given.of(self.evidence, part) for part in dict.fromkeys(parts)]
-        return [*views, *((one, self._exact(one, pieces)) for one in given)]
+        return [*views, *zip(given, self._exact(given, pieces), strict=True)]
 
     def _searched(self, chosen: Sequence[Candidate]) -> list[tuple[_Given, list[Scored]]]:
         """Return what a set leaves, with the pieces of a search; and that as if there were no errors readings share."""
@@ -266,11 +267,11 @@ class _Search:
             # half a wave away is what a coarse period leaves
             counts = {p: driver.span / p for p in tried}
             far = [p for p, n in counts.items() if all(abs(driver.span / own - n) > 0.5 for own in periods)]
-            near = [with_searched(evidence.sensitivities, c.effect, {name: p}) for p in far]
-            if not near:
+            if not far:
                 continue
-            best = near[int(np.argmax(given.falls([one.columns for one in near])))]
-            c = _sharper(given, replace(c, searched=best.searched, columns=best.columns))
+            near = columns_at(evidence.sensitivities, c.effect, {name: far})
+            best = int(np.argmax(given.falls(near)))
+            c = _sharper(given, replace(c, searched={name: far[best]}, columns=near[best]))
             count = driver.span / c.searched[name]
             if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
                 yield c if c.effect.name not in {e.name for e in there} else _further_wave(evidence, c, there)
@@ -355,12 +356,16 @@ class _Search:
         machine = self.evidence.sensitivities.observations.machine
         return np.array([[not word(d, place, machine) for d in self.drivers] for place, _ in self.places])
 
-    def _exact(self, given: _Given, pieces: Sequence[Piece]) -> list[Scored]:
-        """Return pieces with their costs by all rows, the cheapest first."""
+    def _exact(self, views: Sequence[_Given], pieces: Sequence[Piece]) -> list[list[Scored]]:
+        """Return pieces with their costs by all rows in each view, the cheapest first."""
         pieces = list(dict.fromkeys(pieces))
-        prices = [self._prices([term])[at, 0] for term, at in pieces]
-        costs = given.gains(self._falls(given, pieces)) + prices
-        return [(float(costs[i]), pieces[i]) for i in np.argsort(costs, kind="stable")]
+        if not pieces:
+            return [[] for _ in views]
+        columns = [self.columns(piece) for piece in pieces]
+        prices = np.array([self._prices([term])[at, 0] for term, at in pieces])
+        white = {model: _white(model, columns) for model in {given.model for given in views}}
+        costs = [given.gains(given.falls_of(white[given.model])) + prices for given in views]
+        return [[(float(of[i]), pieces[i]) for i in np.argsort(of, kind="stable")] for of in costs]
 
     def _falls(self, given: _Given, pieces: Sequence[Piece]) -> Array:
         return given.falls([self.columns(piece) for piece in pieces])
@@ -372,15 +377,17 @@ class _Search:
         if not given.left > 0:
             return []
         rough, everywhere = _Rough.of(given, self.follow), [*range(len(self.places))]
-        scored = self._exact(given, self._best(given, rough, self.terms, everywhere, SHORT_LIST))
+        (scored,) = self._exact([given], self._best(given, rough, self.terms, everywhere, SHORT_LIST))
         searched = [piece for _, piece in scored if piece.term.searched][:REFINED]
-        scored = sorted([*scored, *self._exact(given, self._refined(given, searched))], key=itemgetter(0))
+        (more,) = self._exact([given], self._refined(given, searched))
+        scored = sorted([*scored, *more], key=itemgetter(0))
         products = [
             product
             for _, piece in scored[:MULTIPLIED]
             for product in self._best(given, rough, piece.term.multiplied(self.drivers), [piece.at], ALIKE)
         ]
-        return sorted([*scored, *self._exact(given, self._refined(given, products))], key=itemgetter(0))
+        (more,) = self._exact([given], self._refined(given, products))
+        return sorted([*scored, *more], key=itemgetter(0))
 
     def _best(
         self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
@@ -504,7 +511,7 @@ class _Given:
     def price(self) -> float:
         """What the chosen candidates cost, apart from the misfit, as if it were that of any sizes of theirs."""
         n = self.evidence.dof
-        misfit = n + n * math.log(self.left / n) + self.model.log_determinant
+        misfit = n + n * math.log(self.left / n) + self.model.space.log_determinant
         return self.evidence.cost(self.chosen) - misfit if self.left > 0 else 0.0
 
     @cached_property
@@ -522,22 +529,30 @@ class _Given:
 
     def falls(self, columns: Sequence[Array]) -> Array:
         """Return by how much each set of columns, (n, m, k), lowers the sum of squares."""
-        if not columns:
-            return np.zeros(0)
-        whole = np.concatenate(columns, axis=2)
-        whole = unit_columns(whole.reshape(len(self.y), -1)).reshape(whole.shape)
-        white = self.model.space.whiten(whole).reshape(len(self.y), -1)
+        return self.falls_of(_white(self.model, columns)) if len(columns) else np.zeros(0)
+
+    def falls_of(self, white: Sequence[Array]) -> Array:
+        """Return by how much each set of whitened columns, (N, k), lowers the sum of squares."""
         # the products beyond the model and what was chosen, from whose rounding the least part is far
-        along, pull = self.out.T @ white, white.T @ self.y
-        found, sizes = np.zeros(len(columns)), np.array([c.shape[2] for c in columns])
+        whole = np.concatenate(white, axis=1)
+        along, pull = self.out.T @ whole, whole.T @ self.y
+        found, sizes = np.zeros(len(white)), np.array([c.shape[1] for c in white])
         starts = np.cumsum(sizes) - sizes
         for size in np.unique(sizes):
             these = np.flatnonzero(sizes == size)
             part = starts[these][:, None] + np.arange(size)
-            x, a = np.moveaxis(white[:, part], 0, 1), np.moveaxis(along[:, part], 0, 1)
+            x, a = np.moveaxis(whole[:, part], 0, 1), np.moveaxis(along[:, part], 0, 1)
             gram = np.swapaxes(x, 1, 2) @ x - np.swapaxes(a, 1, 2) @ a
             found[these] = falls_from_products(gram, pull[part], least=COST.visible**2)
         return found
+
+
+def _white(model: Columns, columns: Sequence[Array]) -> list[Array]:
+    """Return sets of columns, (n, m, k), scaled to length 1 and whitened, (N, k)."""
+    whole = np.concatenate([*columns], axis=2)
+    unit = unit_columns(whole.reshape(len(model.space.residual), -1)).reshape(whole.shape)
+    white = model.space.whiten(unit).reshape(len(model.space.residual), -1)
+    return np.split(white, np.cumsum([c.shape[2] for c in columns])[:-1], axis=1)
 
 
 @dataclass(frozen=True)
