@@ -129,11 +129,6 @@ class Columns:
         """|y|²."""
         return float(self.space.residual @ self.space.residual)
 
-    @property
-    def log_determinant(self) -> float:
-        """As of the space."""
-        return self.space.log_determinant
-
 
 KNOWN = np.dtype(
     [
@@ -506,7 +501,7 @@ class Evidence:
     @cached_property
     def _products(self) -> tuple[Array, Array, Array, Array]:
         """XᵀX, Xᵀy, |y|² and the logarithm of the determinant of each noise model."""
-        found = zip(*((m.gram, m.pull, m.square, m.log_determinant) for m in self.models), strict=True)
+        found = zip(*((m.gram, m.pull, m.square, m.space.log_determinant) for m in self.models), strict=True)
         gram, pull, square, log_determinant = (np.array(of_models) for of_models in found)
         return gram, pull, square, log_determinant
 
@@ -517,18 +512,27 @@ class Evidence:
         """
         kinds, cost = set[str](), 0.0
         for c in chosen:
-            again = c.effect.name in kinds
+            _, name, first, again = self._price(c)
+            cost += again if name in kinds else first
             if not c.prior.certain:
-                kinds.add(c.effect.name)
-            cost += self._of_choice(c, 0.0 if again else self.log_choices)
+                kinds.add(name)
         return cost
 
-    def _of_choice(self, c: Candidate, log_choices: float) -> float:
-        """Return what choosing a candidate costs: nothing where it is the commonest of all, but no less."""
-        if c.prior.certain:
-            return 0.0
-        cost = max(2 * (log_choices - c.prior.log_odds), 0.0) + 2 * math.log(c.tries)
-        return cost + len(c.searched) * math.log(self.dof)
+    def _price(self, c: Candidate) -> tuple[tuple[str, str | None], str, float, float]:
+        """Return key and name of a candidate, and what choosing it costs as the first of its kind, or one more.
+
+        Nothing where it is the commonest of all, but no less.
+        """
+        if c not in self._prices:
+            tried = 2 * math.log(c.tries) + len(c.searched) * math.log(self.dof)
+            of_kinds = (max(2 * (choices - c.prior.log_odds), 0.0) for choices in (self.log_choices, 0.0))
+            first, again = (0.0 if c.prior.certain else of_kind + tried for of_kind in of_kinds)
+            self._prices[c] = c.key, c.effect.name, first, again
+        return self._prices[c]
+
+    @cached_property
+    def _prices(self) -> dict[Candidate, tuple[tuple[str, str | None], str, float, float]]:
+        return {}
 
     @property
     def log_choices(self) -> float:
@@ -620,11 +624,12 @@ class Evidence:
         if new := [key for key in dict.fromkeys(keys) if key not in self._bounds]:
             self._bounds |= zip(new, self._gains(new), strict=True)
         found = list[list[Candidate]]()
+        prices = [self._price(c) for c in self.candidates]
         for key in keys:
             there, kinds = {c.key for c in key} | {*self.refused}, {c.effect.name for c in key}
             choices = [
-                math.inf if c.key in there else price[c.effect.name in kinds]
-                for c, price in zip(self.candidates, self._prices, strict=True)
+                math.inf if own in there else again if name in kinds else first
+                for own, name, first, again in prices
             ]
             costs = self._bounds[key] + choices
             order = np.argsort(costs, kind="stable")[:most].tolist()
@@ -661,11 +666,6 @@ class Evidence:
         with np.errstate(invalid="ignore"):
             rests = np.log(left) + np.log1p(-np.minimum(falls / left, 1 - 1e-12))
         return np.asarray(np.min(self.dof * rests + log_determinant[:, None, None], axis=0))
-
-    @cached_property
-    def _prices(self) -> list[tuple[float, float]]:
-        """What choosing each candidate costs as the first of its kind, and beside others of it."""
-        return [(self._of_choice(c, self.log_choices), self._of_choice(c, 0.0)) for c in self.candidates]
 
     @cached_property
     def _by_size(self) -> dict[int, Ints]:
