@@ -19,10 +19,12 @@ def evidence_of(
     y = readings.reshape(len(readings), -1)
     model = np.ones((*y.shape, 1)) if model is None else model.reshape(*y.shape, -1)
     flat, none = model.reshape(y.size, -1), np.zeros((y.size, 0))
-    space, of_no_joint = Space.of(flat, y.ravel(), 0.0), SimpleNamespace(v=np.zeros((len(y), 0)))
+    space, of_no_joint = Space.of(flat, y.ravel(), y.ravel(), 0.0), SimpleNamespace(v=np.zeros((len(y), 0)))
     empty = Evidence(
         base=base,
-        sensitivities=SimpleNamespace(residual=y, model=model, observations=of_no_joint),  # type: ignore[arg-type]
+        sensitivities=SimpleNamespace(  # type: ignore[arg-type]
+            residual=y, model=model, observations=of_no_joint, exact=frozenset()
+        ),
         correlation=SimpleNamespace(whiten=lambda columns: columns),  # type: ignore[arg-type]
         candidates=[],
         unseen=[],

@@ -22,6 +22,7 @@ from rodgen.calibration.decidability import (
     unread_targets,
     why_undecidable,
 )
+from rodgen.calibration.dependence import FitRows
 from rodgen.calibration.detectable import detectable
 from rodgen.calibration.diagnosis import (
     Alias,
@@ -61,6 +62,7 @@ from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
 from rodgen.stages import Progress, reporting, stage
+from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.thresholds import COST, VERDICT
 from rodgen.views import plain
 
@@ -199,6 +201,11 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             known = there
             evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
             chosen = select(evidence)
+        for _ in range(ROUNDS):
+            if (at := _bent(evidence, chosen)) is None:
+                break
+            evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
+            chosen = select(evidence)
         selected = _State(base, evidence, chosen, [base], stretch=stretch)
         asked = geometry is None and number < ROUNDS - 1
         found = _wrong_geometry(selected) if asked else None
@@ -238,6 +245,32 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
 def _lasting(chosen: Sequence[Candidate]) -> frozenset[tuple[str, str | None]]:
     """Return the keys of the effects without drifts: with these the dependence of readings is estimated."""
     return frozenset(c.key for c in chosen if not c.effect.definition.follows_time)
+
+
+@stage("further fits")
+def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
+    """Return the fit with the effects that were chosen where they are too large for the derivatives at the base.
+
+    That is where the sum of squares that these predict is wrong by what an effect must be worth.
+    """
+    base, rows = evidence.base, evidence.sensitivities
+    plain = [c for c in chosen if not (c.driver or c.searched)]
+    if not plain:
+        return None
+    sizes = [size for c, size in zip(chosen, evidence.sizes(chosen), strict=True) if c in plain]
+    start = dict(zip([n for c in plain for n in c.names], np.concatenate(sizes).tolist(), strict=True))
+    try:
+        found = base.extended([c.effect for c in plain], start, creeps=False)
+    except FitError:
+        return None
+    if not {p.key for p in base.parameters} <= {p.key for p in found.parameters}:
+        return None  # an effect took the place of a freedom
+    y = rows.residual.ravel()
+    columns = np.concatenate([rows.model, *(c.columns for c in plain)], axis=2).reshape(len(y), -1)
+    predicted = project_out(orthonormal_basis(columns), y)
+    left = FitRows.at(found, rows.rows).residual.ravel()
+    variance = left @ left / max(evidence.dof, 1)
+    return found if abs(predicted @ predicted - left @ left) > COST.needed * variance else None
 
 
 def _rows(evidence: Evidence) -> Rows:
@@ -367,7 +400,7 @@ def _with_effects(
         if not c.driver:
             start |= dict(zip(c.names, own.tolist(), strict=True))
         try:
-            fit = fits[-1].extended(c.effect, start, creeps=False)
+            fit = fits[-1].extended([c.effect], start, creeps=False)
             if not fit.solution.converged:  # slow along a narrow valley: once more, from where it ended
                 fit = base.refit(fit.machine, outliers=base.outliers)
         except FitError:

@@ -450,7 +450,7 @@ class Diagnosis(HasOdds, Result):
         final, found = self.final_with_forms, {one.effect: None for one in self.found}
         for effect in () if alternatives else [e for step in self.steps for e in step.shared_by]:
             if effect not in found:
-                final, found[effect] = final.extended(effect, {}), None
+                final, found[effect] = final.extended([effect], {}), None
         play = [ranked for ranked in self.ranking if ranked.effect.name == "backlash"]
         sides, why = [r.effect for r in play if r.visible < COST.visible], ""
         if sides:

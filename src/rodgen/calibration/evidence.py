@@ -70,6 +70,8 @@ class Space:
         Orthonormal basis of the fitted parameters' columns.
     residual : ndarray, shape (N,)
         y, without its projection onto the basis.
+    imperfect : ndarray, shape (N,)
+        The same of y without what exact dimensions explain.
     log_determinant : float
         Of the covariance of y, compared with that of independent readings, and twice the logarithm of the number of
         models that were tried.
@@ -79,14 +81,17 @@ class Space:
 
     basis: Array
     residual: Array
+    imperfect: Array
     log_determinant: float
     whiten: Whiten = unchanged
 
     @classmethod
-    def of(cls, model: Array, y: Array, log_determinant: float, whiten: Whiten = unchanged) -> Space:
-        """Return the space of the fitted parameters' columns, (N, p), and of the readings y, (N,), both whitened."""
+    def of(
+        cls, model: Array, y: Array, imperfect: Array, log_determinant: float, whiten: Whiten = unchanged
+    ) -> Space:
+        """Return the space of the fitted parameters' columns, (N, p), and of the readings, (N,), all whitened."""
         basis = orthonormal_basis(model)
-        return cls(basis, project_out(basis, y), log_determinant, whiten)
+        return cls(basis, project_out(basis, y), project_out(basis, imperfect), log_determinant, whiten)
 
     def seen(self, columns: Array) -> Array:
         """Return what of columns of weighted readings, (n, m, K), the fitted parameters do not imitate, (N, K)."""
@@ -122,12 +127,18 @@ class Columns:
         across *= np.linalg.norm(across, axis=0) >= HIDDEN * np.linalg.norm(self.across, axis=0)
         every = np.concatenate([space.basis, basis], axis=1)
         cost = space.log_determinant + _log_determinant(there)
-        return Columns.of(Space(every, project_out(basis, space.residual), cost, space.whiten), across)
+        left = (project_out(basis, y) for y in (space.residual, space.imperfect))
+        return Columns.of(Space(every, *left, cost, space.whiten), across)
 
     @property
     def square(self) -> float:
         """|y|²."""
         return float(self.space.residual @ self.space.residual)
+
+    @property
+    def imperfect(self) -> float:
+        """|y|² without what exact dimensions explain."""
+        return float(self.space.imperfect @ self.space.imperfect)
 
 
 KNOWN = np.dtype(
@@ -207,6 +218,7 @@ class Evidence:
         beside: Array | None = None,
         further: Sequence[Candidate] = (),
         like: Evidence | None = None,
+        at: Fit | None = None,
     ) -> Evidence:
         """Return the evidence of a fit.
 
@@ -222,13 +234,15 @@ class Evidence:
             Effects of a user, in the place of those of the catalogue that have their names and places.
         like : Evidence, optional
             Made before with the same preference: that of the same fit has the candidates already.
+        at : Fit, optional
+            With some candidates in its model, about which it is linearised.
         """
-        if like is not None and like.base is base:
+        if at is None and like is not None and like.base is base:
             rows, screened = like.sensitivities, like.screened
         else:
             with stage("sensitivities of the candidates"):
                 effects = catalogue_effects(base.machine, base.observations)
-                rows = Sensitivities.of(base, effects)
+                rows = Sensitivities.of(base, effects, at)
                 screened = candidates(rows, effects, prefer)
         every = _in_place(screened, further)
         unusable = [c for c in every if not np.isfinite(c.columns).all()]
@@ -311,7 +325,7 @@ class Evidence:
         ]
         parts, end = dict(self.parts), self.models[0].across.shape[1]
         found = [c for c, there in zip(more, seen, strict=True) if there]
-        exact = self._exact
+        exact, dimensions = self._exact, self.sensitivities.exact
         for c in found:
             parts[id(c)] = np.arange(end, end := end + c.columns.shape[2])
         every = [*self.candidates, *found]
@@ -324,7 +338,13 @@ class Evidence:
             parts=parts,
             shares=self.shares | {id(c): share for c, share in zip(more, largest, strict=True)},
             known=np.concatenate(
-                [self.known, *(_known(c, models[0], parts[id(c)], c.effect.name in exact) for c in found)]
+                [
+                    self.known,
+                    *(
+                        _known(c, models[0], parts[id(c)], c.effect.name in exact or c.key in dimensions)
+                        for c in found
+                    ),
+                ]
             ),
             _bounds={},
             _log_choices=None,
@@ -441,11 +461,12 @@ class Evidence:
         together, such as the turns of a set-up that was shifted only.
         """
         n, k = self.dof, index.shape[1]
-        known, (grams, pulls, squares, determinants) = self.known[index], self._products
+        known, (grams, pulls, squares, imperfect, determinants) = self.known[index], self._products
         gram, pull = grams[:, index[:, :, None], index[:, None, :]], pulls[:, index]
         square = squares[:, None]
         exact = np.where(known["exact"], pull**2 / np.maximum(np.diagonal(gram, 0, -2, -1), 1e-300), 0.0)
         bent = np.maximum(square - np.max(exact, axis=-1, initial=0.0), 0.0)
+        bent = np.minimum(bent, imperfect[:, None])
         floor = (ROUNDING * square if self.curves else COST.bent**2 * bent) / n + 1e-300
         same = known["group"][:, :, None] == known["group"][:, None, :]
         first = ~np.any(np.tril(same, -1), axis=2)
@@ -499,11 +520,10 @@ class Evidence:
             yield [Estimated(float(found[i]), float(variance[i]), *(x[i] for x in of_sets)) for i in at]
 
     @cached_property
-    def _products(self) -> tuple[Array, Array, Array, Array]:
-        """XᵀX, Xᵀy, |y|² and the logarithm of the determinant of each noise model."""
-        found = zip(*((m.gram, m.pull, m.square, m.space.log_determinant) for m in self.models), strict=True)
-        gram, pull, square, log_determinant = (np.array(of_models) for of_models in found)
-        return gram, pull, square, log_determinant
+    def _products(self) -> tuple[Array, ...]:
+        """XᵀX, Xᵀy, |y|², that without exact dimensions, and the logarithm of the determinant of each noise model."""
+        found = ((m.gram, m.pull, m.square, m.imperfect, m.space.log_determinant) for m in self.models)
+        return tuple(np.array(of_models) for of_models in zip(*found, strict=True))
 
     def choice(self, chosen: Sequence[Candidate]) -> float:
         """Return -2 ln of the odds of choosing these: how often machines have them, and how many values were tried.
@@ -638,7 +658,7 @@ class Evidence:
 
     def _gains(self, sets: Sequence[Collection[Candidate]]) -> Array:
         """Return what sets cost with each candidate, but for odds and sizes, (S, candidates)."""
-        gram, pull, square, log_determinant = self._products
+        gram, pull, square, _, log_determinant = self._products
         diagonal = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
         # shorter ones end with a column of zeros
         columns = itertools.zip_longest(*map(self._index, sets), fillvalue=gram.shape[1])
@@ -746,7 +766,7 @@ def _known(c: Candidate, model: Columns, part: Ints, exact: bool) -> NDArray[Any
     gram = model.gram[np.ix_(part, part)]
     lengths = np.sqrt(np.maximum(np.diag(gram), 0.0))
     # a column that is hidden has no size
-    unit = np.where(lengths > 0, math.sqrt(model.square) / np.where(lengths > 0, lengths, 1.0), 0.0)
+    unit = np.where(lengths > 0, math.sqrt(model.imperfect) / np.where(lengths > 0, lengths, 1.0), 0.0)
     found = np.zeros(len(part), KNOWN)
     found["usual"] = np.minimum(np.where(np.isfinite(stated), stated, unit), 1e4 * unit)
     found["largest"] = [size.largest for size in sizes]
@@ -828,7 +848,8 @@ def _space(rows: Sensitivities, model: Array, correlation: Correlation) -> Space
     The restricted likelihood has the determinant of the fitted parameters' products, too (Patterson and Thompson 1971).
     """
     n, m, p = model.shape
-    whole = np.concatenate([model, rows.residual[:, :, None]], axis=2)
+    left = rows.residual if rows.imperfect is None else rows.imperfect
+    whole = np.concatenate([model, rows.residual[:, :, None], left[:, :, None]], axis=2)
     white = correlation.whiten(whole).reshape(n * m, -1)
     cost = correlation.cost
     if not correlation.independent:
@@ -836,7 +857,7 @@ def _space(rows: Sensitivities, model: Array, correlation: Correlation) -> Space
         lengths = np.linalg.norm(flat, axis=0)
         lengths[lengths == 0] = 1.0
         cost += _log_determinant(white[:, :p] / lengths) - _log_determinant(flat / lengths)
-    return Space.of(white[:, :p], -white[:, p], cost, correlation.whiten)
+    return Space.of(white[:, :p], -white[:, p], -white[:, p + 1], cost, correlation.whiten)
 
 
 def _log_determinant(columns: Array) -> float:

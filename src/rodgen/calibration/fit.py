@@ -242,20 +242,22 @@ def with_bodies(fit: Fit, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.isin(pose, pose[rows])
 
 
-def extended(fit: Fit, effect: Effect, start: Mapping[str, float], *, creeps: bool = True) -> Fit:
-    """Return the fit with a further effect in the model, begun where this one ended.
+def extended(fit: Fit, effects: Sequence[Effect], start: Mapping[str, float], *, creeps: bool = True) -> Fit:
+    """Return the fit with further effects in the model, begun where this one ended.
 
     Where that does not converge, a fit from the beginning.
 
     Parameters
     ----------
     start : mapping of str to float
-        Values of the effect's parameters to begin with, by key, internal units.
+        Values of the effects' parameters to begin with, by key, internal units.
     creeps : bool
         Whether it goes on along a narrow valley; see :func:`rodgen.calibration.solve.least_squares.minimise`. Where
         not, :func:`ended` brings it to the end.
     """
-    machine = fit.machine.with_effect(effect)
+    machine = fit.machine
+    for effect in effects:
+        machine = machine.with_effect(effect)
     machine = replace(machine, values={**machine.values, **start})
     o = fit.observations
     problem = problem_of(model_of(machine, o.travel, o.run_names, compiled=o.n >= COMPILE_FROM), o)
@@ -267,7 +269,11 @@ def extended(fit: Fit, effect: Effect, start: Mapping[str, float], *, creeps: bo
         i
         for i, p in enumerate(parameters)
         if p.key in there
-        or (p.hold is None and effect.owns(p.key) and (not p.optional or machine.values.get(p.key)))
+        or (
+            p.hold is None
+            and any(effect.owns(p.key) for effect in effects)
+            and (not p.optional or machine.values.get(p.key))
+        )
     ]
     with one_thread_in_blas():
         solution = minimise(problem, problem.model.start(), fit.solution.frame, free, creeps=creeps)

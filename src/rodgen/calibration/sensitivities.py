@@ -19,6 +19,7 @@ from rodgen.array_types import Array
 from rodgen.calibration.dependence import FitRows, sample_of
 from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_with
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.machine import Effect
 from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
 
@@ -42,32 +43,59 @@ class Sensitivities(FitRows):
 
     index: Mapping[str, int]
     """Number of each parameter's column, by its key."""
+    exact: frozenset[tuple[str, Place]] = frozenset()
+    """Name and place of the dimensions about which all is linearised: of these there is no second order."""
+    imperfect: Array | None = None
+    """Weighted residuals without what such dimensions explain, (n, m): what formulas may be wrong by a part of."""
     words: dict[Place, dict[str, Any]] = field(default_factory=dict, repr=False)
     """What formulas may use at each place, once it was asked for."""
 
     @classmethod
-    def of(cls, fit: Fit, effects: Sequence[Effect] = ()) -> Sensitivities:
+    def of(cls, fit: Fit, effects: Sequence[Effect] = (), at: Fit | None = None) -> Sensitivities:
         """Return the sensitivities at a fit.
 
         Parameters
         ----------
         effects : sequence of Effect
             Candidates; those that are not such a product are in the model themselves.
+        at : Fit, optional
+            With some of the candidates in its model, about which it is linearised. The residuals are those that its
+            derivatives predict without these.
         """
-        machine = fit.machine
-        direct = [effect for effect in effects if is_direct(effect)]
+        about = fit if at is None else at
+        there = {effect.identity for effect in about.machine.effects}
+        direct = [effect for effect in effects if is_direct(effect) and effect.identity not in there]
         rows = sample_of(fit.observations, ~fit.outliers)
-        problem, theta = problem_with(fit, [*direct, *bare_effects(machine)], rows)
+        problem, theta = problem_with(about, [*direct, *bare_effects(fit.machine)], rows)
         with one_thread_in_blas():
-            columns = problem.jacobian(theta, fit.solution.frame)
+            columns = problem.jacobian(theta, about.solution.frame)
             # effects of size zero change no residual
-            alone = fit.problem.take(rows)
-            residual = alone.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
+            alone = about.problem.take(rows)
+            residual = alone.residuals(about.solution.theta, about.solution.frame, weighted=True)
         columns = np.moveaxis(
             np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
         )  # a column is in one piece
         index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
-        return cls(fit, rows, problem.observations, problem.weight, residual, columns, index)
+        own = {effect.identity for effect in fit.machine.effects}
+        new = [effect for effect in about.machine.effects if effect.identity not in own]
+        exact = [effect for effect in new if effect.name in GEOMETRY]
+
+        def explained(by: Sequence[Effect]) -> Array:
+            of = [i for key, i in index.items() if any(effect.owns(key) for effect in by)]
+            return np.asarray(columns[:, :, of] @ theta[of])
+
+        imperfect = residual - explained([effect for effect in new if effect not in exact])
+        return cls(
+            fit,
+            rows,
+            problem.observations,
+            problem.weight,
+            imperfect - explained(exact),
+            columns,
+            index,
+            frozenset(effect.identity for effect in exact),
+            imperfect,
+        )
 
     @property
     def model(self) -> Array:

@@ -200,7 +200,7 @@ class WatchedColumns:
         y = np.append(along, math.sqrt(rest))
         columns = np.concatenate([root[:, None] * vectors[:, real].T, np.zeros((1, len(pull)))])[:, None, :]
         none = np.zeros((len(y), 0))
-        space = Space.of(none, y, 0.0)
+        space = Space.of(none, y, y, 0.0)
         rows = replace(self._sensitivities, residual=-y[:, None])
         weights = [Columns.of(space, none)]
         empty = Evidence(self.fit, rows, INDEPENDENT, [], [], [], int(readings + dof), weights)
