@@ -91,6 +91,21 @@ def test_two_dimensions_that_are_off_are_two(tmp_path):
     assert len(names(found)) == 4
 
 
+@pytest.mark.thorough
+def test_zeros_that_are_off_by_degrees_hide_no_small_effects(tmp_path):
+    """The second order of such zeros is some mm, of the windups 0.2 mm: what is small shows about the large."""
+    off = {"J2.zero_offset.a": 2.0, "J3.zero_offset.a": -1.0}
+    found = diagnosis_of(drawn(2, {}, WINDUPS | off), tmp_path)
+    assert found.geometry is None
+    assert names(found) == {
+        f"{name} at {joint}" for name in ("zero_offset", "gravity_windup") for joint in ("J2", "J3")
+    }
+    for key, true in off.items():
+        one = found.final.estimates[key]
+        assert abs(one.value - 3600 * true) < 4 * one.std, (key, one)
+    assert found.rms.after < 1.1 * arm_6r(np.random.default_rng(2)).sigma
+
+
 def dimensions(found) -> set[str]:
     return {name for name in names(found) if name.split(" at ")[0] in GEOMETRY}
 

@@ -251,7 +251,7 @@ def _lasting(chosen: Sequence[Candidate]) -> frozenset[tuple[str, str | None]]:
 def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
     """Return the fit with the effects that were chosen where they are too large for the derivatives at the base.
 
-    That is where the sum of squares that these predict is wrong by what an effect must be worth.
+    That is where what these do not explain of the change of the residuals is as large as an effect must be.
     """
     base, rows = evidence.base, evidence.sensitivities
     plain = [c for c in chosen if not (c.driver or c.searched)]
@@ -260,17 +260,18 @@ def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
     sizes = [size for c, size in zip(chosen, evidence.sizes(chosen), strict=True) if c in plain]
     start = dict(zip([n for c in plain for n in c.names], np.concatenate(sizes).tolist(), strict=True))
     try:
-        found = base.extended([c.effect for c in plain], start, creeps=False)
+        found = ended(base.extended([c.effect for c in plain], start, creeps=False))
     except FitError:
         return None
     if not {p.key for p in base.parameters} <= {p.key for p in found.parameters}:
         return None  # an effect took the place of a freedom
-    y = rows.residual.ravel()
-    columns = np.concatenate([rows.model, *(c.columns for c in plain)], axis=2).reshape(len(y), -1)
-    predicted = project_out(orthonormal_basis(columns), y)
+    y, moving = rows.residual.ravel(), {found.parameters[i].key for i in found.moving}
+    there = rows.columns[:, :, [i for key, i in rows.index.items() if key in moving]]
+    products = [c.columns for c in plain if not rows.index.keys() & {*c.names}]
+    columns = np.concatenate([there, *products], axis=2).reshape(len(y), -1)
     left = FitRows.at(found, rows.rows).residual.ravel()
-    variance = left @ left / max(evidence.dof, 1)
-    return found if abs(predicted @ predicted - left @ left) > COST.needed * variance else None
+    second = project_out(orthonormal_basis(columns), left - y)  # what is of higher order
+    return found if second @ second > COST.needed * (left @ left) / max(evidence.dof, 1) else None
 
 
 def _rows(evidence: Evidence) -> Rows:
