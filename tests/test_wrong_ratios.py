@@ -46,15 +46,24 @@ def arm(ratio: float) -> tuple[Machine, Measurements]:
     [
         (
             91 / 90,
-            'which is 91/90: correct it in the control, or write reading = "B", coordinate = "91/90*B".',
+            '(91/90 is within that): correct it in the control, or write reading = "B", coordinate = "1.0111',
+        ),
+        (
+            1.0234567,
+            'of what it reads: correct it in the control, or write reading = "B", coordinate = "1.0234',
         ),
         (1.00001, ""),
     ],
 )
 def test_a_ratio_that_is_no_effect_of_a_machine_is_said_to_be_wrong(ratio, said):
-    text = " ".join(str(diagnose(*arm(ratio))).split())
+    found = diagnose(*arm(ratio))
+    text = " ".join(str(found).split())
     assert said in text
     assert ("a wrong ratio" in text) == bool(said)
+    if said:  # what is written is exact to a tenth of its uncertainty
+        written = float(text.partition('coordinate = "')[2].partition("*")[0])
+        e = found.steps[0].parameters["k"]
+        assert abs(written - 1 - e.value) < 0.1 * e.std
 
 
 def of_one_axis(ratio: float) -> tuple[Machine, Measurements]:
@@ -81,3 +90,5 @@ def test_a_ratio_of_one_axis_that_is_a_hundredth_off_is_found_by_check_and_by_di
     assert found.verdict == "cannot_tell"
     assert change in str(found.reason)
     assert not check(*of_one_axis(1.004)).repairs  # an error of scale, if a large one
+    (decimal,) = check(*of_one_axis(1.0234567)).repairs  # no fraction of teeth by chance
+    assert 'coordinate = "1.0234' in decimal.words

@@ -14,7 +14,7 @@ import numpy as np
 
 from rodgen.calibration.gross_readings import on_outliers
 from rodgen.calibration.pointing import pointing
-from rodgen.calibration.repairs import simplest
+from rodgen.calibration.repairs import digits_of, simplest
 from rodgen.calibration.words import (
     IN_UNCERTAINTIES,
     comparison,
@@ -29,7 +29,7 @@ from rodgen.calibration.words import (
 from rodgen.data.units import readable, unit_factor
 from rodgen.errors import joined
 from rodgen.machines.plausibility import plausibility, reach
-from rodgen.statistics.thresholds import COST, VERDICT
+from rodgen.statistics.thresholds import CHECK, COST, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
@@ -49,7 +49,7 @@ MOST_IN_VERDICT = 2
 MOST_NAMED = 4
 """Alternatives of an effect that are listed."""
 RATIOS = frozenset({"scale", "leg_scale"})
-"""Effects that are a wrong ratio where they are far from usual: of a gear, a pitch, or counts per turn."""
+"""Effects that are a wrong ratio where they are large, or a fraction: of a gear, a pitch, or counts per turn."""
 AT_NOISE = 1.15
 """An error up to this multiple of the noise agrees with it."""
 MOST_UNSEEN = 6
@@ -125,7 +125,7 @@ def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
 
 def with_alternatives(step: DiagnosedEffect, machine: Machine) -> str:
     """Return the name of an effect, with those that are nearly as probable, or how many of them there are."""
-    ratio = "a wrong ratio" if step.effect.name in RATIOS and far_from_usual(step, machine) else ""
+    ratio = "a wrong ratio" if _is_ratio(step) and far_from_usual(step, machine) else ""
     near = [alias for alias in step.indistinguishable_from if -2 * math.log(alias.odds) < COST.needed]
     alone = [str(a.effect.place) for a in near if a in step.shares and step.effect not in a.effects]
     parts = [e.place for a in step.shares if step.effect in a.effects for e in a.effects if e != step.effect]
@@ -437,30 +437,30 @@ def far_from_usual(step: DiagnosedEffect, machine: Machine) -> str:
                 found.append(f"{name} is {two_digits(times)} times the size that is usual")
     if not found:
         return ""
-    if step.effect.name in RATIOS:
+    if _is_ratio(step):
         return f"{joined(found)}: {on_ratio(step, machine)}"
-    return (
-        f"{joined(found)}. Few machines have so much: look for another cause, too, such as one not recorded."
-    )
+    other = ", or a wrong ratio" if step.effect.name in RATIOS else ""
+    return f"{joined(found)}. Few machines have so much: look for another cause, too, such as one not recorded{other}."
+
+
+def _is_ratio(step: DiagnosedEffect) -> bool:
+    """Return whether an effect is rather a wrong ratio: of its size, or since that is a fraction of small numbers."""
+    if step.effect.name not in RATIOS:
+        return False
+    e = step.parameters["k"]
+    return abs(e.value) > CHECK.imperfect or simplest(1 + e.value, CERTAIN * (e.std or 0.0)) is not None
 
 
 def on_ratio(step: DiagnosedEffect, machine: Machine) -> str:
-    """Return that the ratio of a joint is wrong in the file, what it is, and what to write there.
-
-    A fraction is named where no other with as small a divisor is as near: such differ by 1/d² at least.
-    """
+    """Return that the ratio of a joint is wrong in the file, what it is, and what to write there."""
     e, joint = step.parameters["k"], machine.joints[machine.number_of(str(step.effect.place))]
-    near = CERTAIN * (e.std or 0.0)
-    fraction = simplest(1 + e.value, near)
-    if fraction is not None and 2 * near * fraction.denominator**2 > 1:
-        fraction = None
-    text = f"{1 + e.value:.6g}" if fraction is None else str(fraction)
-    is_nearly = "" if fraction is None else f", which is {fraction}"
+    fraction, text = simplest(1 + e.value, CERTAIN * (e.std or 0.0)), digits_of(1 + e.value, e.std or 0.0)
+    near = "" if fraction is None else f" ({fraction} is within that)"
     written = f', or write reading = "{joint.column}", coordinate = "{text}*{joint.column}"'
     change = "" if machine.kinematics.is_closed or joint.coordinate or joint.reading else written
     return (
         f"the ratio of {joint.name} is wrong. It {'turns' if joint.revolute else 'moves'} by "
-        f"{replace(e, value=1 + e.value).text} of what it reads{is_nearly}: correct it in the control{change}."
+        f"{replace(e, value=1 + e.value).text} of what it reads{near}: correct it in the control{change}."
     )
 
 

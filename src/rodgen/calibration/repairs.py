@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -35,6 +36,8 @@ SIMPLE = 2e-3
 """Part by which peaks of a periodogram differ that are equally high."""
 STANDARD_ERRORS = 10.0
 """Standard errors of a slope within which the simplest ratio is taken: other errors of an axis slope, too."""
+BY_CHANCE = 0.1
+"""Probability that an arbitrary number is so near to such a fraction, up to which it is taken for that."""
 MOST_ROWS, MOST_TEETH, LARGEST_RATIO, MOST_TRIED = 500, 1000, 10.0, 10_000
 """Rows by which a ratio is estimated, its largest divisor, how large it is where angles are read, and how many are
 tried then."""
@@ -296,7 +299,7 @@ def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence
     ratios = [Fraction(ratio) for ratio in RATIOS] if alone is None else [alone] if abs(alone) != 1 else []
     for joint, ratio in product((j for j in commanded if not j.coordinate), ratios):
         verb, name = "turns" if joint.revolute else "moves", joint.column
-        size = f"{float(abs(ratio)):g}"
+        size = f"{float(abs(ratio)):.12g}"
         text = size if Fraction(size) == abs(ratio) else str(abs(ratio))
         part = RATIOS.get(float(abs(ratio)), f"{text} of")
         way, sign = ("the other way and by ", "-") if ratio < 0 else ("by ", "")
@@ -345,13 +348,25 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
     near = max(error * STANDARD_ERRORS, 1e-6 * abs(found))
     if abs(abs(found) - 1) < CHECK.imperfect:  # an error of scale, if it is one
         return Fraction(1)
-    return (-1 if found < 0 else 1) * (simplest(abs(found), near) or Fraction(1))
+    plain = Fraction(digits_of(abs(found), near / STANDARD_ERRORS))
+    return (-1 if found < 0 else 1) * (simplest(abs(found), near) or plain or Fraction(1))
 
 
 def simplest(ratio: float, near: float) -> Fraction | None:
-    """Return the simplest fraction so near to a ratio; None where it has no divisor of at most `MOST_TEETH`."""
+    """Return the simplest fraction so near to a ratio; None where one may be so near by chance.
+
+    Up to a divisor d there are 3 d²/π² fractions in a unit (Hardy and Wright, theorem 330).
+    """
     whole = (Fraction(round(ratio * d), d) for d in range(1, MOST_TEETH))
-    return next((x for x in whole if x and abs(float(x) - ratio) < near), None)
+    found = next((x for x in whole if x and abs(float(x) - ratio) < near), None)
+    by_chance = 0.0 if found is None else 2 * near * 3 * found.denominator**2 / math.pi**2
+    return None if by_chance > BY_CHANCE else found
+
+
+def digits_of(value: float, std: float) -> str:
+    """Return a number with the digits that its standard deviation calls for, and one more."""
+    decimals = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 12
+    return f"{value:.{min(decimals, 12)}f}"
 
 
 def _falls(machine: Machine) -> bool:
