@@ -1,6 +1,6 @@
 """The geometry of a fitted machine as URDF: corrected axes and origins, the targets as links of their own.
 
-Or a user's own URDF with the origins of joints corrected as a fitted machine has them; all else stays, comments too.
+Or a user's own URDF with the origins of joints corrected as a fitted machine has them, and nothing else changed.
 A URDF states an axis in the frame of its joint, so that a corrected axis is a corrected frame: the nominal one, turned
 and moved by the least that brings its axis onto the fitted one, and then turned about it, or moved along it, by the
 zero of the joint. An origin leads from the frame of the link before to that frame, where all coordinates are zero.
@@ -11,10 +11,11 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
 import xml.etree.ElementTree as ElementTree
+import xml.parsers.expat
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
-from xml.dom import minidom
 
 import numpy as np
 
@@ -144,6 +145,8 @@ CORRECTED = "Origins corrected by rodgen"
 _LARGEST_TILT, _LARGEST_SHIFT = 0.1, 0.1
 """Of an axis, rad, and in parts of the robot's size: corrections are smaller, the axes of another robot differ more."""
 _SAME = 1e-12
+_ATTRIBUTE = re.compile(rb"""([^\s"'=<>/]+)\s*=\s*(?:"[^"]*"|'[^']*')""")
+_TAG = re.compile(rb"""<(?:[^<>"']|"[^"]*"|'[^']*')*>""")
 
 
 def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any = None) -> str:
@@ -206,7 +209,8 @@ def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any =
     said = [f"{CORRECTED}: {', '.join(changed) or 'none, as none differs'}", *said]
     said += [f"not in it: {what}" for what in left_out]
     comment = "\n     ".join(line.replace("--", "- -") for line in said)
-    return f"{_edited(text, changed)}\n<!-- {comment} -->\n"
+    end = "" if text.endswith("\n") else "\n"
+    return f"{_edited(file, text.encode(), changed).decode()}{end}<!-- {comment} -->\n"
 
 
 # the chain in the file -----------------------------------------------------------------------------------------------
@@ -336,16 +340,57 @@ def _motion(joint: UrdfJoint, axis: Array, point: Array, value: float) -> Array:
 # the text ------------------------------------------------------------------------------------------------------------
 
 
-def _edited(text: str, origins: Mapping[str, Array]) -> str:
-    """Return the text of a robot with other origins of some joints; its comments and lines stay."""
-    document = minidom.parseString(text.lstrip().encode())
-    for joint in document.getElementsByTagName("joint"):
-        name = joint.getAttribute("name")
-        if joint.parentNode is document.documentElement and name in origins:
-            there = [each for each in joint.getElementsByTagName("origin") if each.parentNode is joint]
-            origin = there[0] if there else document.createElement("origin")
-            if not there:
-                joint.insertBefore(origin, joint.firstChild)
-            origin.setAttribute("xyz", numbers_text(origins[name][:3, 3]))
-            origin.setAttribute("rpy", numbers_text(roll_pitch_yaw(origins[name][:3, :3])))
-    return "\n".join(['<?xml version="1.0"?>', *(node.toxml() for node in document.childNodes)])
+def _edited(file: str, content: bytes, origins: Mapping[str, Array]) -> bytes:
+    """Return the text with other numbers in the origins of some joints."""
+    starts = _tags(content)
+    edits: list[tuple[int, int, bytes]] = []
+    for name, pose in origins.items():
+        joint, origin = starts[name]
+        found = _TAG.match(content, joint if origin is None else origin)
+        if found is None:
+            raise InputFileError(
+                file, f"joint {name}", "an origin in an entity", "elements of joints as they are"
+            )
+        numbers = {b"xyz": numbers_text(pose[:3, 3]), b"rpy": numbers_text(roll_pitch_yaw(pose[:3, :3]))}
+        if origin is None:
+            space = re.match(rb"\s*", content[found.end() :])
+            tag = (space[0] if space else b"") + b"<origin/>"
+            edits.append((found.end(), found.end(), _with(tag, numbers)))
+        else:
+            edits.append((found.start(), found.end(), _with(found[0], numbers)))
+    for start, end, text in sorted(edits, reverse=True):
+        content = content[:start] + text + content[end:]
+    return content
+
+
+def _with(tag: bytes, numbers: Mapping[bytes, str]) -> bytes:
+    """Return a tag with other values of attributes."""
+    new = {key: b'%s="%s"' % (key, value.encode()) for key, value in numbers.items()}
+    tag = _ATTRIBUTE.sub(lambda found: new.pop(found[1], found[0]), tag)
+    return re.sub(rb"(?=\s*/?>$)", b"".join(b" " + each for each in new.values()), tag, count=1)
+
+
+def _tags(content: bytes) -> dict[str, tuple[int, int | None]]:
+    """Return where the tag of each joint of the robot begins, and that of its origin; None where it has none."""
+    parser = xml.parsers.expat.ParserCreate()
+    path: list[str] = []
+    found: dict[str, tuple[int, int | None]] = {}
+    names: list[str] = []
+    begun = content.lstrip()  # as `joints_of` reads it
+    blank = len(content) - len(begun)
+
+    def begin(tag: str, attributes: Mapping[str, str]) -> None:
+        at = blank + parser.CurrentByteIndex
+        if path == ["robot"] and tag == "joint":
+            names.append(attributes["name"])
+            found[names[-1]] = at, None
+        elif path == ["robot", "joint"] and tag == "origin" and found[names[-1]][1] is None:
+            found[names[-1]] = found[names[-1]][0], at
+        path.append(tag)
+
+    def end(_: str) -> None:
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.Parse(begun, True)
+    return found
