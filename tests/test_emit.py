@@ -56,7 +56,7 @@ from rodgen.machines.emit import emit
 from rodgen.machines.emit._content import Content, _even, content_of
 from rodgen.machines.emit._render import render
 from rodgen.machines.emit._scope import scope_of
-from rodgen.machines.files.read import JOINT_NAME
+from rodgen.machines.files.schema import JOINT_NAME
 from rodgen.machines.files.toml import UnfitError
 from rodgen.machines.imports.tpoint_model import mount_machine
 from rodgen.machines.machine import Joint, Machine, Measured, Target
