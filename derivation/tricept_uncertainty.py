@@ -1110,18 +1110,19 @@ def closure_kernel():
     inner = k.let("inner", rot("z", guide[6]) * turned_x(pose[0]) * rot("y", guide[10]))
     outer = k.let("outer", rot("x", guide[3]) * rot("z", guide[4]) * rot("y", pose[1]))
 
-    def placed(x):
-        on_rod = pose[2] * e(2) + sp.Matrix(guide[7:10]) + mount * x
-        return sp.Matrix(guide[0:3]) + outer * (guide[5] * e(2) + inner * on_rod)
+    def placed(name, x):
+        on_rod = k.let(f"{name}_on_rod", pose[2] * e(2) + sp.Matrix(guide[7:10]) + mount * x)
+        turned = k.let(f"{name}_turned", guide[5] * e(2) + inner * on_rod)
+        return sp.Matrix(guide[0:3]) + outer * turned
 
-    leg = [k.let(f"leg_{n}", placed(moving[n, :].T) - fixed[n, :].T) for n in range(3)]
+    leg = [k.let(f"leg_{n}", placed(f"joint_{n}", moving[n, :].T) - fixed[n, :].T) for n in range(3)]
     k.output(
         "residual",
         sp.Matrix([(leg[n].dot(leg[n]) - rods[n] ** 2) / 2 for n in range(3)]),
         unit="square of length",
         doc="half of the amount by which the square of each rod is too short",
     )
-    k.output("place", placed(tool), unit="length", doc="the tool Q")
+    k.output("place", placed("tool", tool), unit="length", doc="the tool Q")
     return k.build()
 
 

@@ -42,7 +42,7 @@ void biquadratic_pair_pair_prepared_batch_f32(size_t count, const float *first, 
 
 /* The octic of two equations in two angles, in the tangent of half the first angle from a turn on.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
- * Operations: 210 add, 195 mul, 6 sqrt, 20 select, 7 compare, 8 abs
+ * Operations: 207 add, 190 mul, 6 sqrt, 20 select, 7 compare, 8 abs
  * one (3, 3), no unit: coefficients of the first equation, by (1, cos, sin) of both angles
  * two (3, 3), no unit: those of the second
  * octic (9), no unit: coefficients, powers ascending

@@ -63,7 +63,7 @@
 
 #else
 
-/* screw_residual: 66 add, 103 mul, 1 cos, 1 sin */
+/* screw_residual: 66 add, 100 mul, 1 cos, 1 sin */
 KERNEL(helical_axis_screw_residual, const REAL before[3], const REAL reading[3], REAL angle, REAL slide, const REAL axis[3], const REAL point[3], REAL residual[3], REAL residual_jacobian[33]) {
   /* inputs */
   const REAL before_1 = before[AT(0)];
@@ -117,60 +117,60 @@ KERNEL(helical_axis_screw_residual, const REAL before[3], const REAL reading[3],
   const REAL x30 = x29*d_inner_1_d_point_3;
   const REAL x31 = x26*axis_3;
   const REAL x32 = x31*d_inner_1_d_point_2;
-  const REAL x36 = x26*(axis_3*cosine);
-  const REAL x38 = x26*(axis_2*cosine);
-  const REAL x42 = K(2.0)*axis_2;
-  const REAL x44 = K(2.0)*axis_3;
-  const REAL x53 = x26*inner_3;
-  const REAL x56 = x26*inner_2;
-  const REAL x57 = x29*d_inner_1_d_before_3;
-  const REAL x58 = x31*d_inner_1_d_before_2;
-  const REAL x60 = x31*d_inner_1_d_point_1;
-  const REAL x61 = x29*d_inner_1_d_point_1;
-  const REAL x69 = x26*axis_1;
-  const REAL x71 = x69*d_inner_2_d_point_3;
-  const REAL x74 = x26*(axis_1*cosine);
-  const REAL x78 = K(2.0)*axis_1;
-  const REAL x89 = x26*inner_1;
-  const REAL x92 = x69*d_inner_2_d_before_3;
-  const REAL x93 = x69*d_inner_1_d_point_1;
+  const REAL x35 = x31*cosine;
+  const REAL x36 = x29*cosine;
+  const REAL x40 = K(2.0)*axis_2;
+  const REAL x42 = K(2.0)*axis_3;
+  const REAL x51 = x26*inner_3;
+  const REAL x54 = x26*inner_2;
+  const REAL x55 = x29*d_inner_1_d_before_3;
+  const REAL x56 = x31*d_inner_1_d_before_2;
+  const REAL x58 = x31*d_inner_1_d_point_1;
+  const REAL x59 = x29*d_inner_1_d_point_1;
+  const REAL x67 = x26*axis_1;
+  const REAL x69 = x67*d_inner_2_d_point_3;
+  const REAL x71 = x67*cosine;
+  const REAL x75 = K(2.0)*axis_1;
+  const REAL x86 = x26*inner_1;
+  const REAL x89 = x67*d_inner_2_d_before_3;
+  const REAL x90 = x67*d_inner_1_d_point_1;
   /* outputs */
   residual[AT(0)] = moved_1 - axis_1*slide - x26*(axis_2*inner_3 - axis_3*inner_2);
   residual[AT(1)] = moved_2 - axis_2*slide - x26*(axis_3*inner_1 - axis_1*inner_3);
   residual[AT(2)] = moved_3 - axis_3*slide - x26*(axis_1*inner_2 - axis_2*inner_1);
   residual_jacobian[AT(0)] = x32 - x30 - K(1.0);
-  residual_jacobian[AT(1)] = x36 - x29*d_inner_2_d_point_3;
-  residual_jacobian[AT(2)] = x31*d_inner_2_d_before_3 - x38;
-  residual_jacobian[AT(3)] = x31*d_inner_2_d_angle + d_sine_d_angle*(x44*inner_2 - x42*inner_3) - x29*d_inner_3_d_angle;
+  residual_jacobian[AT(1)] = x35 - x29*d_inner_2_d_point_3;
+  residual_jacobian[AT(2)] = x31*d_inner_2_d_before_3 - x36;
+  residual_jacobian[AT(3)] = x31*d_inner_2_d_angle + d_sine_d_angle*(x42*inner_2 - x40*inner_3) - x29*d_inner_3_d_angle;
   residual_jacobian[AT(4)] = -axis_1;
   residual_jacobian[AT(5)] = x31*d_inner_2_d_axis_1 - x29*d_inner_3_d_axis_1 - slide;
-  residual_jacobian[AT(6)] = -(x29*d_inner_3_d_axis_2 + x53);
-  residual_jacobian[AT(7)] = x31*d_inner_2_d_axis_3 + x56;
-  residual_jacobian[AT(8)] = x58 - x57;
-  residual_jacobian[AT(9)] = x60 - x29*d_inner_2_d_before_3;
-  residual_jacobian[AT(10)] = x31*d_inner_2_d_point_3 - x61;
-  residual_jacobian[AT(11)] = x69*d_inner_1_d_point_3 - x36;
-  residual_jacobian[AT(12)] = x71 - x58 - K(1.0);
-  residual_jacobian[AT(13)] = x74 - x31*d_inner_1_d_before_3;
-  residual_jacobian[AT(14)] = x69*d_inner_3_d_angle + d_sine_d_angle*(x78*inner_3 - x44*inner_1) - x31*d_inner_1_d_angle;
+  residual_jacobian[AT(6)] = -(x29*d_inner_3_d_axis_2 + x51);
+  residual_jacobian[AT(7)] = x31*d_inner_2_d_axis_3 + x54;
+  residual_jacobian[AT(8)] = x56 - x55;
+  residual_jacobian[AT(9)] = x58 - x29*d_inner_2_d_before_3;
+  residual_jacobian[AT(10)] = x31*d_inner_2_d_point_3 - x59;
+  residual_jacobian[AT(11)] = x67*d_inner_1_d_point_3 - x35;
+  residual_jacobian[AT(12)] = x69 - x56 - K(1.0);
+  residual_jacobian[AT(13)] = x71 - x31*d_inner_1_d_before_3;
+  residual_jacobian[AT(14)] = x67*d_inner_3_d_angle + d_sine_d_angle*(x75*inner_3 - x42*inner_1) - x31*d_inner_1_d_angle;
   residual_jacobian[AT(15)] = -axis_2;
-  residual_jacobian[AT(16)] = x69*d_inner_3_d_axis_1 + x53;
-  residual_jacobian[AT(17)] = x69*d_inner_3_d_axis_2 - x31*d_inner_1_d_axis_2 - slide;
-  residual_jacobian[AT(18)] = -(x31*d_inner_1_d_axis_3 + x89);
-  residual_jacobian[AT(19)] = x69*d_inner_1_d_before_3 - x60;
-  residual_jacobian[AT(20)] = x92 - x32;
-  residual_jacobian[AT(21)] = x93 - x31*d_inner_1_d_point_3;
-  residual_jacobian[AT(22)] = x38 - x69*d_inner_1_d_point_2;
-  residual_jacobian[AT(23)] = x29*d_inner_1_d_before_2 - x74;
-  residual_jacobian[AT(24)] = x57 - x92 - K(1.0);
-  residual_jacobian[AT(25)] = x29*d_inner_1_d_angle + d_sine_d_angle*(x42*inner_1 - x78*inner_2) - x69*d_inner_2_d_angle;
+  residual_jacobian[AT(16)] = x67*d_inner_3_d_axis_1 + x51;
+  residual_jacobian[AT(17)] = x67*d_inner_3_d_axis_2 - x31*d_inner_1_d_axis_2 - slide;
+  residual_jacobian[AT(18)] = -(x31*d_inner_1_d_axis_3 + x86);
+  residual_jacobian[AT(19)] = x67*d_inner_1_d_before_3 - x58;
+  residual_jacobian[AT(20)] = x89 - x32;
+  residual_jacobian[AT(21)] = x90 - x31*d_inner_1_d_point_3;
+  residual_jacobian[AT(22)] = x36 - x67*d_inner_1_d_point_2;
+  residual_jacobian[AT(23)] = x29*d_inner_1_d_before_2 - x71;
+  residual_jacobian[AT(24)] = x55 - x89 - K(1.0);
+  residual_jacobian[AT(25)] = x29*d_inner_1_d_angle + d_sine_d_angle*(x40*inner_1 - x75*inner_2) - x67*d_inner_2_d_angle;
   residual_jacobian[AT(26)] = -axis_3;
-  residual_jacobian[AT(27)] = -(x69*d_inner_2_d_axis_1 + x56);
-  residual_jacobian[AT(28)] = x29*d_inner_1_d_axis_2 + x89;
-  residual_jacobian[AT(29)] = x29*d_inner_1_d_axis_3 - x69*d_inner_2_d_axis_3 - slide;
-  residual_jacobian[AT(30)] = x61 - x69*d_inner_1_d_before_2;
-  residual_jacobian[AT(31)] = x29*d_inner_1_d_point_2 - x93;
-  residual_jacobian[AT(32)] = x30 - x71;
+  residual_jacobian[AT(27)] = -(x67*d_inner_2_d_axis_1 + x54);
+  residual_jacobian[AT(28)] = x29*d_inner_1_d_axis_2 + x86;
+  residual_jacobian[AT(29)] = x29*d_inner_1_d_axis_3 - x67*d_inner_2_d_axis_3 - slide;
+  residual_jacobian[AT(30)] = x59 - x67*d_inner_1_d_before_2;
+  residual_jacobian[AT(31)] = x29*d_inner_1_d_point_2 - x90;
+  residual_jacobian[AT(32)] = x30 - x69;
   ANGLE(0, half_angle);
 }
 

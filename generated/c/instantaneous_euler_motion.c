@@ -210,14 +210,14 @@ KERNEL(instantaneous_euler_motion_chi_angular_velocity, const REAL matrix[9], co
   const REAL b_x = rate_1*sine_x;
   const REAL b_y = rate_2*sine_y;
   const REAL b_z = rate_3*sine_z;
-  const CONDITION x80 = kink_x | kink_y;
-  const CONDITION lost = flat | x80 | kink_z;
+  const CONDITION x81 = kink_x | kink_y | kink_z;
+  const CONDITION lost = flat | x81;
   const REAL divisor = SELECT(lost, K(1.0), volume);
   const CONDITION x83 = known & NOT(lost);
   const REAL x84 = K(1.0)/divisor;
   const REAL x86 = b_y*matrix_2_1;
   const REAL x88 = b_z*matrix_3_1;
-  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT(x80 | kink_z, K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
+  const REAL status_value = SELECT(NOT(known), K(5.0), SELECT(x81, K(3.0), SELECT(flat, K(2.0), SELECT(abnormal, K(4.0), SELECT(near, K(1.0), K(0.0))))));
   /* outputs */
   omega[AT(0)] = SELECT(x83, x84*(b_x*x14 + x86*matrix_1_3 + x88*matrix_1_2), (REAL)NAN);
   omega[AT(1)] = SELECT(x83, x84*(b_x*x54 + x86*matrix_2_3 + b_z*matrix_3_2*matrix_2_1), (REAL)NAN);

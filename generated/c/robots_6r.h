@@ -34,7 +34,7 @@ enum robots_6r_robot_status {
 
 /* All joint angles of an arm with parallel axes 2 and 3 and a wrist of axes 4, 5, 6.
  * Source: Crane and Duffy, robots with closed forms; derivation robots_6r
- * Operations: 436 add, 718 mul, 36 div, 55 sqrt, 389 select, 210 compare, 44 abs, 36 atan2
+ * Operations: 434 add, 714 mul, 36 div, 55 sqrt, 389 select, 210 compare, 44 abs, 36 atan2
  * pose (4, 4), 1, length: transform from the end to the base
  * a (5), length: a12, a23, a34, a45, a56
  * cosine (5), no unit: cosines of the twists alpha12 to alpha56
@@ -50,7 +50,7 @@ void robots_6r_robot_wrist_reverse_batch_f32(size_t count, const float *pose, co
 
 /* All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.
  * Source: Crane and Duffy, robots with closed forms; derivation robots_6r
- * Operations: 363 add, 590 mul, 29 div, 46 sqrt, 373 select, 185 compare, 47 abs, 34 atan2
+ * Operations: 355 add, 586 mul, 29 div, 46 sqrt, 373 select, 185 compare, 47 abs, 34 atan2
  * pose (4, 4), 1, length: transform from the end to the base
  * a (5), length: a12, a23, a34, a45, a56
  * cosine (5), no unit: cosines of the twists alpha12 to alpha56
@@ -66,7 +66,7 @@ void robots_6r_robot_parallel_reverse_batch_f32(size_t count, const float *pose,
 
 /* Two equations in theta2 and theta3 of an arm whose axes 4, 5, 6 meet.
  * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
- * Operations: 18 add, 50 mul
+ * Operations: 18 add, 48 mul
  * pose (4, 4), 1, length: transform from the end to the base
  * a (5), length: a12, a23, a34, a45, a56
  * cosine (5), no unit: cosines of the twists alpha12 to alpha56
@@ -81,7 +81,7 @@ void robots_6r_robot_pair_456_batch_f32(size_t count, const float *pose, const f
 
 /* Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 meet.
  * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
- * Operations: 34 add, 69 mul
+ * Operations: 33 add, 68 mul
  * pose (4, 4), 1, length: transform from the end to the base
  * a (5), length: a12, a23, a34, a45, a56
  * cosine (5), no unit: cosines of the twists alpha12 to alpha56

@@ -193,7 +193,7 @@ KERNEL(spatial_loops_loop_rccc, const REAL alpha[4], const REAL a[4], REAL S_4, 
   ANGLE(8, theta_2_b);
 }
 
-/* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
+/* loop_rrrcc_pair: 35 add, 76 mul, 6 cos, 6 sin */
 KERNEL(spatial_loops_loop_rrrcc_pair, const REAL alpha[5], const REAL a[5], const REAL S[3], REAL theta_5, REAL pair[18]) {
   /* inputs */
   const REAL alpha_1 = alpha[AT(0)];
@@ -236,34 +236,36 @@ KERNEL(spatial_loops_loop_rrrcc_pair, const REAL alpha[5], const REAL a[5], cons
   const REAL x26 = sin_alpha_1*sin_alpha_2;
   const REAL x27 = Z_5*x26;
   const REAL x28 = cos_alpha_2*sin_alpha_1;
+  const REAL pair_1_2_1 = Y_5*x28;
   const REAL x29 = cos_alpha_1*sin_alpha_2;
+  const REAL pair_1_2_2 = Y_5*x29;
   const REAL pair_1_2_3 = X_5*sin_alpha_2;
+  const REAL pair_1_3_1 = X_5*x28;
+  const REAL pair_1_3_2 = X_5*x29;
   const REAL x30 = Y_5*sin_alpha_2;
   const REAL x32 = Z_5*a_1;
   const REAL x34 = Z_5*a_2;
-  const REAL x44 = S_1*X_5;
-  const REAL x49 = a_2*sin_alpha_1;
-  const REAL x56 = a_1*sin_alpha_1;
-  const REAL x71 = S_1*Y_5;
+  const REAL x48 = a_2*sin_alpha_1;
+  const REAL x55 = a_1*sin_alpha_1;
   /* outputs */
   pair[AT(0)] = Z_5*x24 - cos_alpha_3;
   pair[AT(1)] = -x27;
   pair[AT(2)] = K(0.0);
-  pair[AT(3)] = Y_5*x28;
-  pair[AT(4)] = Y_5*x29;
+  pair[AT(3)] = pair_1_2_1;
+  pair[AT(4)] = pair_1_2_2;
   pair[AT(5)] = pair_1_2_3;
-  pair[AT(6)] = X_5*x28;
-  pair[AT(7)] = X_5*x29;
+  pair[AT(6)] = pair_1_3_1;
+  pair[AT(7)] = pair_1_3_2;
   pair[AT(8)] = -x30;
   pair[AT(9)] = Z0_5*x24 + a_3*sin_alpha_3 - x32*x28 - x34*x29;
   pair[AT(10)] = -(Z0_5*x26 + x32*x29 + x34*x28);
   pair[AT(11)] = S_2*x27;
-  pair[AT(12)] = x44*x28 + Y0_5*x28 + Y_5*a_1*x24 - x30*x49;
-  pair[AT(13)] = x44*x29 + S_2*pair_1_2_3 + Y0_5*x29 + Y_5*a_2*x24 - x30*x56;
-  pair[AT(14)] = X0_5*sin_alpha_2 + X_5*cos_alpha_2*a_2 - S_1*x30 - S_2*Y_5*x29;
-  pair[AT(15)] = X0_5*x28 + X_5*a_1*x24 - x71*x28 - pair_1_2_3*x49;
-  pair[AT(16)] = X0_5*x29 + X_5*a_2*x24 - x71*x29 - S_2*x30 - pair_1_2_3*x56;
-  pair[AT(17)] = -(S_1*pair_1_2_3 + S_2*X_5*x29 + Y0_5*sin_alpha_2 + Y_5*cos_alpha_2*a_2);
+  pair[AT(12)] = S_1*pair_1_3_1 + Y0_5*x28 + Y_5*a_1*x24 - x30*x48;
+  pair[AT(13)] = S_1*pair_1_3_2 + S_2*pair_1_2_3 + Y0_5*x29 + Y_5*a_2*x24 - x30*x55;
+  pair[AT(14)] = X0_5*sin_alpha_2 + X_5*cos_alpha_2*a_2 - S_1*x30 - S_2*pair_1_2_2;
+  pair[AT(15)] = X0_5*x28 + X_5*a_1*x24 - S_1*pair_1_2_1 - pair_1_2_3*x48;
+  pair[AT(16)] = X0_5*x29 + X_5*a_2*x24 - S_1*pair_1_2_2 - S_2*x30 - pair_1_2_3*x55;
+  pair[AT(17)] = -(S_1*pair_1_2_3 + S_2*pair_1_3_2 + Y0_5*sin_alpha_2 + Y_5*cos_alpha_2*a_2);
   ANGLE(0, alpha_1);
   ANGLE(1, alpha_2);
   ANGLE(2, alpha_3);
@@ -466,7 +468,7 @@ KERNEL(spatial_loops_loop_pair_12_12, const REAL rotation[36], const REAL vector
   pair[AT(17)] = x148*x80 + x94*x170 - x150*x84 - x98*x166;
 }
 
-/* loop_pair_23_23: 73 add, 134 mul, 1 div */
+/* loop_pair_23_23: 73 add, 136 mul, 1 div */
 KERNEL(spatial_loops_loop_pair_23_23, const REAL rotation[36], const REAL vector[12], const REAL p[3], const REAL q[3], REAL pair[18]) {
   /* inputs */
   const REAL rotation_1_1_1 = rotation[AT(0)];
@@ -527,23 +529,11 @@ KERNEL(spatial_loops_loop_pair_23_23, const REAL rotation[36], const REAL vector
   const REAL x38 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
   const REAL x41 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
   const REAL x42 = rotation_2_1_3*rotation_3_3_3;
-  const REAL x43 = rotation_1_3_1*x42;
   const REAL x44 = rotation_2_2_3*rotation_3_3_3;
-  const REAL x45 = rotation_1_3_2*x44;
   const REAL x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-  const REAL x49 = rotation_1_3_1*x48;
   const REAL x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-  const REAL x53 = rotation_1_3_2*x52;
   const REAL x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-  const REAL x57 = rotation_1_3_1*x56;
   const REAL x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-  const REAL x61 = rotation_1_3_2*x60;
-  const REAL x62 = rotation_1_3_1*x44;
-  const REAL x63 = rotation_1_3_2*x42;
-  const REAL x64 = rotation_1_3_1*x52;
-  const REAL x65 = rotation_1_3_2*x48;
-  const REAL x66 = rotation_1_3_1*x60;
-  const REAL x67 = rotation_1_3_2*x56;
   const REAL x70 = p_3*q_1 - p_1*q_3;
   const REAL x71 = part_3*rotation_3_3_3;
   const REAL x77 = p_2*q_3 - p_3*q_2;
@@ -557,30 +547,32 @@ KERNEL(spatial_loops_loop_pair_23_23, const REAL rotation[36], const REAL vector
   const REAL x119 = x104*x52 + x87*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x70*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2);
   const REAL x136 = x104*x60 + x87*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x70*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2);
   const REAL x138 = part_3*x87;
-  const REAL x143 = rotation_1_3_2*x77 - rotation_1_3_1*x70;
-  const REAL x144 = x71*rotation_2_3_3;
-  const REAL x153 = part_3*x143;
-  const REAL x164 = rotation_1_3_1*x77 + rotation_1_3_2*x70;
-  const REAL x173 = part_3*x164;
+  const REAL x139 = x138*rotation_1_3_1;
+  const REAL x141 = x138*rotation_1_3_2;
+  const REAL x145 = rotation_1_3_2*x77 - rotation_1_3_1*x70;
+  const REAL x146 = x71*rotation_2_3_3;
+  const REAL x155 = part_3*x145;
+  const REAL x166 = rotation_1_3_1*x77 + rotation_1_3_2*x70;
+  const REAL x175 = part_3*x166;
   /* outputs */
   pair[AT(0)] = rotation_1_3_3*rotation_3_3_3*rotation_2_3_3 - rotation_4_3_3;
   pair[AT(1)] = rotation_1_3_3*x38;
   pair[AT(2)] = rotation_1_3_3*x41;
-  pair[AT(3)] = x43 + x45;
-  pair[AT(4)] = x49 + x53;
-  pair[AT(5)] = x57 + x61;
-  pair[AT(6)] = x63 - x62;
-  pair[AT(7)] = x65 - x64;
-  pair[AT(8)] = x67 - x66;
+  pair[AT(3)] = rotation_1_3_1*x42 + rotation_1_3_2*x44;
+  pair[AT(4)] = rotation_1_3_1*x48 + rotation_1_3_2*x52;
+  pair[AT(5)] = rotation_1_3_1*x56 + rotation_1_3_2*x60;
+  pair[AT(6)] = rotation_1_3_2*x42 - rotation_1_3_1*x44;
+  pair[AT(7)] = rotation_1_3_2*x48 - rotation_1_3_1*x52;
+  pair[AT(8)] = rotation_1_3_2*x56 - rotation_1_3_1*x60;
   pair[AT(9)] = x97 + vector_2_1*x77 + vector_2_2*x70 + vector_2_3*x87 - x71*(rotation_1_3_3*x70)*rotation_2_1_3;
   pair[AT(10)] = x119 + x77*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) - x102*x48;
   pair[AT(11)] = x136 + x77*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) - x102*x56;
-  pair[AT(12)] = x138*x63 + v_12_1*x77 + v_12_2*x70 - x138*x62 - x144*x143;
-  pair[AT(13)] = x138*x65 - x138*x64 - x153*x38;
-  pair[AT(14)] = x138*x67 - x138*x66 - x153*x41;
-  pair[AT(15)] = x144*x164 + v_12_2*x77 - x138*x43 - x138*x45 - v_12_1*x70;
-  pair[AT(16)] = x173*x38 - x138*x49 - x138*x53;
-  pair[AT(17)] = x173*x41 - x138*x57 - x138*x61;
+  pair[AT(12)] = x141*x42 + v_12_1*x77 + v_12_2*x70 - x139*x44 - x146*x145;
+  pair[AT(13)] = x141*x48 - x139*x52 - x155*x38;
+  pair[AT(14)] = x141*x56 - x139*x60 - x155*x41;
+  pair[AT(15)] = x146*x166 + v_12_2*x77 - x139*x42 - x141*x44 - v_12_1*x70;
+  pair[AT(16)] = x175*x38 - x139*x48 - x141*x52;
+  pair[AT(17)] = x175*x41 - x139*x56 - x141*x60;
 }
 
 /* loop_pair_34_34: 81 add, 145 mul, 1 div */

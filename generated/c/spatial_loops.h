@@ -50,7 +50,7 @@ void spatial_loops_loop_rccc_batch_f32(size_t count, const float *alpha, const f
 
 /* Write the cosine law and the secondary cosine law of an RRRCC loop as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 35 add, 80 mul, 6 cos, 6 sin
+ * Operations: 35 add, 76 mul, 6 cos, 6 sin
  * alpha (5), rad: twists of the links 12, 23, 34, 45, 51
  * a (5), length: lengths of these links
  * S (3), length: offsets of the joints 1, 2 and 5, which only turn
@@ -95,7 +95,7 @@ void spatial_loops_loop_pair_12_12_batch_f32(size_t count, const float *rotation
 
 /* Write a ring of four links with two slides, in link 23, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
- * Operations: 73 add, 134 mul, 1 div
+ * Operations: 73 add, 136 mul, 1 div
  * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
  * vector (4, 3), length: of these links, without the slides
  * p (3), no unit: direction of the first slide, in link 23

@@ -18,7 +18,7 @@ extern "C" {
 
 /* Lengths of the three legs of a 3-SPS-S machine.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 18 add, 27 mul, 3 sqrt
+ * Operations: 18 add, 25 mul, 3 sqrt
  * matrix (3, 3), no unit: orientation of the platform, a rotation matrix
  * base_radius, length: radius of the joints on the base
  * platform_radius, length: radius of the joints on the platform
@@ -32,7 +32,7 @@ void three_sps_s_sps_legs_batch_f32(size_t count, const float *matrix, const flo
 
 /* Lengths of the three legs of a 3-SPS-S machine, from a quaternion.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 29 add, 48 mul, 1 div, 4 sqrt
+ * Operations: 29 add, 46 mul, 1 div, 4 sqrt
  * quaternion (4), no unit: orientation, a quaternion of any length, scalar first
  * base_radius, length: radius of the joints on the base
  * platform_radius, length: radius of the joints on the platform
@@ -46,7 +46,7 @@ void three_sps_s_sps_legs_from_quaternion_batch_f32(size_t count, const float *q
 
 /* Leg rates of a 3-SPS-S machine by the platform's angular velocity.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 30 add, 51 mul, 3 div, 3 sqrt
+ * Operations: 30 add, 47 mul, 3 div, 3 sqrt
  * matrix (3, 3), no unit: orientation of the platform, a rotation matrix
  * base_radius, length: radius of the joints on the base
  * platform_radius, length: radius of the joints on the platform
@@ -73,7 +73,7 @@ void three_sps_s_sps_singularity_batch_f32(size_t count, const float *matrix, co
 
 /* Invariants of the rotation from the legs of a 3-SPS-S machine: A = r11 + r22, and Z.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 7 add, 17 mul, 6 div
+ * Operations: 7 add, 18 mul, 3 div
  * legs (3), length: lengths of the legs
  * base_radius, length: radius of the joints on the base
  * platform_radius, length: radius of the joints on the platform
@@ -88,7 +88,7 @@ void three_sps_s_sps_invariants_batch_f32(size_t count, const float *legs, const
 
 /* Coefficients of the octic of a 3-SPS-S machine, scaled so that equal legs are no special case.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 24 add, 71 mul, 9 div, 1 sqrt, 4 select, 2 compare
+ * Operations: 24 add, 72 mul, 6 div, 1 sqrt, 4 select, 2 compare
  * legs (3), length: lengths of the legs
  * base_radius, length: radius of the joints on the base
  * platform_radius, length: radius of the joints on the platform
@@ -105,7 +105,7 @@ void three_sps_s_sps_octic_scaled_batch_f32(size_t count, const float *legs, con
 
 /* Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 19 add, 50 mul, 11 div, 6 sqrt, 15 select, 12 compare, 2 abs
+ * Operations: 19 add, 52 mul, 8 div, 6 sqrt, 15 select, 12 compare, 2 abs
  * legs (3), length: lengths of the legs
  * base_radius, length: radius of the joints on the base
  * platform_radius, length: radius of the joints on the platform
@@ -121,7 +121,7 @@ void three_sps_s_sps_mode_batch_f32(size_t count, const float *legs, const float
 
 /* Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 345 add, 581 mul, 18 div, 13 sqrt, 87 select, 24 compare, 4 abs
+ * Operations: 345 add, 567 mul, 18 div, 13 sqrt, 87 select, 24 compare, 4 abs
  * quaternion (4), no unit: where to start, of any length, scalar first
  * trust, rad: longest step
  * legs (3), length: lengths of the legs

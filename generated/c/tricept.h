@@ -55,7 +55,7 @@ void tricept_tricept_point_batch_f32(size_t count, const float *pose, const floa
 
 /* Lengths of the three rods in a pose.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (2) to (4)
- * Operations: 21 add, 29 mul, 3 sqrt, 2 cos, 2 sin
+ * Operations: 21 add, 28 mul, 3 sqrt, 2 cos, 2 sin
  * pose (3), rad, rad, length: alpha, beta, z
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -68,7 +68,7 @@ void tricept_tricept_legs_batch_f32(size_t count, const float *pose, const float
 
 /* All four poses in which the platform's point is at a given point, and their rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
- * Operations: 107 add, 125 mul, 2 div, 15 sqrt, 53 select, 37 compare, 8 abs, 4 atan2
+ * Operations: 107 add, 118 mul, 2 div, 15 sqrt, 53 select, 37 compare, 8 abs, 4 atan2
  * point (3), length: the point, from the base's centre
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -88,7 +88,7 @@ void tricept_tricept_inverse_batch_f32(size_t count, const float *point, const f
 
 /* The physical pose in which the platform's point is at a given point, and its rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
- * Operations: 43 add, 52 mul, 2 div, 6 sqrt, 20 select, 19 compare, 8 abs, 2 atan2
+ * Operations: 43 add, 51 mul, 2 div, 6 sqrt, 20 select, 19 compare, 8 abs, 2 atan2
  * point (3), length: the point, from the base's centre
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -122,7 +122,7 @@ void tricept_tricept_direct_batch_f32(size_t count, const float *legs, const flo
 
 /* The matrices W33, W35, M33, M35 and A35 in a pose.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (5) to (20)
- * Operations: 111 add, 230 mul, 7 div, 3 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
+ * Operations: 111 add, 228 mul, 6 div, 3 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
  * pose (3), rad, rad, length: alpha, beta, z
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -142,7 +142,7 @@ void tricept_tricept_matrices_batch_f32(size_t count, const float *pose, const f
 
 /* Derivatives of the point by the rods and the two radii.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eq. (20)
- * Operations: 91 add, 166 mul, 1 div, 3 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
+ * Operations: 91 add, 163 mul, 1 div, 3 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
  * pose (3), rad, rad, length: alpha, beta, z
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -158,7 +158,7 @@ void tricept_tricept_sensitivity_batch_f32(size_t count, const float *pose, cons
 
 /* Derivatives of the point by the rods and the two radii, and the rods, where the point is.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4), eqs. (2) to (4) and (20)
- * Operations: 83 add, 161 mul, 15 div, 9 sqrt
+ * Operations: 83 add, 161 mul, 13 div, 9 sqrt
  * point (3), length: the point, from the base's centre
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -175,7 +175,7 @@ void tricept_tricept_at_point_batch_f32(size_t count, const float *point, const 
 
 /* Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (20) and (21)
- * Operations: 227 add, 361 mul, 13 div, 11 sqrt, 37 select, 64 compare, 22 abs, 1 pow
+ * Operations: 227 add, 358 mul, 13 div, 11 sqrt, 37 select, 64 compare, 22 abs, 1 pow
  * point (3), length: the point, from the base's centre
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base
@@ -195,7 +195,7 @@ void tricept_tricept_propagate_batch_f32(size_t count, const float *point, const
 
 /* Determinants that vanish in singular poses.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (10) to (20)
- * Operations: 33 add, 65 mul, 2 div, 2 cos, 2 sin
+ * Operations: 33 add, 64 mul, 2 div, 2 cos, 2 sin
  * pose (3), rad, rad, length: alpha, beta, z
  * r, length: radius of the joints of the platform
  * R, length: radius of the joints of the base

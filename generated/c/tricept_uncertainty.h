@@ -35,7 +35,7 @@ void tricept_uncertainty_tricept_parameter_sensitivity_batch_f32(size_t count, c
 
 /* Derivatives of tricept_closure_values.
  * Source: derivation tricept_uncertainty, entry eq-1 and what follows
- * Operations: 263 add, 373 mul, 9 cos, 9 sin
+ * Operations: 215 add, 310 mul, 9 cos, 9 sin
  * pose (3), rad, rad, length: alpha, beta, z
  * rods (3), length: lengths A0, A1, A-1
  * fixed (3, 3), length: the fixed joints A, B, C, a row each
@@ -54,7 +54,7 @@ void tricept_uncertainty_tricept_closure_batch_f32(size_t count, const float *po
 
 /* The polynomials in z of which the elements of U_y are made along a beam.
  * Source: Kureková et al., sec. 4; derivation tricept_uncertainty, entries degrees and stationary-points
- * Operations: 669 add, 1051 mul, 33 div, 2 cos, 2 sin
+ * Operations: 653 add, 1002 mul, 5 div, 2 cos, 2 sin
  * alpha, rad: of the beam
  * beta, rad: of the beam
  * R, length: radius of the fixed joints

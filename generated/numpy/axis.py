@@ -468,7 +468,7 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
 
 
 def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 338 add, 632 mul, 12 div, 5 sqrt, 178 select, 34 compare, 15 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 338 add, 628 mul, 12 div, 5 sqrt, 178 select, 34 compare, 15 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -501,13 +501,14 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     length_product = xp.sqrt(length_prime_squared*length_squared)
     x29 = 1.0/length_squared
     x30 = 0.5*length_product
-    d_length_product_d_rho_1 = x30*d_length_squared_d_rho_1*x29
-    d_length_product_d_rho_2 = x30*d_length_squared_d_rho_2*x29
-    d_length_product_d_rho_3 = x30*d_length_squared_d_rho_3*x29
-    x34 = 1.0/length_prime_squared
-    d_length_product_d_rho_prime_1 = x30*d_length_prime_squared_d_rho_prime_1*x34
-    d_length_product_d_rho_prime_2 = x30*d_length_prime_squared_d_rho_prime_2*x34
-    d_length_product_d_rho_prime_3 = x30*d_length_prime_squared_d_rho_prime_3*x34
+    x31 = x30*x29
+    d_length_product_d_rho_1 = x31*d_length_squared_d_rho_1
+    d_length_product_d_rho_2 = x31*d_length_squared_d_rho_2
+    d_length_product_d_rho_3 = x31*d_length_squared_d_rho_3
+    x33 = x30*(1.0/length_prime_squared)
+    d_length_product_d_rho_prime_1 = x33*d_length_prime_squared_d_rho_prime_1
+    d_length_product_d_rho_prime_2 = x33*d_length_prime_squared_d_rho_prime_2
+    d_length_product_d_rho_prime_3 = x33*d_length_prime_squared_d_rho_prime_3
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
     d_gain_d_rho_2 = d_difference_1_d_rho_1*total_2 + difference_2*scale_before
@@ -521,57 +522,57 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
     nonzero = 0.0 < excess_divisor
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x56 = 1.0/(excess_divisor*excess_divisor)
-    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x56, 0.0)
-    del scale_after, x22, x27, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x30, x34, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3, excess_divisor, d_length_product_d_rho_1
-    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x56, 0.0)
-    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x56, 0.0)
-    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x56, 0.0)
-    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x56, 0.0)
-    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x56, 0.0)
+    x52 = 1.0/(excess_divisor*excess_divisor)
+    del scale_after, x22, x27, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x31, x30, x33, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3, excess_divisor
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x52, 0.0)
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x52, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x52, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x52, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x52, 0.0)
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x52, 0.0)
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
+    del d_length_product_d_rho_1, d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x52, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
-    del d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x56, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1, d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
-    x81 = excess*v_1
-    m_1 = total_1 - x81
-    x82 = d_excess_d_rho_1*v_1
-    d_m_1_d_rho_1 = scale_before - x82
+    x77 = excess*v_1
+    m_1 = total_1 - x77
+    x78 = d_excess_d_rho_1*v_1
+    d_m_1_d_rho_1 = scale_before - x78
     d_m_1_d_rho_2 = -d_excess_d_rho_2*v_1
     d_m_1_d_rho_3 = -d_excess_d_rho_3*v_1
-    x87 = scale - excess*scale
-    d_m_1_d_rho_prime_1 = x87 - d_excess_d_rho_prime_1*v_1
+    x83 = scale - excess*scale
+    d_m_1_d_rho_prime_1 = x83 - d_excess_d_rho_prime_1*v_1
     d_m_1_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_1
     d_m_1_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_1
-    x90 = excess*v_2
-    m_2 = total_2 - x90
+    x86 = excess*v_2
+    m_2 = total_2 - x86
     d_m_2_d_rho_1 = -d_excess_d_rho_1*v_2
-    x92 = d_excess_d_rho_2*v_2
-    d_m_2_d_rho_2 = scale_before - x92
+    x88 = d_excess_d_rho_2*v_2
+    d_m_2_d_rho_2 = scale_before - x88
     d_m_2_d_rho_3 = -d_excess_d_rho_3*v_2
     d_m_2_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_2
-    d_m_2_d_rho_prime_2 = x87 - d_excess_d_rho_prime_2*v_2
+    d_m_2_d_rho_prime_2 = x83 - d_excess_d_rho_prime_2*v_2
     d_m_2_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_2
-    x97 = excess*v_3
-    m_3 = total_3 - x97
+    x93 = excess*v_3
+    m_3 = total_3 - x93
     d_m_3_d_rho_1 = -d_excess_d_rho_1*v_3
     d_m_3_d_rho_2 = -d_excess_d_rho_2*v_3
-    x100 = d_excess_d_rho_3*v_3
-    d_m_3_d_rho_3 = scale_before - x100
+    x96 = d_excess_d_rho_3*v_3
+    d_m_3_d_rho_3 = scale_before - x96
     d_m_3_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_3
     d_m_3_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_3
-    d_m_3_d_rho_prime_3 = x87 - d_excess_d_rho_prime_3*v_3
-    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, total_1, v_1, total_2, v_2, total_3, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1, d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x87
-    r_1 = difference_1 - x81
-    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - x82
-    r_2 = difference_2 - x90
-    d_r_2_d_rho_2 = d_difference_1_d_rho_1 - x92
-    r_3 = difference_3 - x97
-    d_r_3_d_rho_3 = d_difference_1_d_rho_1 - x100
+    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2, d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, total_1, v_1, total_2, v_2, total_3, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1, d_excess_d_rho_prime_2
+    d_m_3_d_rho_prime_3 = x83 - d_excess_d_rho_prime_3*v_3
+    r_1 = difference_1 - x77
+    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - x78
+    r_2 = difference_2 - x86
+    d_r_2_d_rho_2 = d_difference_1_d_rho_1 - x88
+    r_3 = difference_3 - x93
+    d_r_3_d_rho_3 = d_difference_1_d_rho_1 - x96
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
@@ -579,39 +580,39 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_cosine_d_angle = -0.5*sine
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
-    x106 = eps*eps
-    x107 = x106*x106
-    select_1 = xp.where(x106 < sine_size, sine_size, x106)
+    x102 = eps*eps
+    x103 = x102*x102
+    select_1 = xp.where(x102 < sine_size, sine_size, x102)
     turn_scale = _power_of_two_scale(select_1)
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
-    x109 = sine < 0.0
-    select_2 = xp.where(x109, -cosine, cosine)
-    d_select_2_d_angle = xp.where(x109, -d_cosine_d_angle, d_cosine_d_angle)
+    x105 = sine < 0.0
+    del d_excess_d_rho_prime_3, v_3, x83, difference_1, x77, x78, difference_2, x86, x88, difference_3, x93, x96, d_sine_d_angle, select_1, d_sine_size_d_angle, sine
+    select_2 = xp.where(x105, -cosine, cosine)
+    d_select_2_d_angle = xp.where(x105, -d_cosine_d_angle, d_cosine_d_angle)
     C = select_2*turn_scale
-    del difference_1, x81, x82, difference_2, x90, x92, difference_3, x97, x100, d_sine_d_angle, select_1, d_sine_size_d_angle, sine, d_cosine_d_angle, x109, select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
     m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
-    x116 = 2.0*m_1
-    x118 = 2.0*m_2
-    x120 = 2.0*m_3
-    d_m_squared_d_rho_1 = x116*d_m_1_d_rho_1 + x118*d_m_2_d_rho_1 + x120*d_m_3_d_rho_1
-    d_m_squared_d_rho_2 = x116*d_m_1_d_rho_2 + x118*d_m_2_d_rho_2 + x120*d_m_3_d_rho_2
-    d_m_squared_d_rho_3 = x116*d_m_1_d_rho_3 + x118*d_m_2_d_rho_3 + x120*d_m_3_d_rho_3
-    d_m_squared_d_rho_prime_1 = x116*d_m_1_d_rho_prime_1 + x118*d_m_2_d_rho_prime_1 + x120*d_m_3_d_rho_prime_1
-    d_m_squared_d_rho_prime_2 = x116*d_m_1_d_rho_prime_2 + x118*d_m_2_d_rho_prime_2 + x120*d_m_3_d_rho_prime_2
-    d_m_squared_d_rho_prime_3 = x116*d_m_1_d_rho_prime_3 + x118*d_m_2_d_rho_prime_3 + x120*d_m_3_d_rho_prime_3
+    x112 = 2.0*m_1
+    x114 = 2.0*m_2
+    x116 = 2.0*m_3
+    d_m_squared_d_rho_1 = x112*d_m_1_d_rho_1 + x114*d_m_2_d_rho_1 + x116*d_m_3_d_rho_1
+    d_m_squared_d_rho_2 = x112*d_m_1_d_rho_2 + x114*d_m_2_d_rho_2 + x116*d_m_3_d_rho_2
+    d_m_squared_d_rho_3 = x112*d_m_1_d_rho_3 + x114*d_m_2_d_rho_3 + x116*d_m_3_d_rho_3
+    d_m_squared_d_rho_prime_1 = x112*d_m_1_d_rho_prime_1 + x114*d_m_2_d_rho_prime_1 + x116*d_m_3_d_rho_prime_1
+    d_m_squared_d_rho_prime_2 = x112*d_m_1_d_rho_prime_2 + x114*d_m_2_d_rho_prime_2 + x116*d_m_3_d_rho_prime_2
+    d_m_squared_d_rho_prime_3 = x112*d_m_1_d_rho_prime_3 + x114*d_m_2_d_rho_prime_3 + x116*d_m_3_d_rho_prime_3
     r_squared = r_1*r_1 + r_2*r_2 + r_3*r_3
-    x147 = S*S
-    along_m = x147*m_squared
-    d_along_m_d_rho_1 = x147*d_m_squared_d_rho_1
-    d_along_m_d_rho_2 = x147*d_m_squared_d_rho_2
-    d_along_m_d_rho_3 = x147*d_m_squared_d_rho_3
-    d_along_m_d_rho_prime_1 = x147*d_m_squared_d_rho_prime_1
-    d_along_m_d_rho_prime_2 = x147*d_m_squared_d_rho_prime_2
-    d_along_m_d_rho_prime_3 = x147*d_m_squared_d_rho_prime_3
-    x148 = S*m_squared
-    d_along_m_d_angle = 2.0*x148*d_S_d_angle
+    x143 = S*S
+    along_m = x143*m_squared
+    d_along_m_d_rho_1 = x143*d_m_squared_d_rho_1
+    d_along_m_d_rho_2 = x143*d_m_squared_d_rho_2
+    d_along_m_d_rho_3 = x143*d_m_squared_d_rho_3
+    d_along_m_d_rho_prime_1 = x143*d_m_squared_d_rho_prime_1
+    d_along_m_d_rho_prime_2 = x143*d_m_squared_d_rho_prime_2
+    d_along_m_d_rho_prime_3 = x143*d_m_squared_d_rho_prime_3
+    x144 = S*m_squared
+    d_along_m_d_angle = 2.0*x144*d_S_d_angle
     n_1 = C*r_1
     d_n_1_d_rho_1 = C*d_r_1_d_rho_1
     d_n_1_d_rho_2 = C*d_m_1_d_rho_2
@@ -637,19 +638,19 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_n_3_d_rho_prime_3 = C*d_m_3_d_rho_prime_3
     d_n_3_d_angle = d_C_d_angle*r_3
     along_n = n_1*n_1 + n_2*n_2 + n_3*n_3
-    x154 = 2.0*n_1
-    x156 = 2.0*n_2
-    x158 = 2.0*n_3
-    d_along_n_d_rho_1 = x154*d_n_1_d_rho_1 + x156*d_n_2_d_rho_1 + x158*d_n_3_d_rho_1
-    d_along_n_d_rho_2 = x154*d_n_1_d_rho_2 + x156*d_n_2_d_rho_2 + x158*d_n_3_d_rho_2
-    d_along_n_d_rho_3 = x154*d_n_1_d_rho_3 + x156*d_n_2_d_rho_3 + x158*d_n_3_d_rho_3
-    del d_select_2_d_angle, x116, x118, x120, n_1, n_2, n_3, d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
-    d_along_n_d_rho_prime_1 = x154*d_n_1_d_rho_prime_1 + x156*d_n_2_d_rho_prime_1 + x158*d_n_3_d_rho_prime_1
-    d_along_n_d_rho_prime_2 = x154*d_n_1_d_rho_prime_2 + x156*d_n_2_d_rho_prime_2 + x158*d_n_3_d_rho_prime_2
-    d_along_n_d_rho_prime_3 = x154*d_n_1_d_rho_prime_3 + x156*d_n_2_d_rho_prime_3 + x158*d_n_3_d_rho_prime_3
-    d_along_n_d_angle = x154*d_n_1_d_angle + x156*d_n_2_d_angle + x158*d_n_3_d_angle
+    x150 = 2.0*n_1
+    x152 = 2.0*n_2
+    x154 = 2.0*n_3
+    d_along_n_d_rho_1 = x150*d_n_1_d_rho_1 + x152*d_n_2_d_rho_1 + x154*d_n_3_d_rho_1
+    d_along_n_d_rho_2 = x150*d_n_1_d_rho_2 + x152*d_n_2_d_rho_2 + x154*d_n_3_d_rho_2
+    del d_cosine_d_angle, x105, select_2, d_select_2_d_angle, x112, x114, x116, n_1, n_2, n_3, d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
+    d_along_n_d_rho_3 = x150*d_n_1_d_rho_3 + x152*d_n_2_d_rho_3 + x154*d_n_3_d_rho_3
+    d_along_n_d_rho_prime_1 = x150*d_n_1_d_rho_prime_1 + x152*d_n_2_d_rho_prime_1 + x154*d_n_3_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = x150*d_n_1_d_rho_prime_2 + x152*d_n_2_d_rho_prime_2 + x154*d_n_3_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = x150*d_n_1_d_rho_prime_3 + x152*d_n_2_d_rho_prime_3 + x154*d_n_3_d_rho_prime_3
+    d_along_n_d_angle = x150*d_n_1_d_angle + x152*d_n_2_d_angle + x154*d_n_3_d_angle
+    del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3, d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3, d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x150, x152, x154
     root_squared = along_m - along_n
-    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3, d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x154, x156, x158, along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
@@ -668,51 +669,51 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_m_3_d_rho_1*m_1
     d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_m_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_m_3_d_rho_2*m_1
     d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_m_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
+    del along_n, d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2, d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_3
     d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_m_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_m_3_d_rho_prime_1*m_1
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_m_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_m_3_d_rho_prime_2*m_1
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_m_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_m_3_d_rho_prime_3*m_1
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_m_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
-    del d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2, d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_3, d_r_1_d_rho_1
     d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_m_1_d_rho_2*m_2
     d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_m_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_m_1_d_rho_3*m_2
     d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_m_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_m_1_d_rho_prime_1*m_2
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_m_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_m_1_d_rho_prime_2*m_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_m_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_m_1_d_rho_prime_3*m_2
-    x299 = xp.abs(half_angle)
-    x302 = 8.0*eps
-    rounding = x302*S*length_squared*(x299 + 1.0)*xp.abs(C)
-    x306 = 0.5*along_m
-    band = xp.where(rounding < x306, rounding, x306)
+    x295 = xp.abs(half_angle)
+    x298 = 8.0*eps
+    rounding = x298*S*length_squared*(x295 + 1.0)*xp.abs(C)
+    x302 = 0.5*along_m
+    band = xp.where(rounding < x302, rounding, x302)
     both = 0.0 < length_product
     area_squared = w_1*w_1 + w_2*w_2 + w_3*w_3
-    x312 = 2.0*w_1
-    x314 = 2.0*w_2
-    x316 = 2.0*w_3
-    d_area_squared_d_rho_1 = x312*d_w_1_d_rho_1 + x314*d_w_2_d_rho_1 + x316*d_w_3_d_rho_1
-    d_area_squared_d_rho_2 = x312*d_w_1_d_rho_2 + x314*d_w_2_d_rho_2 + x316*d_w_3_d_rho_2
-    d_area_squared_d_rho_3 = x312*d_w_1_d_rho_3 + x314*d_w_2_d_rho_3 + x316*d_w_3_d_rho_3
-    d_area_squared_d_rho_prime_1 = x312*d_w_1_d_rho_prime_1 + x314*d_w_2_d_rho_prime_1 + x316*d_w_3_d_rho_prime_1
-    d_area_squared_d_rho_prime_2 = x312*d_w_1_d_rho_prime_2 + x314*d_w_2_d_rho_prime_2 + x316*d_w_3_d_rho_prime_2
-    d_area_squared_d_rho_prime_3 = x312*d_w_1_d_rho_prime_3 + x314*d_w_2_d_rho_prime_3 + x316*d_w_3_d_rho_prime_3
-    x340 = m_squared*r_squared
-    plane = (x107 < area_squared) & (0.5*x340 < area_squared)
-    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x107 < sine_size)
-    crooked = area_squared < x340*(1.0 - 32.0*eps)
-    x355 = xp.abs(u_1) < xp.abs(u_3)
-    across_1 = xp.where(x355, 0.0, -u_2)
-    d_across_1_d_rho_2 = xp.where(x355, 0.0, d_difference_1_d_rho_1)
-    across_2 = xp.where(x355, -u_3, u_1)
-    d_across_2_d_rho_1 = xp.where(x355, 0.0, scale_before)
-    d_across_2_d_rho_3 = xp.where(x355, d_difference_1_d_rho_1, 0.0)
-    across_3 = xp.where(x355, u_2, 0.0)
-    d_across_3_d_rho_2 = xp.where(x355, scale_before, 0.0)
-    del d_r_2_d_rho_2, half_angle, along_m, rounding, x306, length_product, x312, x314, x316, both, x340, u_1, u_3, d_difference_1_d_rho_1, u_2, x355
+    x308 = 2.0*w_1
+    x310 = 2.0*w_2
+    x312 = 2.0*w_3
+    d_area_squared_d_rho_1 = x308*d_w_1_d_rho_1 + x310*d_w_2_d_rho_1 + x312*d_w_3_d_rho_1
+    d_area_squared_d_rho_2 = x308*d_w_1_d_rho_2 + x310*d_w_2_d_rho_2 + x312*d_w_3_d_rho_2
+    d_area_squared_d_rho_3 = x308*d_w_1_d_rho_3 + x310*d_w_2_d_rho_3 + x312*d_w_3_d_rho_3
+    d_area_squared_d_rho_prime_1 = x308*d_w_1_d_rho_prime_1 + x310*d_w_2_d_rho_prime_1 + x312*d_w_3_d_rho_prime_1
+    d_area_squared_d_rho_prime_2 = x308*d_w_1_d_rho_prime_2 + x310*d_w_2_d_rho_prime_2 + x312*d_w_3_d_rho_prime_2
+    d_area_squared_d_rho_prime_3 = x308*d_w_1_d_rho_prime_3 + x310*d_w_2_d_rho_prime_3 + x312*d_w_3_d_rho_prime_3
+    x336 = m_squared*r_squared
+    plane = (x103 < area_squared) & (0.5*x336 < area_squared)
+    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x103 < sine_size)
+    crooked = area_squared < x336*(1.0 - 32.0*eps)
+    x351 = xp.abs(u_1) < xp.abs(u_3)
+    across_1 = xp.where(x351, 0.0, -u_2)
+    d_across_1_d_rho_2 = xp.where(x351, 0.0, d_difference_1_d_rho_1)
+    across_2 = xp.where(x351, -u_3, u_1)
+    d_across_2_d_rho_1 = xp.where(x351, 0.0, scale_before)
+    d_across_2_d_rho_3 = xp.where(x351, d_difference_1_d_rho_1, 0.0)
+    across_3 = xp.where(x351, u_2, 0.0)
+    del d_r_1_d_rho_1, d_r_2_d_rho_2, half_angle, along_m, rounding, x302, length_product, x308, x310, x312, both, x336, u_1, u_3, d_difference_1_d_rho_1, u_2
+    d_across_3_d_rho_2 = xp.where(x351, scale_before, 0.0)
     select_3 = xp.where(plane, area_squared, across_1*across_1 + across_2*across_2 + across_3*across_3)
-    x362 = 2.0*across_2
-    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, x362*d_across_2_d_rho_1)
+    x358 = 2.0*across_2
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, x358*d_across_2_d_rho_1)
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
-    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, x362*d_across_2_d_rho_3)
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, x358*d_across_2_d_rho_3)
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
     d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
@@ -720,31 +721,31 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
     d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
     d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
+    del x351, area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x358, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2, d_root_squared_d_rho_3, d_select_3_d_rho_3
     d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
-    del area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x362, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2, d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
     d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
     root = xp.sqrt(under_root)
-    x371 = 0.5*(1.0/root)
-    d_root_d_rho_1 = x371*d_under_root_d_rho_1
-    d_root_d_rho_2 = x371*d_under_root_d_rho_2
-    d_root_d_rho_3 = x371*d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = x371*d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = x371*d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = x371*d_under_root_d_rho_prime_3
-    d_root_d_angle = x371*d_under_root_d_angle
-    x372 = 0.0 < root
-    select_4 = xp.where(x372, root, 1.0)
-    d_select_4_d_rho_1 = xp.where(x372, d_root_d_rho_1, 0.0)
-    d_select_4_d_rho_2 = xp.where(x372, d_root_d_rho_2, 0.0)
-    d_select_4_d_rho_3 = xp.where(x372, d_root_d_rho_3, 0.0)
-    d_select_4_d_rho_prime_1 = xp.where(x372, d_root_d_rho_prime_1, 0.0)
-    d_select_4_d_rho_prime_2 = xp.where(x372, d_root_d_rho_prime_2, 0.0)
-    d_select_4_d_rho_prime_3 = xp.where(x372, d_root_d_rho_prime_3, 0.0)
-    d_select_4_d_angle = xp.where(x372, d_root_d_angle, 0.0)
-    divisor = xp.where(two, x148, select_4)
-    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2, d_under_root_d_rho_prime_3, d_under_root_d_angle, x371, select_4, x148
+    x367 = 0.5*(1.0/root)
+    d_root_d_rho_1 = x367*d_under_root_d_rho_1
+    d_root_d_rho_2 = x367*d_under_root_d_rho_2
+    d_root_d_rho_3 = x367*d_under_root_d_rho_3
+    d_root_d_rho_prime_1 = x367*d_under_root_d_rho_prime_1
+    d_root_d_rho_prime_2 = x367*d_under_root_d_rho_prime_2
+    d_root_d_rho_prime_3 = x367*d_under_root_d_rho_prime_3
+    d_root_d_angle = x367*d_under_root_d_angle
+    del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2, d_under_root_d_rho_prime_3, d_under_root_d_angle, x367
+    x368 = 0.0 < root
+    select_4 = xp.where(x368, root, 1.0)
+    d_select_4_d_rho_1 = xp.where(x368, d_root_d_rho_1, 0.0)
+    d_select_4_d_rho_2 = xp.where(x368, d_root_d_rho_2, 0.0)
+    d_select_4_d_rho_3 = xp.where(x368, d_root_d_rho_3, 0.0)
+    d_select_4_d_rho_prime_1 = xp.where(x368, d_root_d_rho_prime_1, 0.0)
+    d_select_4_d_rho_prime_2 = xp.where(x368, d_root_d_rho_prime_2, 0.0)
+    d_select_4_d_rho_prime_3 = xp.where(x368, d_root_d_rho_prime_3, 0.0)
+    d_select_4_d_angle = xp.where(x368, d_root_d_angle, 0.0)
+    divisor = xp.where(two, x144, select_4)
     d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
     d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
     d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
@@ -752,16 +753,16 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
     d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
+    del select_4, x144, d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3, d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x381 = 1.0/(divisor*divisor)
-    del d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3, d_S_d_angle, d_select_4_d_angle, divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x381
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x381
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x381
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x381
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x381
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x381
-    d_inverse_d_angle = -d_divisor_d_angle*x381
+    x377 = 1.0/(divisor*divisor)
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x377
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x377
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x377
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x377
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x377
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x377
+    d_inverse_d_angle = -d_divisor_d_angle*x377
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
     d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
@@ -776,72 +777,72 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     m_factor = xp.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
     d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
+    del divisor, d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x377, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6, d_root_d_rho_1, d_root_d_rho_2
     d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
-    del d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x381, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6, d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
     d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
     d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
     d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
-    select_7 = xp.where(x372, across_1*inverse, 0.0)
-    d_select_7_d_rho_1 = xp.where(x372, across_1*d_inverse_d_rho_1, 0.0)
-    d_select_7_d_rho_2 = xp.where(x372, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
-    d_select_7_d_rho_3 = xp.where(x372, across_1*d_inverse_d_rho_3, 0.0)
-    d_select_7_d_rho_prime_1 = xp.where(x372, across_1*d_inverse_d_rho_prime_1, 0.0)
-    d_select_7_d_rho_prime_2 = xp.where(x372, across_1*d_inverse_d_rho_prime_2, 0.0)
-    d_select_7_d_rho_prime_3 = xp.where(x372, across_1*d_inverse_d_rho_prime_3, 0.0)
-    d_select_7_d_angle = xp.where(x372, across_1*d_inverse_d_angle, 0.0)
-    x424 = plane | two
-    base_1 = xp.where(x424, w_1*w_factor, select_7)
-    d_base_1_d_rho_1 = xp.where(x424, d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
-    d_base_1_d_rho_2 = xp.where(x424, d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
-    d_base_1_d_rho_3 = xp.where(x424, d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
-    d_base_1_d_rho_prime_1 = xp.where(x424, d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
-    del d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, root, d_across_1_d_rho_2, across_1, plane, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3, d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
-    d_base_1_d_rho_prime_2 = xp.where(x424, d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
-    d_base_1_d_rho_prime_3 = xp.where(x424, d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
-    d_base_1_d_angle = xp.where(x424, d_w_factor_d_angle*w_1, d_select_7_d_angle)
-    select_8 = xp.where(x372, across_2*inverse, 0.0)
-    d_select_8_d_rho_1 = xp.where(x372, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
-    d_select_8_d_rho_2 = xp.where(x372, across_2*d_inverse_d_rho_2, 0.0)
-    d_select_8_d_rho_3 = xp.where(x372, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
-    d_select_8_d_rho_prime_1 = xp.where(x372, across_2*d_inverse_d_rho_prime_1, 0.0)
-    d_select_8_d_rho_prime_2 = xp.where(x372, across_2*d_inverse_d_rho_prime_2, 0.0)
-    d_select_8_d_rho_prime_3 = xp.where(x372, across_2*d_inverse_d_rho_prime_3, 0.0)
-    d_select_8_d_angle = xp.where(x372, across_2*d_inverse_d_angle, 0.0)
-    base_2 = xp.where(x424, w_2*w_factor, select_8)
-    d_base_2_d_rho_1 = xp.where(x424, d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
-    d_base_2_d_rho_2 = xp.where(x424, d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
-    d_base_2_d_rho_3 = xp.where(x424, d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
-    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2, d_select_8_d_rho_3, d_w_2_d_rho_3
-    d_base_2_d_rho_prime_1 = xp.where(x424, d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
-    d_base_2_d_rho_prime_2 = xp.where(x424, d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
-    d_base_2_d_rho_prime_3 = xp.where(x424, d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
-    d_base_2_d_angle = xp.where(x424, d_w_factor_d_angle*w_2, d_select_8_d_angle)
-    select_9 = xp.where(x372, across_3*inverse, 1.0)
-    d_select_9_d_rho_1 = xp.where(x372, across_3*d_inverse_d_rho_1, 0.0)
-    d_select_9_d_rho_2 = xp.where(x372, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
-    d_select_9_d_rho_3 = xp.where(x372, across_3*d_inverse_d_rho_3, 0.0)
-    d_select_9_d_rho_prime_1 = xp.where(x372, across_3*d_inverse_d_rho_prime_1, 0.0)
-    d_select_9_d_rho_prime_2 = xp.where(x372, across_3*d_inverse_d_rho_prime_2, 0.0)
-    d_select_9_d_rho_prime_3 = xp.where(x372, across_3*d_inverse_d_rho_prime_3, 0.0)
-    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1, d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3
-    d_select_9_d_angle = xp.where(x372, across_3*d_inverse_d_angle, 0.0)
-    base_3 = xp.where(x424, w_3*w_factor, select_9)
-    d_base_3_d_rho_1 = xp.where(x424, d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
-    d_base_3_d_rho_2 = xp.where(x424, d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
-    d_base_3_d_rho_3 = xp.where(x424, d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
-    d_base_3_d_rho_prime_1 = xp.where(x424, d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
-    del across_3, d_inverse_d_angle, x372, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
-    d_base_3_d_rho_prime_2 = xp.where(x424, d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
-    d_base_3_d_rho_prime_3 = xp.where(x424, d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
-    d_base_3_d_angle = xp.where(x424, d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    select_7 = xp.where(x368, across_1*inverse, 0.0)
+    d_select_7_d_rho_1 = xp.where(x368, across_1*d_inverse_d_rho_1, 0.0)
+    d_select_7_d_rho_2 = xp.where(x368, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    d_select_7_d_rho_3 = xp.where(x368, across_1*d_inverse_d_rho_3, 0.0)
+    d_select_7_d_rho_prime_1 = xp.where(x368, across_1*d_inverse_d_rho_prime_1, 0.0)
+    d_select_7_d_rho_prime_2 = xp.where(x368, across_1*d_inverse_d_rho_prime_2, 0.0)
+    d_select_7_d_rho_prime_3 = xp.where(x368, across_1*d_inverse_d_rho_prime_3, 0.0)
+    d_select_7_d_angle = xp.where(x368, across_1*d_inverse_d_angle, 0.0)
+    x420 = plane | two
+    base_1 = xp.where(x420, w_1*w_factor, select_7)
+    d_base_1_d_rho_1 = xp.where(x420, d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    d_base_1_d_rho_2 = xp.where(x420, d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    d_base_1_d_rho_3 = xp.where(x420, d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    del d_root_d_rho_3, d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, root, d_across_1_d_rho_2, across_1, plane, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3
+    d_base_1_d_rho_prime_1 = xp.where(x420, d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    d_base_1_d_rho_prime_2 = xp.where(x420, d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    d_base_1_d_rho_prime_3 = xp.where(x420, d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    d_base_1_d_angle = xp.where(x420, d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    select_8 = xp.where(x368, across_2*inverse, 0.0)
+    d_select_8_d_rho_1 = xp.where(x368, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    d_select_8_d_rho_2 = xp.where(x368, across_2*d_inverse_d_rho_2, 0.0)
+    d_select_8_d_rho_3 = xp.where(x368, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    d_select_8_d_rho_prime_1 = xp.where(x368, across_2*d_inverse_d_rho_prime_1, 0.0)
+    d_select_8_d_rho_prime_2 = xp.where(x368, across_2*d_inverse_d_rho_prime_2, 0.0)
+    d_select_8_d_rho_prime_3 = xp.where(x368, across_2*d_inverse_d_rho_prime_3, 0.0)
+    d_select_8_d_angle = xp.where(x368, across_2*d_inverse_d_angle, 0.0)
+    base_2 = xp.where(x420, w_2*w_factor, select_8)
+    d_base_2_d_rho_1 = xp.where(x420, d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    d_base_2_d_rho_2 = xp.where(x420, d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1, d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2
+    d_base_2_d_rho_3 = xp.where(x420, d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    d_base_2_d_rho_prime_1 = xp.where(x420, d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    d_base_2_d_rho_prime_2 = xp.where(x420, d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    d_base_2_d_rho_prime_3 = xp.where(x420, d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    d_base_2_d_angle = xp.where(x420, d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    select_9 = xp.where(x368, across_3*inverse, 1.0)
+    d_select_9_d_rho_1 = xp.where(x368, across_3*d_inverse_d_rho_1, 0.0)
+    d_select_9_d_rho_2 = xp.where(x368, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    d_select_9_d_rho_3 = xp.where(x368, across_3*d_inverse_d_rho_3, 0.0)
+    d_select_9_d_rho_prime_1 = xp.where(x368, across_3*d_inverse_d_rho_prime_1, 0.0)
+    del d_select_8_d_rho_3, d_w_2_d_rho_3, d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1
+    d_select_9_d_rho_prime_2 = xp.where(x368, across_3*d_inverse_d_rho_prime_2, 0.0)
+    d_select_9_d_rho_prime_3 = xp.where(x368, across_3*d_inverse_d_rho_prime_3, 0.0)
+    d_select_9_d_angle = xp.where(x368, across_3*d_inverse_d_angle, 0.0)
+    base_3 = xp.where(x420, w_3*w_factor, select_9)
+    d_base_3_d_rho_1 = xp.where(x420, d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    d_base_3_d_rho_2 = xp.where(x420, d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    d_base_3_d_rho_3 = xp.where(x420, d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    d_base_3_d_rho_prime_1 = xp.where(x420, d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    del d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3, across_3, d_inverse_d_angle, x368, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
+    d_base_3_d_rho_prime_2 = xp.where(x420, d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    d_base_3_d_rho_prime_3 = xp.where(x420, d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    d_base_3_d_angle = xp.where(x420, d_w_factor_d_angle*w_3, d_select_9_d_angle)
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
-    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, w_3, x424, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, w_3, x420, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
     offset_2 = m_2*m_factor
@@ -886,22 +887,22 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x556 = plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x556), 1.0)
-    x560 = 1.0/xp.pow(x556, 1.5)
-    x561 = plus_1*x560
-    x563 = plus_2*x560
-    x565 = plus_3*x560
-    d_plus_factor_d_rho_1 = xp.where(crooked, -(d_plus_1_d_rho_1*x561 + d_plus_2_d_rho_1*x563 + d_plus_3_d_rho_1*x565), 0.0)
-    d_plus_factor_d_rho_2 = xp.where(crooked, -(d_plus_1_d_rho_2*x561 + d_plus_2_d_rho_2*x563 + d_plus_3_d_rho_2*x565), 0.0)
-    d_plus_factor_d_rho_3 = xp.where(crooked, -(d_plus_1_d_rho_3*x561 + d_plus_2_d_rho_3*x563 + d_plus_3_d_rho_3*x565), 0.0)
-    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -(d_plus_1_d_rho_prime_1*x561 + d_plus_2_d_rho_prime_1*x563 + d_plus_3_d_rho_prime_1*x565), 0.0)
-    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -(d_plus_1_d_rho_prime_2*x561 + d_plus_2_d_rho_prime_2*x563 + d_plus_3_d_rho_prime_2*x565), 0.0)
-    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -(d_plus_1_d_rho_prime_3*x561 + d_plus_2_d_rho_prime_3*x563 + d_plus_3_d_rho_prime_3*x565), 0.0)
-    d_plus_factor_d_angle = xp.where(crooked, -(d_plus_1_d_angle*x561 + d_plus_2_d_angle*x563 + d_plus_3_d_angle*x565), 0.0)
+    x552 = plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x552), 1.0)
+    x556 = 1.0/xp.pow(x552, 1.5)
+    x557 = plus_1*x556
+    x559 = plus_2*x556
+    x561 = plus_3*x556
+    d_plus_factor_d_rho_1 = xp.where(crooked, -(d_plus_1_d_rho_1*x557 + d_plus_2_d_rho_1*x559 + d_plus_3_d_rho_1*x561), 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -(d_plus_1_d_rho_2*x557 + d_plus_2_d_rho_2*x559 + d_plus_3_d_rho_2*x561), 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -(d_plus_1_d_rho_3*x557 + d_plus_2_d_rho_3*x559 + d_plus_3_d_rho_3*x561), 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -(d_plus_1_d_rho_prime_1*x557 + d_plus_2_d_rho_prime_1*x559 + d_plus_3_d_rho_prime_1*x561), 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -(d_plus_1_d_rho_prime_2*x557 + d_plus_2_d_rho_prime_2*x559 + d_plus_3_d_rho_prime_2*x561), 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -(d_plus_1_d_rho_prime_3*x557 + d_plus_2_d_rho_prime_3*x559 + d_plus_3_d_rho_prime_3*x561), 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -(d_plus_1_d_angle*x557 + d_plus_2_d_angle*x559 + d_plus_3_d_angle*x561), 0.0)
     minus_1 = base_1 - offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
-    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x556, x560, x561, x563, x565, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x552, x556, x557, x559, x561, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
     d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
     d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
@@ -926,20 +927,20 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
     d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
-    x610 = minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x610), 1.0)
-    x614 = 1.0/xp.pow(x610, 1.5)
-    x615 = minus_1*x614
-    x617 = minus_2*x614
-    x619 = minus_3*x614
-    d_minus_factor_d_rho_1 = xp.where(crooked, -(d_minus_1_d_rho_1*x615 + d_minus_2_d_rho_1*x617 + d_minus_3_d_rho_1*x619), 0.0)
-    d_minus_factor_d_rho_2 = xp.where(crooked, -(d_minus_1_d_rho_2*x615 + d_minus_2_d_rho_2*x617 + d_minus_3_d_rho_2*x619), 0.0)
-    d_minus_factor_d_rho_3 = xp.where(crooked, -(d_minus_1_d_rho_3*x615 + d_minus_2_d_rho_3*x617 + d_minus_3_d_rho_3*x619), 0.0)
-    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -(d_minus_1_d_rho_prime_1*x615 + d_minus_2_d_rho_prime_1*x617 + d_minus_3_d_rho_prime_1*x619), 0.0)
-    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -(d_minus_1_d_rho_prime_2*x615 + d_minus_2_d_rho_prime_2*x617 + d_minus_3_d_rho_prime_2*x619), 0.0)
-    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -(d_minus_1_d_rho_prime_3*x615 + d_minus_2_d_rho_prime_3*x617 + d_minus_3_d_rho_prime_3*x619), 0.0)
-    d_minus_factor_d_angle = xp.where(crooked, -(d_minus_1_d_angle*x615 + d_minus_2_d_angle*x617 + d_minus_3_d_angle*x619), 0.0)
-    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x610, x614, crooked, x615, x617, x619
+    x606 = minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x606), 1.0)
+    x610 = 1.0/xp.pow(x606, 1.5)
+    x611 = minus_1*x610
+    x613 = minus_2*x610
+    x615 = minus_3*x610
+    d_minus_factor_d_rho_1 = xp.where(crooked, -(d_minus_1_d_rho_1*x611 + d_minus_2_d_rho_1*x613 + d_minus_3_d_rho_1*x615), 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -(d_minus_1_d_rho_2*x611 + d_minus_2_d_rho_2*x613 + d_minus_3_d_rho_2*x615), 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -(d_minus_1_d_rho_3*x611 + d_minus_2_d_rho_3*x613 + d_minus_3_d_rho_3*x615), 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -(d_minus_1_d_rho_prime_1*x611 + d_minus_2_d_rho_prime_1*x613 + d_minus_3_d_rho_prime_1*x615), 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -(d_minus_1_d_rho_prime_2*x611 + d_minus_2_d_rho_prime_2*x613 + d_minus_3_d_rho_prime_2*x615), 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -(d_minus_1_d_rho_prime_3*x611 + d_minus_2_d_rho_prime_3*x613 + d_minus_3_d_rho_prime_3*x615), 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -(d_minus_1_d_angle*x611 + d_minus_2_d_angle*x613 + d_minus_3_d_angle*x615), 0.0)
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x606, x610, crooked, x611, x613, x615
     axes_jacobian_1_1_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     axes_jacobian_1_1_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
     axes_jacobian_1_1_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
@@ -986,29 +987,29 @@ def _axis_jacobian(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_
     axes_jacobian_2_3_6 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
     axes_jacobian_2_3_7 = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
     del d_minus_3_d_rho_1, d_minus_factor_d_rho_1, d_minus_3_d_rho_2, d_minus_factor_d_rho_2, d_minus_3_d_rho_3, d_minus_factor_d_rho_3, d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1, d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2, d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3, d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
-    x786 = size_after == 0.0
-    x787 = size_before == 0.0
-    both_zero = x786 & x787
-    one_zero = x786 | x787
-    x788 = x106*length_squared
-    coincident = 16.0*x788
-    x790 = eps*x299
-    no_turn = (sine_size <= x107) | (sine_size <= x790)
+    x782 = size_after == 0.0
+    x783 = size_before == 0.0
+    both_zero = x782 & x783
+    one_zero = x782 | x783
+    x784 = x102*length_squared
+    coincident = 16.0*x784
+    x786 = eps*x295
+    no_turn = (sine_size <= x103) | (sine_size <= x786)
     every = no_turn & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x790)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x786)
     too_small = no_turn | (root_squared < -4.0*band)
-    del size_after, size_before, x786, x787, x106, x299, sine_size, x107, r_squared, coincident, cosine, m_squared, x790, band, no_turn, root_squared
+    del size_after, size_before, x782, x783, x102, x295, sine_size, x103, r_squared, coincident, cosine, m_squared, x786, band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
     scaled_r_2 = r_2*turn_scale
     scaled_r_3 = r_3*turn_scale
-    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x147*x788
-    least_tolerance = xp.where(x302 < length_tolerance, length_tolerance, x302)
+    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x143*x784
+    least_tolerance = xp.where(x298 < length_tolerance, length_tolerance, x298)
     select_10 = xp.where(0.0 < length_squared, x29, 1.0)
     ratio = xp.sqrt(length_prime_squared*select_10)
     lengths_agree = (comparable & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~comparable))
-    del r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x147, x788, x302, length_squared, x29, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
-    x826 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
-    status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x826))))
+    del r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x143, x784, x298, length_squared, x29, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
+    x822 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
+    status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x822))))
     return (axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, axes_jacobian_1_1_7, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, axes_jacobian_1_2_7, axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, axes_jacobian_2_1_7, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, axes_jacobian_2_2_7, axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, status_value)
 
 
@@ -1057,7 +1058,7 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
 
 
 def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 518 add, 870 mul, 12 div, 5 sqrt, 196 select, 34 compare, 15 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 518 add, 866 mul, 12 div, 5 sqrt, 196 select, 34 compare, 15 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*xp.abs(rho_1) + 0.25*xp.abs(rho_2) + 0.25*xp.abs(rho_3)
     size_after = 0.25*xp.abs(rho_prime_1) + 0.25*xp.abs(rho_prime_2) + 0.25*xp.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1090,13 +1091,14 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     length_product = xp.sqrt(length_prime_squared*length_squared)
     x29 = 1.0/length_squared
     x30 = 0.5*length_product
-    d_length_product_d_rho_1 = x30*d_length_squared_d_rho_1*x29
-    d_length_product_d_rho_2 = x30*d_length_squared_d_rho_2*x29
-    d_length_product_d_rho_3 = x30*d_length_squared_d_rho_3*x29
-    x34 = 1.0/length_prime_squared
-    d_length_product_d_rho_prime_1 = x30*d_length_prime_squared_d_rho_prime_1*x34
-    d_length_product_d_rho_prime_2 = x30*d_length_prime_squared_d_rho_prime_2*x34
-    d_length_product_d_rho_prime_3 = x30*d_length_prime_squared_d_rho_prime_3*x34
+    x31 = x30*x29
+    d_length_product_d_rho_1 = x31*d_length_squared_d_rho_1
+    d_length_product_d_rho_2 = x31*d_length_squared_d_rho_2
+    d_length_product_d_rho_3 = x31*d_length_squared_d_rho_3
+    x33 = x30*(1.0/length_prime_squared)
+    d_length_product_d_rho_prime_1 = x33*d_length_prime_squared_d_rho_prime_1
+    d_length_product_d_rho_prime_2 = x33*d_length_prime_squared_d_rho_prime_2
+    d_length_product_d_rho_prime_3 = x33*d_length_prime_squared_d_rho_prime_3
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
     d_gain_d_rho_2 = d_difference_1_d_rho_1*total_2 + difference_2*scale_before
@@ -1110,57 +1112,57 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
     nonzero = 0.0 < excess_divisor
     select_0 = xp.where(nonzero, 1.0/excess_divisor, 1.0)
-    x56 = 1.0/(excess_divisor*excess_divisor)
-    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x56, 0.0)
-    del scale_after, x22, x27, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x30, x34, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3, excess_divisor, d_length_product_d_rho_1
-    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x56, 0.0)
-    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x56, 0.0)
-    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x56, 0.0)
-    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x56, 0.0)
-    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x56, 0.0)
+    x52 = 1.0/(excess_divisor*excess_divisor)
+    del scale_after, x22, x27, d_length_squared_d_rho_1, d_length_squared_d_rho_2, d_length_squared_d_rho_3, x31, x30, x33, d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1, d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2, d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3, excess_divisor
+    d_select_0_d_rho_1 = xp.where(nonzero, -d_length_product_d_rho_1*x52, 0.0)
+    d_select_0_d_rho_2 = xp.where(nonzero, -d_length_product_d_rho_2*x52, 0.0)
+    d_select_0_d_rho_3 = xp.where(nonzero, -d_length_product_d_rho_3*x52, 0.0)
+    d_select_0_d_rho_prime_1 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_1*x52, 0.0)
+    d_select_0_d_rho_prime_2 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_2*x52, 0.0)
+    d_select_0_d_rho_prime_3 = xp.where(nonzero, -d_excess_divisor_d_rho_prime_3*x52, 0.0)
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
+    del d_length_product_d_rho_1, d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x52, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
-    del d_length_product_d_rho_2, d_length_product_d_rho_3, d_excess_divisor_d_rho_prime_1, d_excess_divisor_d_rho_prime_2, d_excess_divisor_d_rho_prime_3, nonzero, x56, d_gain_d_rho_1, d_select_0_d_rho_1, d_gain_d_rho_2, d_select_0_d_rho_2, d_gain_d_rho_3, d_select_0_d_rho_3, d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1, d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
-    x81 = excess*v_1
-    m_1 = total_1 - x81
-    x82 = d_excess_d_rho_1*v_1
-    d_m_1_d_rho_1 = scale_before - x82
+    x77 = excess*v_1
+    m_1 = total_1 - x77
+    x78 = d_excess_d_rho_1*v_1
+    d_m_1_d_rho_1 = scale_before - x78
     d_m_1_d_rho_2 = -d_excess_d_rho_2*v_1
     d_m_1_d_rho_3 = -d_excess_d_rho_3*v_1
-    x87 = scale - excess*scale
-    d_m_1_d_rho_prime_1 = x87 - d_excess_d_rho_prime_1*v_1
+    x83 = scale - excess*scale
+    d_m_1_d_rho_prime_1 = x83 - d_excess_d_rho_prime_1*v_1
     d_m_1_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_1
     d_m_1_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_1
-    x90 = excess*v_2
-    m_2 = total_2 - x90
+    x86 = excess*v_2
+    m_2 = total_2 - x86
     d_m_2_d_rho_1 = -d_excess_d_rho_1*v_2
-    x92 = d_excess_d_rho_2*v_2
-    d_m_2_d_rho_2 = scale_before - x92
+    x88 = d_excess_d_rho_2*v_2
+    d_m_2_d_rho_2 = scale_before - x88
     d_m_2_d_rho_3 = -d_excess_d_rho_3*v_2
     d_m_2_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_2
-    d_m_2_d_rho_prime_2 = x87 - d_excess_d_rho_prime_2*v_2
+    d_m_2_d_rho_prime_2 = x83 - d_excess_d_rho_prime_2*v_2
     d_m_2_d_rho_prime_3 = -d_excess_d_rho_prime_3*v_2
-    x97 = excess*v_3
-    m_3 = total_3 - x97
+    x93 = excess*v_3
+    m_3 = total_3 - x93
     d_m_3_d_rho_1 = -d_excess_d_rho_1*v_3
     d_m_3_d_rho_2 = -d_excess_d_rho_2*v_3
-    x100 = d_excess_d_rho_3*v_3
-    d_m_3_d_rho_3 = scale_before - x100
+    x96 = d_excess_d_rho_3*v_3
+    d_m_3_d_rho_3 = scale_before - x96
     d_m_3_d_rho_prime_1 = -d_excess_d_rho_prime_1*v_3
     d_m_3_d_rho_prime_2 = -d_excess_d_rho_prime_2*v_3
-    d_m_3_d_rho_prime_3 = x87 - d_excess_d_rho_prime_3*v_3
-    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, total_1, v_1, total_2, v_2, total_3, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1, d_excess_d_rho_prime_2, d_excess_d_rho_prime_3, v_3, x87
-    r_1 = difference_1 - x81
-    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - x82
-    r_2 = difference_2 - x90
-    d_r_2_d_rho_2 = d_difference_1_d_rho_1 - x92
-    r_3 = difference_3 - x97
-    d_r_3_d_rho_3 = d_difference_1_d_rho_1 - x100
+    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2, d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0, total_1, v_1, total_2, v_2, total_3, d_excess_d_rho_1, d_excess_d_rho_2, d_excess_d_rho_3, d_excess_d_rho_prime_1, d_excess_d_rho_prime_2
+    d_m_3_d_rho_prime_3 = x83 - d_excess_d_rho_prime_3*v_3
+    r_1 = difference_1 - x77
+    d_r_1_d_rho_1 = d_difference_1_d_rho_1 - x78
+    r_2 = difference_2 - x86
+    d_r_2_d_rho_2 = d_difference_1_d_rho_1 - x88
+    r_3 = difference_3 - x93
+    d_r_3_d_rho_3 = d_difference_1_d_rho_1 - x96
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
@@ -1168,39 +1170,39 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_cosine_d_angle = -0.5*sine
     sine_size = xp.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*xp.sign(sine)
-    x106 = eps*eps
-    x107 = x106*x106
-    select_1 = xp.where(x106 < sine_size, sine_size, x106)
+    x102 = eps*eps
+    x103 = x102*x102
+    select_1 = xp.where(x102 < sine_size, sine_size, x102)
     turn_scale = _power_of_two_scale(select_1)
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
-    x109 = sine < 0.0
-    select_2 = xp.where(x109, -cosine, cosine)
-    d_select_2_d_angle = xp.where(x109, -d_cosine_d_angle, d_cosine_d_angle)
+    x105 = sine < 0.0
+    del d_excess_d_rho_prime_3, v_3, x83, difference_1, x77, x78, difference_2, x86, x88, difference_3, x93, x96, d_sine_d_angle, select_1, d_sine_size_d_angle, sine
+    select_2 = xp.where(x105, -cosine, cosine)
+    d_select_2_d_angle = xp.where(x105, -d_cosine_d_angle, d_cosine_d_angle)
     C = select_2*turn_scale
-    del difference_1, x81, x82, difference_2, x90, x92, difference_3, x97, x100, d_sine_d_angle, select_1, d_sine_size_d_angle, sine, d_cosine_d_angle, x109, select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
     m_squared = m_1*m_1 + m_2*m_2 + m_3*m_3
-    x116 = 2.0*m_1
-    x118 = 2.0*m_2
-    x120 = 2.0*m_3
-    d_m_squared_d_rho_1 = x116*d_m_1_d_rho_1 + x118*d_m_2_d_rho_1 + x120*d_m_3_d_rho_1
-    d_m_squared_d_rho_2 = x116*d_m_1_d_rho_2 + x118*d_m_2_d_rho_2 + x120*d_m_3_d_rho_2
-    d_m_squared_d_rho_3 = x116*d_m_1_d_rho_3 + x118*d_m_2_d_rho_3 + x120*d_m_3_d_rho_3
-    d_m_squared_d_rho_prime_1 = x116*d_m_1_d_rho_prime_1 + x118*d_m_2_d_rho_prime_1 + x120*d_m_3_d_rho_prime_1
-    d_m_squared_d_rho_prime_2 = x116*d_m_1_d_rho_prime_2 + x118*d_m_2_d_rho_prime_2 + x120*d_m_3_d_rho_prime_2
-    d_m_squared_d_rho_prime_3 = x116*d_m_1_d_rho_prime_3 + x118*d_m_2_d_rho_prime_3 + x120*d_m_3_d_rho_prime_3
+    x112 = 2.0*m_1
+    x114 = 2.0*m_2
+    x116 = 2.0*m_3
+    d_m_squared_d_rho_1 = x112*d_m_1_d_rho_1 + x114*d_m_2_d_rho_1 + x116*d_m_3_d_rho_1
+    d_m_squared_d_rho_2 = x112*d_m_1_d_rho_2 + x114*d_m_2_d_rho_2 + x116*d_m_3_d_rho_2
+    d_m_squared_d_rho_3 = x112*d_m_1_d_rho_3 + x114*d_m_2_d_rho_3 + x116*d_m_3_d_rho_3
+    d_m_squared_d_rho_prime_1 = x112*d_m_1_d_rho_prime_1 + x114*d_m_2_d_rho_prime_1 + x116*d_m_3_d_rho_prime_1
+    d_m_squared_d_rho_prime_2 = x112*d_m_1_d_rho_prime_2 + x114*d_m_2_d_rho_prime_2 + x116*d_m_3_d_rho_prime_2
+    d_m_squared_d_rho_prime_3 = x112*d_m_1_d_rho_prime_3 + x114*d_m_2_d_rho_prime_3 + x116*d_m_3_d_rho_prime_3
     r_squared = r_1*r_1 + r_2*r_2 + r_3*r_3
-    x147 = S*S
-    along_m = x147*m_squared
-    d_along_m_d_rho_1 = x147*d_m_squared_d_rho_1
-    d_along_m_d_rho_2 = x147*d_m_squared_d_rho_2
-    d_along_m_d_rho_3 = x147*d_m_squared_d_rho_3
-    d_along_m_d_rho_prime_1 = x147*d_m_squared_d_rho_prime_1
-    d_along_m_d_rho_prime_2 = x147*d_m_squared_d_rho_prime_2
-    d_along_m_d_rho_prime_3 = x147*d_m_squared_d_rho_prime_3
-    x148 = S*m_squared
-    d_along_m_d_angle = 2.0*x148*d_S_d_angle
+    x143 = S*S
+    along_m = x143*m_squared
+    d_along_m_d_rho_1 = x143*d_m_squared_d_rho_1
+    d_along_m_d_rho_2 = x143*d_m_squared_d_rho_2
+    d_along_m_d_rho_3 = x143*d_m_squared_d_rho_3
+    d_along_m_d_rho_prime_1 = x143*d_m_squared_d_rho_prime_1
+    d_along_m_d_rho_prime_2 = x143*d_m_squared_d_rho_prime_2
+    d_along_m_d_rho_prime_3 = x143*d_m_squared_d_rho_prime_3
+    x144 = S*m_squared
+    d_along_m_d_angle = 2.0*x144*d_S_d_angle
     n_1 = C*r_1
     d_n_1_d_rho_1 = C*d_r_1_d_rho_1
     d_n_1_d_rho_2 = C*d_m_1_d_rho_2
@@ -1226,19 +1228,19 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_n_3_d_rho_prime_3 = C*d_m_3_d_rho_prime_3
     d_n_3_d_angle = d_C_d_angle*r_3
     along_n = n_1*n_1 + n_2*n_2 + n_3*n_3
-    x154 = 2.0*n_1
-    x156 = 2.0*n_2
-    x158 = 2.0*n_3
-    d_along_n_d_rho_1 = x154*d_n_1_d_rho_1 + x156*d_n_2_d_rho_1 + x158*d_n_3_d_rho_1
-    d_along_n_d_rho_2 = x154*d_n_1_d_rho_2 + x156*d_n_2_d_rho_2 + x158*d_n_3_d_rho_2
-    d_along_n_d_rho_3 = x154*d_n_1_d_rho_3 + x156*d_n_2_d_rho_3 + x158*d_n_3_d_rho_3
-    del d_select_2_d_angle, x116, x118, x120, n_1, n_2, n_3, d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2, d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
-    d_along_n_d_rho_prime_1 = x154*d_n_1_d_rho_prime_1 + x156*d_n_2_d_rho_prime_1 + x158*d_n_3_d_rho_prime_1
-    d_along_n_d_rho_prime_2 = x154*d_n_1_d_rho_prime_2 + x156*d_n_2_d_rho_prime_2 + x158*d_n_3_d_rho_prime_2
-    d_along_n_d_rho_prime_3 = x154*d_n_1_d_rho_prime_3 + x156*d_n_2_d_rho_prime_3 + x158*d_n_3_d_rho_prime_3
-    d_along_n_d_angle = x154*d_n_1_d_angle + x156*d_n_2_d_angle + x158*d_n_3_d_angle
+    x150 = 2.0*n_1
+    x152 = 2.0*n_2
+    x154 = 2.0*n_3
+    d_along_n_d_rho_1 = x150*d_n_1_d_rho_1 + x152*d_n_2_d_rho_1 + x154*d_n_3_d_rho_1
+    d_along_n_d_rho_2 = x150*d_n_1_d_rho_2 + x152*d_n_2_d_rho_2 + x154*d_n_3_d_rho_2
+    del d_cosine_d_angle, x105, select_2, d_select_2_d_angle, x112, x114, x116, n_1, n_2, n_3, d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1, d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
+    d_along_n_d_rho_3 = x150*d_n_1_d_rho_3 + x152*d_n_2_d_rho_3 + x154*d_n_3_d_rho_3
+    d_along_n_d_rho_prime_1 = x150*d_n_1_d_rho_prime_1 + x152*d_n_2_d_rho_prime_1 + x154*d_n_3_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = x150*d_n_1_d_rho_prime_2 + x152*d_n_2_d_rho_prime_2 + x154*d_n_3_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = x150*d_n_1_d_rho_prime_3 + x152*d_n_2_d_rho_prime_3 + x154*d_n_3_d_rho_prime_3
+    d_along_n_d_angle = x150*d_n_1_d_angle + x152*d_n_2_d_angle + x154*d_n_3_d_angle
+    del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3, d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3, d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x150, x152, x154
     root_squared = along_m - along_n
-    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1, d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2, d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3, d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x154, x156, x158, along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
@@ -1257,51 +1259,51 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_m_3_d_rho_1*m_1
     d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_m_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_m_3_d_rho_2*m_1
     d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_m_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
+    del along_n, d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2, d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_3
     d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_m_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_m_3_d_rho_prime_1*m_1
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_m_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_m_3_d_rho_prime_2*m_1
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_m_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_m_3_d_rho_prime_3*m_1
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_m_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
-    del d_along_m_d_rho_1, d_along_n_d_rho_1, d_along_m_d_rho_2, d_along_n_d_rho_2, d_along_m_d_rho_3, d_along_n_d_rho_3, d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1, d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2, d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3, d_along_m_d_angle, d_along_n_d_angle, d_r_3_d_rho_3, d_r_1_d_rho_1
     d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_m_1_d_rho_2*m_2
     d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_m_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_m_1_d_rho_3*m_2
     d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_m_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_m_1_d_rho_prime_1*m_2
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_m_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_m_1_d_rho_prime_2*m_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_m_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_m_1_d_rho_prime_3*m_2
-    x299 = xp.abs(half_angle)
-    x302 = 8.0*eps
-    rounding = x302*S*length_squared*(x299 + 1.0)*xp.abs(C)
-    x306 = 0.5*along_m
-    band = xp.where(rounding < x306, rounding, x306)
+    x295 = xp.abs(half_angle)
+    x298 = 8.0*eps
+    rounding = x298*S*length_squared*(x295 + 1.0)*xp.abs(C)
+    x302 = 0.5*along_m
+    band = xp.where(rounding < x302, rounding, x302)
     both = 0.0 < length_product
     area_squared = w_1*w_1 + w_2*w_2 + w_3*w_3
-    x312 = 2.0*w_1
-    x314 = 2.0*w_2
-    x316 = 2.0*w_3
-    d_area_squared_d_rho_1 = x312*d_w_1_d_rho_1 + x314*d_w_2_d_rho_1 + x316*d_w_3_d_rho_1
-    d_area_squared_d_rho_2 = x312*d_w_1_d_rho_2 + x314*d_w_2_d_rho_2 + x316*d_w_3_d_rho_2
-    d_area_squared_d_rho_3 = x312*d_w_1_d_rho_3 + x314*d_w_2_d_rho_3 + x316*d_w_3_d_rho_3
-    d_area_squared_d_rho_prime_1 = x312*d_w_1_d_rho_prime_1 + x314*d_w_2_d_rho_prime_1 + x316*d_w_3_d_rho_prime_1
-    d_area_squared_d_rho_prime_2 = x312*d_w_1_d_rho_prime_2 + x314*d_w_2_d_rho_prime_2 + x316*d_w_3_d_rho_prime_2
-    d_area_squared_d_rho_prime_3 = x312*d_w_1_d_rho_prime_3 + x314*d_w_2_d_rho_prime_3 + x316*d_w_3_d_rho_prime_3
-    x340 = m_squared*r_squared
-    plane = (x107 < area_squared) & (0.5*x340 < area_squared)
-    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x107 < sine_size)
-    crooked = area_squared < x340*(1.0 - 32.0*eps)
-    x355 = xp.abs(u_1) < xp.abs(u_3)
-    across_1 = xp.where(x355, 0.0, -u_2)
-    d_across_1_d_rho_2 = xp.where(x355, 0.0, d_difference_1_d_rho_1)
-    across_2 = xp.where(x355, -u_3, u_1)
-    d_across_2_d_rho_1 = xp.where(x355, 0.0, scale_before)
-    d_across_2_d_rho_3 = xp.where(x355, d_difference_1_d_rho_1, 0.0)
-    across_3 = xp.where(x355, u_2, 0.0)
-    d_across_3_d_rho_2 = xp.where(x355, scale_before, 0.0)
-    del d_r_2_d_rho_2, half_angle, along_m, rounding, x306, length_product, x312, x314, x316, both, x340, u_1, u_3, d_difference_1_d_rho_1, u_2, x355
+    x308 = 2.0*w_1
+    x310 = 2.0*w_2
+    x312 = 2.0*w_3
+    d_area_squared_d_rho_1 = x308*d_w_1_d_rho_1 + x310*d_w_2_d_rho_1 + x312*d_w_3_d_rho_1
+    d_area_squared_d_rho_2 = x308*d_w_1_d_rho_2 + x310*d_w_2_d_rho_2 + x312*d_w_3_d_rho_2
+    d_area_squared_d_rho_3 = x308*d_w_1_d_rho_3 + x310*d_w_2_d_rho_3 + x312*d_w_3_d_rho_3
+    d_area_squared_d_rho_prime_1 = x308*d_w_1_d_rho_prime_1 + x310*d_w_2_d_rho_prime_1 + x312*d_w_3_d_rho_prime_1
+    d_area_squared_d_rho_prime_2 = x308*d_w_1_d_rho_prime_2 + x310*d_w_2_d_rho_prime_2 + x312*d_w_3_d_rho_prime_2
+    d_area_squared_d_rho_prime_3 = x308*d_w_1_d_rho_prime_3 + x310*d_w_2_d_rho_prime_3 + x312*d_w_3_d_rho_prime_3
+    x336 = m_squared*r_squared
+    plane = (x103 < area_squared) & (0.5*x336 < area_squared)
+    two = both & (plane | (r_squared <= m_squared)) & (band < root_squared) & (x103 < sine_size)
+    crooked = area_squared < x336*(1.0 - 32.0*eps)
+    x351 = xp.abs(u_1) < xp.abs(u_3)
+    across_1 = xp.where(x351, 0.0, -u_2)
+    d_across_1_d_rho_2 = xp.where(x351, 0.0, d_difference_1_d_rho_1)
+    across_2 = xp.where(x351, -u_3, u_1)
+    d_across_2_d_rho_1 = xp.where(x351, 0.0, scale_before)
+    d_across_2_d_rho_3 = xp.where(x351, d_difference_1_d_rho_1, 0.0)
+    across_3 = xp.where(x351, u_2, 0.0)
+    del d_r_1_d_rho_1, d_r_2_d_rho_2, half_angle, along_m, rounding, x302, length_product, x308, x310, x312, both, x336, u_1, u_3, d_difference_1_d_rho_1, u_2
+    d_across_3_d_rho_2 = xp.where(x351, scale_before, 0.0)
     select_3 = xp.where(plane, area_squared, across_1*across_1 + across_2*across_2 + across_3*across_3)
-    x362 = 2.0*across_2
-    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, x362*d_across_2_d_rho_1)
+    x358 = 2.0*across_2
+    d_select_3_d_rho_1 = xp.where(plane, d_area_squared_d_rho_1, x358*d_across_2_d_rho_1)
     d_select_3_d_rho_2 = xp.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
-    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, x362*d_across_2_d_rho_3)
+    d_select_3_d_rho_3 = xp.where(plane, d_area_squared_d_rho_3, x358*d_across_2_d_rho_3)
     d_select_3_d_rho_prime_1 = xp.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     d_select_3_d_rho_prime_2 = xp.where(plane, d_area_squared_d_rho_prime_2, 0.0)
     d_select_3_d_rho_prime_3 = xp.where(plane, d_area_squared_d_rho_prime_3, 0.0)
@@ -1309,31 +1311,31 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_under_root_d_rho_1 = xp.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
     d_under_root_d_rho_2 = xp.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
     d_under_root_d_rho_3 = xp.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
+    del x351, area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x358, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2, d_root_squared_d_rho_3, d_select_3_d_rho_3
     d_under_root_d_rho_prime_1 = xp.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
-    del area_squared, d_area_squared_d_rho_1, d_area_squared_d_rho_2, d_area_squared_d_rho_3, x362, d_area_squared_d_rho_prime_1, d_area_squared_d_rho_prime_2, d_area_squared_d_rho_prime_3, select_3, d_root_squared_d_rho_1, d_select_3_d_rho_1, d_root_squared_d_rho_2, d_select_3_d_rho_2, d_root_squared_d_rho_3, d_select_3_d_rho_3, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = xp.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
     d_under_root_d_rho_prime_3 = xp.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
     d_under_root_d_angle = xp.where(two, d_root_squared_d_angle, 0.0)
     root = xp.sqrt(under_root)
-    x371 = 0.5*(1.0/root)
-    d_root_d_rho_1 = x371*d_under_root_d_rho_1
-    d_root_d_rho_2 = x371*d_under_root_d_rho_2
-    d_root_d_rho_3 = x371*d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = x371*d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = x371*d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = x371*d_under_root_d_rho_prime_3
-    d_root_d_angle = x371*d_under_root_d_angle
-    x372 = 0.0 < root
-    select_4 = xp.where(x372, root, 1.0)
-    d_select_4_d_rho_1 = xp.where(x372, d_root_d_rho_1, 0.0)
-    d_select_4_d_rho_2 = xp.where(x372, d_root_d_rho_2, 0.0)
-    d_select_4_d_rho_3 = xp.where(x372, d_root_d_rho_3, 0.0)
-    d_select_4_d_rho_prime_1 = xp.where(x372, d_root_d_rho_prime_1, 0.0)
-    d_select_4_d_rho_prime_2 = xp.where(x372, d_root_d_rho_prime_2, 0.0)
-    d_select_4_d_rho_prime_3 = xp.where(x372, d_root_d_rho_prime_3, 0.0)
-    d_select_4_d_angle = xp.where(x372, d_root_d_angle, 0.0)
-    divisor = xp.where(two, x148, select_4)
-    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2, d_under_root_d_rho_prime_3, d_under_root_d_angle, x371, select_4, x148
+    x367 = 0.5*(1.0/root)
+    d_root_d_rho_1 = x367*d_under_root_d_rho_1
+    d_root_d_rho_2 = x367*d_under_root_d_rho_2
+    d_root_d_rho_3 = x367*d_under_root_d_rho_3
+    d_root_d_rho_prime_1 = x367*d_under_root_d_rho_prime_1
+    d_root_d_rho_prime_2 = x367*d_under_root_d_rho_prime_2
+    d_root_d_rho_prime_3 = x367*d_under_root_d_rho_prime_3
+    d_root_d_angle = x367*d_under_root_d_angle
+    del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3, d_root_squared_d_angle, under_root, d_under_root_d_rho_1, d_under_root_d_rho_2, d_under_root_d_rho_3, d_under_root_d_rho_prime_1, d_under_root_d_rho_prime_2, d_under_root_d_rho_prime_3, d_under_root_d_angle, x367
+    x368 = 0.0 < root
+    select_4 = xp.where(x368, root, 1.0)
+    d_select_4_d_rho_1 = xp.where(x368, d_root_d_rho_1, 0.0)
+    d_select_4_d_rho_2 = xp.where(x368, d_root_d_rho_2, 0.0)
+    d_select_4_d_rho_3 = xp.where(x368, d_root_d_rho_3, 0.0)
+    d_select_4_d_rho_prime_1 = xp.where(x368, d_root_d_rho_prime_1, 0.0)
+    d_select_4_d_rho_prime_2 = xp.where(x368, d_root_d_rho_prime_2, 0.0)
+    d_select_4_d_rho_prime_3 = xp.where(x368, d_root_d_rho_prime_3, 0.0)
+    d_select_4_d_angle = xp.where(x368, d_root_d_angle, 0.0)
+    divisor = xp.where(two, x144, select_4)
     d_divisor_d_rho_1 = xp.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
     d_divisor_d_rho_2 = xp.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
     d_divisor_d_rho_3 = xp.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
@@ -1341,16 +1343,16 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_divisor_d_rho_prime_2 = xp.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
     d_divisor_d_rho_prime_3 = xp.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
     d_divisor_d_angle = xp.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
+    del select_4, x144, d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3, d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x381 = 1.0/(divisor*divisor)
-    del d_m_squared_d_rho_1, d_select_4_d_rho_1, d_m_squared_d_rho_2, d_select_4_d_rho_2, d_m_squared_d_rho_3, d_select_4_d_rho_3, d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1, d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2, S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3, d_S_d_angle, d_select_4_d_angle, divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x381
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x381
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x381
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x381
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x381
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x381
-    d_inverse_d_angle = -d_divisor_d_angle*x381
+    x377 = 1.0/(divisor*divisor)
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x377
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x377
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x377
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x377
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x377
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x377
+    d_inverse_d_angle = -d_divisor_d_angle*x377
     select_5 = xp.where(C < 0.0, -1.0, 1.0)
     select_6 = xp.where(two, C, select_5)
     d_select_6_d_angle = xp.where(two, d_C_d_angle, 0.0)
@@ -1365,72 +1367,72 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     m_factor = xp.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = xp.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
     d_m_factor_d_rho_2 = xp.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
+    del divisor, d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x377, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6, d_root_d_rho_1, d_root_d_rho_2
     d_m_factor_d_rho_3 = xp.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
-    del d_divisor_d_rho_1, d_divisor_d_rho_2, d_divisor_d_rho_3, d_divisor_d_rho_prime_1, d_divisor_d_rho_prime_2, d_divisor_d_rho_prime_3, d_divisor_d_angle, x381, C, select_5, d_C_d_angle, d_select_6_d_angle, select_6, d_root_d_rho_1, d_root_d_rho_2, d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = xp.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
     d_m_factor_d_rho_prime_2 = xp.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
     d_m_factor_d_rho_prime_3 = xp.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
     d_m_factor_d_angle = xp.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
-    select_7 = xp.where(x372, across_1*inverse, 0.0)
-    d_select_7_d_rho_1 = xp.where(x372, across_1*d_inverse_d_rho_1, 0.0)
-    d_select_7_d_rho_2 = xp.where(x372, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
-    d_select_7_d_rho_3 = xp.where(x372, across_1*d_inverse_d_rho_3, 0.0)
-    d_select_7_d_rho_prime_1 = xp.where(x372, across_1*d_inverse_d_rho_prime_1, 0.0)
-    d_select_7_d_rho_prime_2 = xp.where(x372, across_1*d_inverse_d_rho_prime_2, 0.0)
-    d_select_7_d_rho_prime_3 = xp.where(x372, across_1*d_inverse_d_rho_prime_3, 0.0)
-    d_select_7_d_angle = xp.where(x372, across_1*d_inverse_d_angle, 0.0)
-    x424 = plane | two
-    base_1 = xp.where(x424, w_1*w_factor, select_7)
-    d_base_1_d_rho_1 = xp.where(x424, d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
-    d_base_1_d_rho_2 = xp.where(x424, d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
-    d_base_1_d_rho_3 = xp.where(x424, d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
-    d_base_1_d_rho_prime_1 = xp.where(x424, d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
-    del d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, root, d_across_1_d_rho_2, across_1, plane, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3, d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
-    d_base_1_d_rho_prime_2 = xp.where(x424, d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
-    d_base_1_d_rho_prime_3 = xp.where(x424, d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
-    d_base_1_d_angle = xp.where(x424, d_w_factor_d_angle*w_1, d_select_7_d_angle)
-    select_8 = xp.where(x372, across_2*inverse, 0.0)
-    d_select_8_d_rho_1 = xp.where(x372, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
-    d_select_8_d_rho_2 = xp.where(x372, across_2*d_inverse_d_rho_2, 0.0)
-    d_select_8_d_rho_3 = xp.where(x372, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
-    d_select_8_d_rho_prime_1 = xp.where(x372, across_2*d_inverse_d_rho_prime_1, 0.0)
-    d_select_8_d_rho_prime_2 = xp.where(x372, across_2*d_inverse_d_rho_prime_2, 0.0)
-    d_select_8_d_rho_prime_3 = xp.where(x372, across_2*d_inverse_d_rho_prime_3, 0.0)
-    d_select_8_d_angle = xp.where(x372, across_2*d_inverse_d_angle, 0.0)
-    base_2 = xp.where(x424, w_2*w_factor, select_8)
-    d_base_2_d_rho_1 = xp.where(x424, d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
-    d_base_2_d_rho_2 = xp.where(x424, d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
-    d_base_2_d_rho_3 = xp.where(x424, d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
-    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2, d_select_8_d_rho_3, d_w_2_d_rho_3
-    d_base_2_d_rho_prime_1 = xp.where(x424, d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
-    d_base_2_d_rho_prime_2 = xp.where(x424, d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
-    d_base_2_d_rho_prime_3 = xp.where(x424, d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
-    d_base_2_d_angle = xp.where(x424, d_w_factor_d_angle*w_2, d_select_8_d_angle)
-    select_9 = xp.where(x372, across_3*inverse, 1.0)
-    d_select_9_d_rho_1 = xp.where(x372, across_3*d_inverse_d_rho_1, 0.0)
-    d_select_9_d_rho_2 = xp.where(x372, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
-    d_select_9_d_rho_3 = xp.where(x372, across_3*d_inverse_d_rho_3, 0.0)
-    d_select_9_d_rho_prime_1 = xp.where(x372, across_3*d_inverse_d_rho_prime_1, 0.0)
-    d_select_9_d_rho_prime_2 = xp.where(x372, across_3*d_inverse_d_rho_prime_2, 0.0)
-    d_select_9_d_rho_prime_3 = xp.where(x372, across_3*d_inverse_d_rho_prime_3, 0.0)
-    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1, d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3
-    d_select_9_d_angle = xp.where(x372, across_3*d_inverse_d_angle, 0.0)
-    base_3 = xp.where(x424, w_3*w_factor, select_9)
-    d_base_3_d_rho_1 = xp.where(x424, d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
-    d_base_3_d_rho_2 = xp.where(x424, d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
-    d_base_3_d_rho_3 = xp.where(x424, d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
-    d_base_3_d_rho_prime_1 = xp.where(x424, d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
-    del across_3, d_inverse_d_angle, x372, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
-    d_base_3_d_rho_prime_2 = xp.where(x424, d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
-    d_base_3_d_rho_prime_3 = xp.where(x424, d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
-    d_base_3_d_angle = xp.where(x424, d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    select_7 = xp.where(x368, across_1*inverse, 0.0)
+    d_select_7_d_rho_1 = xp.where(x368, across_1*d_inverse_d_rho_1, 0.0)
+    d_select_7_d_rho_2 = xp.where(x368, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    d_select_7_d_rho_3 = xp.where(x368, across_1*d_inverse_d_rho_3, 0.0)
+    d_select_7_d_rho_prime_1 = xp.where(x368, across_1*d_inverse_d_rho_prime_1, 0.0)
+    d_select_7_d_rho_prime_2 = xp.where(x368, across_1*d_inverse_d_rho_prime_2, 0.0)
+    d_select_7_d_rho_prime_3 = xp.where(x368, across_1*d_inverse_d_rho_prime_3, 0.0)
+    d_select_7_d_angle = xp.where(x368, across_1*d_inverse_d_angle, 0.0)
+    x420 = plane | two
+    base_1 = xp.where(x420, w_1*w_factor, select_7)
+    d_base_1_d_rho_1 = xp.where(x420, d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    d_base_1_d_rho_2 = xp.where(x420, d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    d_base_1_d_rho_3 = xp.where(x420, d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    del d_root_d_rho_3, d_root_d_rho_prime_1, d_root_d_rho_prime_2, d_root_d_rho_prime_3, d_root_d_angle, root, d_across_1_d_rho_2, across_1, plane, select_7, d_select_7_d_rho_1, d_w_1_d_rho_1, d_select_7_d_rho_2, d_w_1_d_rho_2, d_select_7_d_rho_3, d_w_1_d_rho_3
+    d_base_1_d_rho_prime_1 = xp.where(x420, d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    d_base_1_d_rho_prime_2 = xp.where(x420, d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    d_base_1_d_rho_prime_3 = xp.where(x420, d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    d_base_1_d_angle = xp.where(x420, d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    select_8 = xp.where(x368, across_2*inverse, 0.0)
+    d_select_8_d_rho_1 = xp.where(x368, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    d_select_8_d_rho_2 = xp.where(x368, across_2*d_inverse_d_rho_2, 0.0)
+    d_select_8_d_rho_3 = xp.where(x368, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    d_select_8_d_rho_prime_1 = xp.where(x368, across_2*d_inverse_d_rho_prime_1, 0.0)
+    d_select_8_d_rho_prime_2 = xp.where(x368, across_2*d_inverse_d_rho_prime_2, 0.0)
+    d_select_8_d_rho_prime_3 = xp.where(x368, across_2*d_inverse_d_rho_prime_3, 0.0)
+    d_select_8_d_angle = xp.where(x368, across_2*d_inverse_d_angle, 0.0)
+    base_2 = xp.where(x420, w_2*w_factor, select_8)
+    d_base_2_d_rho_1 = xp.where(x420, d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    d_base_2_d_rho_2 = xp.where(x420, d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1, d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2, d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3, d_select_7_d_angle, w_1, d_across_2_d_rho_1, d_across_2_d_rho_3, across_2, select_8, d_select_8_d_rho_1, d_w_2_d_rho_1, d_select_8_d_rho_2, d_w_2_d_rho_2
+    d_base_2_d_rho_3 = xp.where(x420, d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    d_base_2_d_rho_prime_1 = xp.where(x420, d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    d_base_2_d_rho_prime_2 = xp.where(x420, d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    d_base_2_d_rho_prime_3 = xp.where(x420, d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    d_base_2_d_angle = xp.where(x420, d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    select_9 = xp.where(x368, across_3*inverse, 1.0)
+    d_select_9_d_rho_1 = xp.where(x368, across_3*d_inverse_d_rho_1, 0.0)
+    d_select_9_d_rho_2 = xp.where(x368, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    d_select_9_d_rho_3 = xp.where(x368, across_3*d_inverse_d_rho_3, 0.0)
+    d_select_9_d_rho_prime_1 = xp.where(x368, across_3*d_inverse_d_rho_prime_1, 0.0)
+    del d_select_8_d_rho_3, d_w_2_d_rho_3, d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1, d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2, d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3, d_select_8_d_angle, w_2, d_inverse_d_rho_1, d_across_3_d_rho_2, d_inverse_d_rho_2, inverse, d_inverse_d_rho_3, d_inverse_d_rho_prime_1
+    d_select_9_d_rho_prime_2 = xp.where(x368, across_3*d_inverse_d_rho_prime_2, 0.0)
+    d_select_9_d_rho_prime_3 = xp.where(x368, across_3*d_inverse_d_rho_prime_3, 0.0)
+    d_select_9_d_angle = xp.where(x368, across_3*d_inverse_d_angle, 0.0)
+    base_3 = xp.where(x420, w_3*w_factor, select_9)
+    d_base_3_d_rho_1 = xp.where(x420, d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    d_base_3_d_rho_2 = xp.where(x420, d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    d_base_3_d_rho_3 = xp.where(x420, d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    d_base_3_d_rho_prime_1 = xp.where(x420, d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    del d_inverse_d_rho_prime_2, d_inverse_d_rho_prime_3, across_3, d_inverse_d_angle, x368, select_9, d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1, d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2, d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3, d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
+    d_base_3_d_rho_prime_2 = xp.where(x420, d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    d_base_3_d_rho_prime_3 = xp.where(x420, d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    d_base_3_d_angle = xp.where(x420, d_w_factor_d_angle*w_3, d_select_9_d_angle)
     offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
-    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, w_3, x424, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2, d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor, d_select_9_d_angle, d_w_factor_d_angle, w_3, x420, d_m_1_d_rho_1, d_m_1_d_rho_2, d_m_1_d_rho_3, d_m_1_d_rho_prime_1, d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
     offset_2 = m_2*m_factor
@@ -1475,22 +1477,22 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x556 = plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3
-    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x556), 1.0)
-    x560 = 1.0/xp.pow(x556, 1.5)
-    x561 = plus_1*x560
-    x563 = plus_2*x560
-    x565 = plus_3*x560
-    d_plus_factor_d_rho_1 = xp.where(crooked, -(d_plus_1_d_rho_1*x561 + d_plus_2_d_rho_1*x563 + d_plus_3_d_rho_1*x565), 0.0)
-    d_plus_factor_d_rho_2 = xp.where(crooked, -(d_plus_1_d_rho_2*x561 + d_plus_2_d_rho_2*x563 + d_plus_3_d_rho_2*x565), 0.0)
-    d_plus_factor_d_rho_3 = xp.where(crooked, -(d_plus_1_d_rho_3*x561 + d_plus_2_d_rho_3*x563 + d_plus_3_d_rho_3*x565), 0.0)
-    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -(d_plus_1_d_rho_prime_1*x561 + d_plus_2_d_rho_prime_1*x563 + d_plus_3_d_rho_prime_1*x565), 0.0)
-    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -(d_plus_1_d_rho_prime_2*x561 + d_plus_2_d_rho_prime_2*x563 + d_plus_3_d_rho_prime_2*x565), 0.0)
-    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -(d_plus_1_d_rho_prime_3*x561 + d_plus_2_d_rho_prime_3*x563 + d_plus_3_d_rho_prime_3*x565), 0.0)
-    d_plus_factor_d_angle = xp.where(crooked, -(d_plus_1_d_angle*x561 + d_plus_2_d_angle*x563 + d_plus_3_d_angle*x565), 0.0)
+    x552 = plus_1*plus_1 + plus_2*plus_2 + plus_3*plus_3
+    plus_factor = xp.where(crooked, 1.0/xp.sqrt(x552), 1.0)
+    x556 = 1.0/xp.pow(x552, 1.5)
+    x557 = plus_1*x556
+    x559 = plus_2*x556
+    x561 = plus_3*x556
+    d_plus_factor_d_rho_1 = xp.where(crooked, -(d_plus_1_d_rho_1*x557 + d_plus_2_d_rho_1*x559 + d_plus_3_d_rho_1*x561), 0.0)
+    d_plus_factor_d_rho_2 = xp.where(crooked, -(d_plus_1_d_rho_2*x557 + d_plus_2_d_rho_2*x559 + d_plus_3_d_rho_2*x561), 0.0)
+    d_plus_factor_d_rho_3 = xp.where(crooked, -(d_plus_1_d_rho_3*x557 + d_plus_2_d_rho_3*x559 + d_plus_3_d_rho_3*x561), 0.0)
+    d_plus_factor_d_rho_prime_1 = xp.where(crooked, -(d_plus_1_d_rho_prime_1*x557 + d_plus_2_d_rho_prime_1*x559 + d_plus_3_d_rho_prime_1*x561), 0.0)
+    d_plus_factor_d_rho_prime_2 = xp.where(crooked, -(d_plus_1_d_rho_prime_2*x557 + d_plus_2_d_rho_prime_2*x559 + d_plus_3_d_rho_prime_2*x561), 0.0)
+    d_plus_factor_d_rho_prime_3 = xp.where(crooked, -(d_plus_1_d_rho_prime_3*x557 + d_plus_2_d_rho_prime_3*x559 + d_plus_3_d_rho_prime_3*x561), 0.0)
+    d_plus_factor_d_angle = xp.where(crooked, -(d_plus_1_d_angle*x557 + d_plus_2_d_angle*x559 + d_plus_3_d_angle*x561), 0.0)
     minus_1 = base_1 - offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
-    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x556, x560, x561, x563, x565, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2, d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor, d_m_factor_d_angle, m_3, x552, x556, x557, x559, x561, base_1, offset_1, d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
     d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
     d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
@@ -1515,20 +1517,20 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
     d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
-    x610 = minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3
-    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x610), 1.0)
-    x614 = 1.0/xp.pow(x610, 1.5)
-    x615 = minus_1*x614
-    x617 = minus_2*x614
-    x619 = minus_3*x614
-    d_minus_factor_d_rho_1 = xp.where(crooked, -(d_minus_1_d_rho_1*x615 + d_minus_2_d_rho_1*x617 + d_minus_3_d_rho_1*x619), 0.0)
-    d_minus_factor_d_rho_2 = xp.where(crooked, -(d_minus_1_d_rho_2*x615 + d_minus_2_d_rho_2*x617 + d_minus_3_d_rho_2*x619), 0.0)
-    d_minus_factor_d_rho_3 = xp.where(crooked, -(d_minus_1_d_rho_3*x615 + d_minus_2_d_rho_3*x617 + d_minus_3_d_rho_3*x619), 0.0)
-    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -(d_minus_1_d_rho_prime_1*x615 + d_minus_2_d_rho_prime_1*x617 + d_minus_3_d_rho_prime_1*x619), 0.0)
-    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -(d_minus_1_d_rho_prime_2*x615 + d_minus_2_d_rho_prime_2*x617 + d_minus_3_d_rho_prime_2*x619), 0.0)
-    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -(d_minus_1_d_rho_prime_3*x615 + d_minus_2_d_rho_prime_3*x617 + d_minus_3_d_rho_prime_3*x619), 0.0)
-    d_minus_factor_d_angle = xp.where(crooked, -(d_minus_1_d_angle*x615 + d_minus_2_d_angle*x617 + d_minus_3_d_angle*x619), 0.0)
-    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x610, x614, crooked, x615, x617, x619
+    x606 = minus_1*minus_1 + minus_2*minus_2 + minus_3*minus_3
+    minus_factor = xp.where(crooked, 1.0/xp.sqrt(x606), 1.0)
+    x610 = 1.0/xp.pow(x606, 1.5)
+    x611 = minus_1*x610
+    x613 = minus_2*x610
+    x615 = minus_3*x610
+    d_minus_factor_d_rho_1 = xp.where(crooked, -(d_minus_1_d_rho_1*x611 + d_minus_2_d_rho_1*x613 + d_minus_3_d_rho_1*x615), 0.0)
+    d_minus_factor_d_rho_2 = xp.where(crooked, -(d_minus_1_d_rho_2*x611 + d_minus_2_d_rho_2*x613 + d_minus_3_d_rho_2*x615), 0.0)
+    d_minus_factor_d_rho_3 = xp.where(crooked, -(d_minus_1_d_rho_3*x611 + d_minus_2_d_rho_3*x613 + d_minus_3_d_rho_3*x615), 0.0)
+    d_minus_factor_d_rho_prime_1 = xp.where(crooked, -(d_minus_1_d_rho_prime_1*x611 + d_minus_2_d_rho_prime_1*x613 + d_minus_3_d_rho_prime_1*x615), 0.0)
+    d_minus_factor_d_rho_prime_2 = xp.where(crooked, -(d_minus_1_d_rho_prime_2*x611 + d_minus_2_d_rho_prime_2*x613 + d_minus_3_d_rho_prime_2*x615), 0.0)
+    d_minus_factor_d_rho_prime_3 = xp.where(crooked, -(d_minus_1_d_rho_prime_3*x611 + d_minus_2_d_rho_prime_3*x613 + d_minus_3_d_rho_prime_3*x615), 0.0)
+    d_minus_factor_d_angle = xp.where(crooked, -(d_minus_1_d_angle*x611 + d_minus_2_d_angle*x613 + d_minus_3_d_angle*x615), 0.0)
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2, d_base_3_d_rho_3, d_offset_3_d_rho_3, d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1, d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2, d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3, d_base_3_d_angle, d_offset_3_d_angle, x606, x610, crooked, x611, x613, x615
     d_axes_1_1_d_rho_1 = xp.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, xp.nan)
     d_axes_1_1_d_rho_2 = xp.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, xp.nan)
     d_axes_1_1_d_rho_3 = xp.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, xp.nan)
@@ -1575,29 +1577,29 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     d_axes_2_3_d_rho_prime_3 = xp.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, xp.nan)
     d_axes_2_3_d_angle = xp.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, xp.nan)
     del d_minus_3_d_rho_1, d_minus_factor_d_rho_1, d_minus_3_d_rho_2, d_minus_factor_d_rho_2, d_minus_3_d_rho_3, d_minus_factor_d_rho_3, d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1, d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2, d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3, d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
-    x786 = size_after == 0.0
-    x787 = size_before == 0.0
-    both_zero = x786 & x787
-    one_zero = x786 | x787
-    x788 = x106*length_squared
-    coincident = 16.0*x788
-    x790 = eps*x299
-    no_turn = (sine_size <= x107) | (sine_size <= x790)
+    x782 = size_after == 0.0
+    x783 = size_before == 0.0
+    both_zero = x782 & x783
+    one_zero = x782 | x783
+    x784 = x102*length_squared
+    coincident = 16.0*x784
+    x786 = eps*x295
+    no_turn = (sine_size <= x103) | (sine_size <= x786)
     every = no_turn & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x790)
+    opposite = (m_squared <= coincident) & (xp.abs(cosine) <= x786)
     too_small = no_turn | (root_squared < -4.0*band)
-    del size_after, size_before, x786, x787, x106, x299, sine_size, x107, r_squared, coincident, cosine, m_squared, x790, band, no_turn, root_squared
+    del size_after, size_before, x782, x783, x102, x295, sine_size, x103, r_squared, coincident, cosine, m_squared, x786, band, no_turn, root_squared
     scaled_r_1 = r_1*turn_scale
     scaled_r_2 = r_2*turn_scale
     scaled_r_3 = r_3*turn_scale
-    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x147*x788
-    least_tolerance = xp.where(x302 < length_tolerance, length_tolerance, x302)
+    parallel = scaled_r_1*scaled_r_1 + scaled_r_2*scaled_r_2 + scaled_r_3*scaled_r_3 <= 64.0*x143*x784
+    least_tolerance = xp.where(x298 < length_tolerance, length_tolerance, x298)
     select_10 = xp.where(0.0 < length_squared, x29, 1.0)
     ratio = xp.sqrt(length_prime_squared*select_10)
     lengths_agree = (comparable & (xp.abs(excess) <= least_tolerance*(1.0 - excess))) | ((xp.abs(ratio*scale_before/scale - 1.0) <= least_tolerance) & (~comparable))
-    del r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x147, x788, x302, length_squared, x29, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
-    x826 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
-    axis_status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x826))))
+    del r_1, r_2, r_3, turn_scale, scaled_r_1, scaled_r_2, scaled_r_3, x143, x784, x298, length_squared, x29, length_prime_squared, select_10, comparable, excess, least_tolerance, ratio, scale, scale_before
+    x822 = xp.where(every, 5.0, xp.where(opposite, 4.0, xp.where(too_small, 2.0, xp.where(~two, 1.0, xp.where(parallel, 3.0, 0.0)))))
+    axis_status_value = xp.where(~valid, 7.0, xp.where(both_zero, 5.0, xp.where(one_zero, 2.0, xp.where(~lengths_agree, 6.0, x822))))
     half_rho_a_1_1 = d_axes_1_1_d_rho_1*cov_rho_1_1 + d_axes_1_1_d_rho_2*cov_rho_2_1 + d_axes_1_1_d_rho_3*cov_rho_3_1
     half_rho_a_1_2 = d_axes_1_1_d_rho_1*cov_rho_1_2 + d_axes_1_1_d_rho_2*cov_rho_2_2 + d_axes_1_1_d_rho_3*cov_rho_3_2
     half_rho_a_1_3 = d_axes_1_1_d_rho_1*cov_rho_1_3 + d_axes_1_1_d_rho_2*cov_rho_2_3 + d_axes_1_1_d_rho_3*cov_rho_3_3
@@ -1634,62 +1636,62 @@ def _axis_covariance(xp, rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prim
     half_prime_b_3_1 = d_axes_2_3_d_rho_prime_1*cov_rho_prime_1_1 + d_axes_2_3_d_rho_prime_2*cov_rho_prime_2_1 + d_axes_2_3_d_rho_prime_3*cov_rho_prime_3_1
     half_prime_b_3_2 = d_axes_2_3_d_rho_prime_1*cov_rho_prime_1_2 + d_axes_2_3_d_rho_prime_2*cov_rho_prime_2_2 + d_axes_2_3_d_rho_prime_3*cov_rho_prime_3_2
     half_prime_b_3_3 = d_axes_2_3_d_rho_prime_1*cov_rho_prime_1_3 + d_axes_2_3_d_rho_prime_2*cov_rho_prime_2_3 + d_axes_2_3_d_rho_prime_3*cov_rho_prime_3_3
-    x988 = d_axes_1_1_d_rho_1*half_rho_a_1_1 + d_axes_1_1_d_rho_2*half_rho_a_1_2 + d_axes_1_1_d_rho_3*half_rho_a_1_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_1_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_1_3
-    covariance_1_1_1 = xp.where(two, x988 + d_axes_1_1_d_angle*d_axes_1_1_d_angle*var_angle, xp.nan)
-    x990 = d_axes_1_1_d_angle*var_angle
-    x991 = x990*d_axes_1_2_d_angle
-    x997 = d_axes_1_2_d_rho_prime_3*half_prime_a_1_3
-    x1003 = x991 + d_axes_1_2_d_rho_1*half_rho_a_1_1 + d_axes_1_2_d_rho_2*half_rho_a_1_2 + d_axes_1_2_d_rho_3*half_rho_a_1_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_1_2 + x997
-    covariance_1_1_2 = xp.where(two, x1003, xp.nan)
-    x1004 = x990*d_axes_1_3_d_angle
-    x1010 = d_axes_1_3_d_rho_prime_3*half_prime_a_1_3
-    x1016 = x1004 + d_axes_1_3_d_rho_1*half_rho_a_1_1 + d_axes_1_3_d_rho_2*half_rho_a_1_2 + d_axes_1_3_d_rho_3*half_rho_a_1_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_1_2 + x1010
-    del every, opposite, parallel, too_small, both_zero, lengths_agree, one_zero, valid, x826, x988, d_axes_1_1_d_angle, x997, x1003, x990, half_prime_a_1_3, half_prime_a_1_1, half_prime_a_1_2, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3, x1010
-    covariance_1_1_3 = xp.where(two, x1016, xp.nan)
-    x1027 = d_axes_1_1_d_rho_1*half_rho_a_2_1 + d_axes_1_1_d_rho_2*half_rho_a_2_2 + d_axes_1_1_d_rho_3*half_rho_a_2_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_2_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_2_3
-    covariance_1_2_1 = xp.where(two, x1027 + x991, xp.nan)
-    x1041 = d_axes_1_2_d_rho_1*half_rho_a_2_1 + d_axes_1_2_d_rho_2*half_rho_a_2_2 + d_axes_1_2_d_rho_3*half_rho_a_2_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_2_2 + d_axes_1_2_d_rho_prime_3*half_prime_a_2_3
-    covariance_1_2_2 = xp.where(two, x1041 + d_axes_1_2_d_angle*d_axes_1_2_d_angle*var_angle, xp.nan)
-    x1044 = d_axes_1_2_d_angle*var_angle*d_axes_1_3_d_angle
-    x1050 = d_axes_1_3_d_rho_prime_3*half_prime_a_2_3
-    x1056 = x1044 + d_axes_1_3_d_rho_1*half_rho_a_2_1 + d_axes_1_3_d_rho_2*half_rho_a_2_2 + d_axes_1_3_d_rho_3*half_rho_a_2_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_2_2 + x1050
-    covariance_1_2_3 = xp.where(two, x1056, xp.nan)
-    x1067 = d_axes_1_1_d_rho_1*half_rho_a_3_1 + d_axes_1_1_d_rho_2*half_rho_a_3_2 + d_axes_1_1_d_rho_3*half_rho_a_3_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_3_3
-    del x1016, x1027, x991, x1041, d_axes_1_2_d_angle, half_prime_a_2_3, half_prime_a_2_1, half_prime_a_2_2, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3, x1050, x1056, d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3
-    covariance_1_3_1 = xp.where(two, x1067 + x1004, xp.nan)
-    x1079 = d_axes_1_2_d_rho_1*half_rho_a_3_1 + d_axes_1_2_d_rho_2*half_rho_a_3_2 + d_axes_1_2_d_rho_3*half_rho_a_3_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_2_d_rho_prime_3*half_prime_a_3_3
-    covariance_1_3_2 = xp.where(two, x1079 + x1044, xp.nan)
-    x1093 = d_axes_1_3_d_rho_1*half_rho_a_3_1 + d_axes_1_3_d_rho_2*half_rho_a_3_2 + d_axes_1_3_d_rho_3*half_rho_a_3_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_3_d_rho_prime_3*half_prime_a_3_3
-    del x1004, x1067, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, x1044, x1079, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2, d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
-    covariance_1_3_3 = xp.where(two, x1093 + d_axes_1_3_d_angle*d_axes_1_3_d_angle*var_angle, xp.nan)
-    x1107 = d_axes_2_1_d_rho_1*half_rho_b_1_1 + d_axes_2_1_d_rho_2*half_rho_b_1_2 + d_axes_2_1_d_rho_3*half_rho_b_1_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_1_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_1_3
-    covariance_2_1_1 = xp.where(two, x1107 + d_axes_2_1_d_angle*d_axes_2_1_d_angle*var_angle, xp.nan)
-    x1109 = d_axes_2_1_d_angle*var_angle
-    x1110 = x1109*d_axes_2_2_d_angle
-    x1116 = d_axes_2_2_d_rho_prime_3*half_prime_b_1_3
-    x1122 = x1110 + d_axes_2_2_d_rho_1*half_rho_b_1_1 + d_axes_2_2_d_rho_2*half_rho_b_1_2 + d_axes_2_2_d_rho_3*half_rho_b_1_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_1_2 + x1116
-    covariance_2_1_2 = xp.where(two, x1122, xp.nan)
-    x1123 = x1109*d_axes_2_3_d_angle
-    x1129 = d_axes_2_3_d_rho_prime_3*half_prime_b_1_3
-    x1135 = x1123 + d_axes_2_3_d_rho_1*half_rho_b_1_1 + d_axes_2_3_d_rho_2*half_rho_b_1_2 + d_axes_2_3_d_rho_3*half_rho_b_1_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_1_2 + x1129
-    covariance_2_1_3 = xp.where(two, x1135, xp.nan)
-    x1146 = d_axes_2_1_d_rho_1*half_rho_b_2_1 + d_axes_2_1_d_rho_2*half_rho_b_2_2 + d_axes_2_1_d_rho_3*half_rho_b_2_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_2_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_2_3
-    covariance_2_2_1 = xp.where(two, x1146 + x1110, xp.nan)
-    del d_axes_1_3_d_angle, x1093, x1107, d_axes_2_1_d_angle, x1116, x1122, x1109, half_prime_b_1_3, half_prime_b_1_1, half_prime_b_1_2, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3, x1129, x1135, x1110, x1146
-    x1160 = d_axes_2_2_d_rho_1*half_rho_b_2_1 + d_axes_2_2_d_rho_2*half_rho_b_2_2 + d_axes_2_2_d_rho_3*half_rho_b_2_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_2_2 + d_axes_2_2_d_rho_prime_3*half_prime_b_2_3
-    covariance_2_2_2 = xp.where(two, x1160 + d_axes_2_2_d_angle*d_axes_2_2_d_angle*var_angle, xp.nan)
-    x1163 = d_axes_2_2_d_angle*var_angle*d_axes_2_3_d_angle
-    x1169 = d_axes_2_3_d_rho_prime_3*half_prime_b_2_3
-    x1175 = x1163 + d_axes_2_3_d_rho_1*half_rho_b_2_1 + d_axes_2_3_d_rho_2*half_rho_b_2_2 + d_axes_2_3_d_rho_3*half_rho_b_2_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_2_2 + x1169
-    covariance_2_2_3 = xp.where(two, x1175, xp.nan)
-    x1186 = d_axes_2_1_d_rho_1*half_rho_b_3_1 + d_axes_2_1_d_rho_2*half_rho_b_3_2 + d_axes_2_1_d_rho_3*half_rho_b_3_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_3_3
-    del x1160, d_axes_2_2_d_angle, half_prime_b_2_3, half_prime_b_2_1, half_prime_b_2_2, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3, x1169, x1175, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3
-    covariance_2_3_1 = xp.where(two, x1186 + x1123, xp.nan)
-    x1198 = d_axes_2_2_d_rho_1*half_rho_b_3_1 + d_axes_2_2_d_rho_2*half_rho_b_3_2 + d_axes_2_2_d_rho_3*half_rho_b_3_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_2_d_rho_prime_3*half_prime_b_3_3
-    covariance_2_3_2 = xp.where(two, x1198 + x1163, xp.nan)
-    x1212 = d_axes_2_3_d_rho_1*half_rho_b_3_1 + d_axes_2_3_d_rho_2*half_rho_b_3_2 + d_axes_2_3_d_rho_3*half_rho_b_3_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_3_d_rho_prime_3*half_prime_b_3_3
-    del x1123, x1186, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1, d_axes_2_2_d_rho_prime_2, d_axes_2_2_d_rho_prime_3, x1163, x1198, d_axes_2_3_d_rho_1, d_axes_2_3_d_rho_2, d_axes_2_3_d_rho_3, d_axes_2_3_d_rho_prime_1, d_axes_2_3_d_rho_prime_2, d_axes_2_3_d_rho_prime_3, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3
-    covariance_2_3_3 = xp.where(two, x1212 + d_axes_2_3_d_angle*d_axes_2_3_d_angle*var_angle, xp.nan)
+    x984 = d_axes_1_1_d_rho_1*half_rho_a_1_1 + d_axes_1_1_d_rho_2*half_rho_a_1_2 + d_axes_1_1_d_rho_3*half_rho_a_1_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_1_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_1_3
+    covariance_1_1_1 = xp.where(two, x984 + d_axes_1_1_d_angle*d_axes_1_1_d_angle*var_angle, xp.nan)
+    x986 = d_axes_1_1_d_angle*var_angle
+    x987 = x986*d_axes_1_2_d_angle
+    x993 = d_axes_1_2_d_rho_prime_3*half_prime_a_1_3
+    x999 = x987 + d_axes_1_2_d_rho_1*half_rho_a_1_1 + d_axes_1_2_d_rho_2*half_rho_a_1_2 + d_axes_1_2_d_rho_3*half_rho_a_1_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_1_2 + x993
+    covariance_1_1_2 = xp.where(two, x999, xp.nan)
+    x1000 = x986*d_axes_1_3_d_angle
+    x1006 = d_axes_1_3_d_rho_prime_3*half_prime_a_1_3
+    x1012 = x1000 + d_axes_1_3_d_rho_1*half_rho_a_1_1 + d_axes_1_3_d_rho_2*half_rho_a_1_2 + d_axes_1_3_d_rho_3*half_rho_a_1_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_1_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_1_2 + x1006
+    del every, opposite, parallel, too_small, both_zero, lengths_agree, one_zero, valid, x822, x984, d_axes_1_1_d_angle, x993, x999, x986, half_prime_a_1_3, half_prime_a_1_1, half_prime_a_1_2, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3, x1006
+    covariance_1_1_3 = xp.where(two, x1012, xp.nan)
+    x1023 = d_axes_1_1_d_rho_1*half_rho_a_2_1 + d_axes_1_1_d_rho_2*half_rho_a_2_2 + d_axes_1_1_d_rho_3*half_rho_a_2_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_2_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_2_3
+    covariance_1_2_1 = xp.where(two, x1023 + x987, xp.nan)
+    x1037 = d_axes_1_2_d_rho_1*half_rho_a_2_1 + d_axes_1_2_d_rho_2*half_rho_a_2_2 + d_axes_1_2_d_rho_3*half_rho_a_2_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_2_2 + d_axes_1_2_d_rho_prime_3*half_prime_a_2_3
+    covariance_1_2_2 = xp.where(two, x1037 + d_axes_1_2_d_angle*d_axes_1_2_d_angle*var_angle, xp.nan)
+    x1040 = d_axes_1_2_d_angle*var_angle*d_axes_1_3_d_angle
+    x1046 = d_axes_1_3_d_rho_prime_3*half_prime_a_2_3
+    x1052 = x1040 + d_axes_1_3_d_rho_1*half_rho_a_2_1 + d_axes_1_3_d_rho_2*half_rho_a_2_2 + d_axes_1_3_d_rho_3*half_rho_a_2_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_2_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_2_2 + x1046
+    covariance_1_2_3 = xp.where(two, x1052, xp.nan)
+    x1063 = d_axes_1_1_d_rho_1*half_rho_a_3_1 + d_axes_1_1_d_rho_2*half_rho_a_3_2 + d_axes_1_1_d_rho_3*half_rho_a_3_3 + d_axes_1_1_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_1_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_1_d_rho_prime_3*half_prime_a_3_3
+    del x1012, x1023, x987, x1037, d_axes_1_2_d_angle, half_prime_a_2_3, half_prime_a_2_1, half_prime_a_2_2, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3, x1046, x1052, d_axes_1_1_d_rho_1, d_axes_1_1_d_rho_2, d_axes_1_1_d_rho_3, d_axes_1_1_d_rho_prime_1, d_axes_1_1_d_rho_prime_2, d_axes_1_1_d_rho_prime_3
+    covariance_1_3_1 = xp.where(two, x1063 + x1000, xp.nan)
+    x1075 = d_axes_1_2_d_rho_1*half_rho_a_3_1 + d_axes_1_2_d_rho_2*half_rho_a_3_2 + d_axes_1_2_d_rho_3*half_rho_a_3_3 + d_axes_1_2_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_2_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_2_d_rho_prime_3*half_prime_a_3_3
+    covariance_1_3_2 = xp.where(two, x1075 + x1040, xp.nan)
+    x1089 = d_axes_1_3_d_rho_1*half_rho_a_3_1 + d_axes_1_3_d_rho_2*half_rho_a_3_2 + d_axes_1_3_d_rho_3*half_rho_a_3_3 + d_axes_1_3_d_rho_prime_1*half_prime_a_3_1 + d_axes_1_3_d_rho_prime_2*half_prime_a_3_2 + d_axes_1_3_d_rho_prime_3*half_prime_a_3_3
+    del x1000, x1063, d_axes_1_2_d_rho_1, d_axes_1_2_d_rho_2, d_axes_1_2_d_rho_3, d_axes_1_2_d_rho_prime_1, d_axes_1_2_d_rho_prime_2, d_axes_1_2_d_rho_prime_3, x1040, x1075, d_axes_1_3_d_rho_1, d_axes_1_3_d_rho_2, d_axes_1_3_d_rho_3, d_axes_1_3_d_rho_prime_1, d_axes_1_3_d_rho_prime_2, d_axes_1_3_d_rho_prime_3, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
+    covariance_1_3_3 = xp.where(two, x1089 + d_axes_1_3_d_angle*d_axes_1_3_d_angle*var_angle, xp.nan)
+    x1103 = d_axes_2_1_d_rho_1*half_rho_b_1_1 + d_axes_2_1_d_rho_2*half_rho_b_1_2 + d_axes_2_1_d_rho_3*half_rho_b_1_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_1_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_1_3
+    covariance_2_1_1 = xp.where(two, x1103 + d_axes_2_1_d_angle*d_axes_2_1_d_angle*var_angle, xp.nan)
+    x1105 = d_axes_2_1_d_angle*var_angle
+    x1106 = x1105*d_axes_2_2_d_angle
+    x1112 = d_axes_2_2_d_rho_prime_3*half_prime_b_1_3
+    x1118 = x1106 + d_axes_2_2_d_rho_1*half_rho_b_1_1 + d_axes_2_2_d_rho_2*half_rho_b_1_2 + d_axes_2_2_d_rho_3*half_rho_b_1_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_1_2 + x1112
+    covariance_2_1_2 = xp.where(two, x1118, xp.nan)
+    x1119 = x1105*d_axes_2_3_d_angle
+    x1125 = d_axes_2_3_d_rho_prime_3*half_prime_b_1_3
+    x1131 = x1119 + d_axes_2_3_d_rho_1*half_rho_b_1_1 + d_axes_2_3_d_rho_2*half_rho_b_1_2 + d_axes_2_3_d_rho_3*half_rho_b_1_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_1_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_1_2 + x1125
+    covariance_2_1_3 = xp.where(two, x1131, xp.nan)
+    x1142 = d_axes_2_1_d_rho_1*half_rho_b_2_1 + d_axes_2_1_d_rho_2*half_rho_b_2_2 + d_axes_2_1_d_rho_3*half_rho_b_2_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_2_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_2_3
+    covariance_2_2_1 = xp.where(two, x1142 + x1106, xp.nan)
+    del d_axes_1_3_d_angle, x1089, x1103, d_axes_2_1_d_angle, x1112, x1118, x1105, half_prime_b_1_3, half_prime_b_1_1, half_prime_b_1_2, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3, x1125, x1131, x1106, x1142
+    x1156 = d_axes_2_2_d_rho_1*half_rho_b_2_1 + d_axes_2_2_d_rho_2*half_rho_b_2_2 + d_axes_2_2_d_rho_3*half_rho_b_2_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_2_2 + d_axes_2_2_d_rho_prime_3*half_prime_b_2_3
+    covariance_2_2_2 = xp.where(two, x1156 + d_axes_2_2_d_angle*d_axes_2_2_d_angle*var_angle, xp.nan)
+    x1159 = d_axes_2_2_d_angle*var_angle*d_axes_2_3_d_angle
+    x1165 = d_axes_2_3_d_rho_prime_3*half_prime_b_2_3
+    x1171 = x1159 + d_axes_2_3_d_rho_1*half_rho_b_2_1 + d_axes_2_3_d_rho_2*half_rho_b_2_2 + d_axes_2_3_d_rho_3*half_rho_b_2_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_2_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_2_2 + x1165
+    covariance_2_2_3 = xp.where(two, x1171, xp.nan)
+    x1182 = d_axes_2_1_d_rho_1*half_rho_b_3_1 + d_axes_2_1_d_rho_2*half_rho_b_3_2 + d_axes_2_1_d_rho_3*half_rho_b_3_3 + d_axes_2_1_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_1_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_1_d_rho_prime_3*half_prime_b_3_3
+    del x1156, d_axes_2_2_d_angle, half_prime_b_2_3, half_prime_b_2_1, half_prime_b_2_2, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3, x1165, x1171, d_axes_2_1_d_rho_1, d_axes_2_1_d_rho_2, d_axes_2_1_d_rho_3, d_axes_2_1_d_rho_prime_1, d_axes_2_1_d_rho_prime_2, d_axes_2_1_d_rho_prime_3
+    covariance_2_3_1 = xp.where(two, x1182 + x1119, xp.nan)
+    x1194 = d_axes_2_2_d_rho_1*half_rho_b_3_1 + d_axes_2_2_d_rho_2*half_rho_b_3_2 + d_axes_2_2_d_rho_3*half_rho_b_3_3 + d_axes_2_2_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_2_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_2_d_rho_prime_3*half_prime_b_3_3
+    covariance_2_3_2 = xp.where(two, x1194 + x1159, xp.nan)
+    x1208 = d_axes_2_3_d_rho_1*half_rho_b_3_1 + d_axes_2_3_d_rho_2*half_rho_b_3_2 + d_axes_2_3_d_rho_3*half_rho_b_3_3 + d_axes_2_3_d_rho_prime_1*half_prime_b_3_1 + d_axes_2_3_d_rho_prime_2*half_prime_b_3_2 + d_axes_2_3_d_rho_prime_3*half_prime_b_3_3
+    del x1119, x1182, d_axes_2_2_d_rho_1, d_axes_2_2_d_rho_2, d_axes_2_2_d_rho_3, d_axes_2_2_d_rho_prime_1, d_axes_2_2_d_rho_prime_2, d_axes_2_2_d_rho_prime_3, x1159, x1194, d_axes_2_3_d_rho_1, d_axes_2_3_d_rho_2, d_axes_2_3_d_rho_3, d_axes_2_3_d_rho_prime_1, d_axes_2_3_d_rho_prime_2, d_axes_2_3_d_rho_prime_3, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3
+    covariance_2_3_3 = xp.where(two, x1208 + d_axes_2_3_d_angle*d_axes_2_3_d_angle*var_angle, xp.nan)
     return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status_value)
 
 

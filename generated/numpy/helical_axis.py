@@ -51,7 +51,7 @@ def screw_residual(before, reading, angle, slide, axis, point, *, out=None):
 
 
 def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, reading_3, angle, slide, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
-    # 66 add, 103 mul, 1 cos, 1 sin
+    # 66 add, 100 mul, 1 cos, 1 sin
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
@@ -92,60 +92,60 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     x31 = x26*axis_3
     x32 = x31*d_inner_1_d_point_2
     residual_jacobian_1_1 = x32 - x30 - 1.0
-    x36 = x26*(axis_3*cosine)
-    residual_jacobian_1_2 = x36 - x29*d_inner_2_d_point_3
-    x38 = x26*(axis_2*cosine)
-    residual_jacobian_1_3 = x31*d_inner_2_d_before_3 - x38
-    x42 = 2.0*axis_2
-    x44 = 2.0*axis_3
-    residual_jacobian_1_4 = x31*d_inner_2_d_angle + d_sine_d_angle*(x44*inner_2 - x42*inner_3) - x29*d_inner_3_d_angle
+    x35 = x31*cosine
+    residual_jacobian_1_2 = x35 - x29*d_inner_2_d_point_3
+    x36 = x29*cosine
+    residual_jacobian_1_3 = x31*d_inner_2_d_before_3 - x36
+    x40 = 2.0*axis_2
+    x42 = 2.0*axis_3
+    residual_jacobian_1_4 = x31*d_inner_2_d_angle + d_sine_d_angle*(x42*inner_2 - x40*inner_3) - x29*d_inner_3_d_angle
     residual_jacobian_1_5 = -axis_1
     residual_jacobian_1_6 = x31*d_inner_2_d_axis_1 - x29*d_inner_3_d_axis_1 - slide
-    x53 = x26*inner_3
-    residual_jacobian_1_7 = -(x29*d_inner_3_d_axis_2 + x53)
-    x56 = x26*inner_2
-    residual_jacobian_1_8 = x31*d_inner_2_d_axis_3 + x56
-    x57 = x29*d_inner_1_d_before_3
-    x58 = x31*d_inner_1_d_before_2
-    residual_jacobian_1_9 = x58 - x57
-    x60 = x31*d_inner_1_d_point_1
-    residual_jacobian_1_10 = x60 - x29*d_inner_2_d_before_3
-    x61 = x29*d_inner_1_d_point_1
-    residual_jacobian_1_11 = x31*d_inner_2_d_point_3 - x61
+    x51 = x26*inner_3
+    residual_jacobian_1_7 = -(x29*d_inner_3_d_axis_2 + x51)
+    x54 = x26*inner_2
+    residual_jacobian_1_8 = x31*d_inner_2_d_axis_3 + x54
+    x55 = x29*d_inner_1_d_before_3
+    x56 = x31*d_inner_1_d_before_2
+    residual_jacobian_1_9 = x56 - x55
+    x58 = x31*d_inner_1_d_point_1
+    residual_jacobian_1_10 = x58 - x29*d_inner_2_d_before_3
+    x59 = x29*d_inner_1_d_point_1
+    residual_jacobian_1_11 = x31*d_inner_2_d_point_3 - x59
     residual_2 = moved_2 - axis_2*slide - x26*(axis_3*inner_1 - axis_1*inner_3)
-    x69 = x26*axis_1
-    residual_jacobian_2_1 = x69*d_inner_1_d_point_3 - x36
-    x71 = x69*d_inner_2_d_point_3
-    residual_jacobian_2_2 = x71 - x58 - 1.0
-    x74 = x26*(axis_1*cosine)
-    residual_jacobian_2_3 = x74 - x31*d_inner_1_d_before_3
-    x78 = 2.0*axis_1
-    residual_jacobian_2_4 = x69*d_inner_3_d_angle + d_sine_d_angle*(x78*inner_3 - x44*inner_1) - x31*d_inner_1_d_angle
-    del half_angle, x4, x11, arm_1, arm_2, arm_3, d_cosine_d_angle, x18, sine, moved_1, moved_2, x36, d_inner_2_d_point_3, x58, cosine, d_inner_3_d_angle, inner_3, x44
+    x67 = x26*axis_1
+    residual_jacobian_2_1 = x67*d_inner_1_d_point_3 - x35
+    x69 = x67*d_inner_2_d_point_3
+    residual_jacobian_2_2 = x69 - x56 - 1.0
+    x71 = x67*cosine
+    residual_jacobian_2_3 = x71 - x31*d_inner_1_d_before_3
+    x75 = 2.0*axis_1
+    residual_jacobian_2_4 = x67*d_inner_3_d_angle + d_sine_d_angle*(x75*inner_3 - x42*inner_1) - x31*d_inner_1_d_angle
+    del half_angle, x4, x11, arm_1, arm_2, arm_3, d_cosine_d_angle, x18, sine, moved_1, moved_2, x35, d_inner_2_d_point_3, x56, cosine, d_inner_3_d_angle, inner_3, x42
     residual_jacobian_2_5 = -axis_2
-    residual_jacobian_2_6 = x69*d_inner_3_d_axis_1 + x53
-    residual_jacobian_2_7 = x69*d_inner_3_d_axis_2 - x31*d_inner_1_d_axis_2 - slide
-    x89 = x26*inner_1
-    residual_jacobian_2_8 = -(x31*d_inner_1_d_axis_3 + x89)
-    residual_jacobian_2_9 = x69*d_inner_1_d_before_3 - x60
-    x92 = x69*d_inner_2_d_before_3
-    residual_jacobian_2_10 = x92 - x32
-    x93 = x69*d_inner_1_d_point_1
-    residual_jacobian_2_11 = x93 - x31*d_inner_1_d_point_3
+    residual_jacobian_2_6 = x67*d_inner_3_d_axis_1 + x51
+    residual_jacobian_2_7 = x67*d_inner_3_d_axis_2 - x31*d_inner_1_d_axis_2 - slide
+    x86 = x26*inner_1
+    residual_jacobian_2_8 = -(x31*d_inner_1_d_axis_3 + x86)
+    residual_jacobian_2_9 = x67*d_inner_1_d_before_3 - x58
+    x89 = x67*d_inner_2_d_before_3
+    residual_jacobian_2_10 = x89 - x32
+    x90 = x67*d_inner_1_d_point_1
+    residual_jacobian_2_11 = x90 - x31*d_inner_1_d_point_3
     residual_3 = moved_3 - axis_3*slide - x26*(axis_1*inner_2 - axis_2*inner_1)
-    residual_jacobian_3_1 = x38 - x69*d_inner_1_d_point_2
-    residual_jacobian_3_2 = x29*d_inner_1_d_before_2 - x74
-    residual_jacobian_3_3 = x57 - x92 - 1.0
-    del d_inner_3_d_axis_1, x53, d_inner_3_d_axis_2, d_inner_1_d_before_3, x60, d_inner_2_d_before_3, x32, d_inner_1_d_point_1, d_inner_1_d_point_3, x31, moved_3, x26, x38, x74, x57, x92
-    residual_jacobian_3_4 = x29*d_inner_1_d_angle + d_sine_d_angle*(x42*inner_1 - x78*inner_2) - x69*d_inner_2_d_angle
+    residual_jacobian_3_1 = x36 - x67*d_inner_1_d_point_2
+    residual_jacobian_3_2 = x29*d_inner_1_d_before_2 - x71
+    residual_jacobian_3_3 = x55 - x89 - 1.0
+    del d_inner_3_d_axis_1, x51, d_inner_3_d_axis_2, d_inner_1_d_before_3, x58, d_inner_2_d_before_3, x32, d_inner_1_d_point_1, d_inner_1_d_point_3, x31, moved_3, x26, x36, x71, x55, x89
+    residual_jacobian_3_4 = x29*d_inner_1_d_angle + d_sine_d_angle*(x40*inner_1 - x75*inner_2) - x67*d_inner_2_d_angle
     residual_jacobian_3_5 = -axis_3
-    residual_jacobian_3_6 = -(x69*d_inner_2_d_axis_1 + x56)
-    residual_jacobian_3_7 = x29*d_inner_1_d_axis_2 + x89
-    residual_jacobian_3_8 = x29*d_inner_1_d_axis_3 - x69*d_inner_2_d_axis_3 - slide
-    residual_jacobian_3_9 = x61 - x69*d_inner_1_d_before_2
-    del d_inner_1_d_angle, d_inner_2_d_angle, d_sine_d_angle, inner_1, inner_2, x42, x78, d_inner_2_d_axis_1, x56, d_inner_1_d_axis_2, x89, d_inner_1_d_axis_3, d_inner_2_d_axis_3, d_inner_1_d_before_2, x61, x69
-    residual_jacobian_3_10 = x29*d_inner_1_d_point_2 - x93
-    residual_jacobian_3_11 = x30 - x71
+    residual_jacobian_3_6 = -(x67*d_inner_2_d_axis_1 + x54)
+    residual_jacobian_3_7 = x29*d_inner_1_d_axis_2 + x86
+    residual_jacobian_3_8 = x29*d_inner_1_d_axis_3 - x67*d_inner_2_d_axis_3 - slide
+    residual_jacobian_3_9 = x59 - x67*d_inner_1_d_before_2
+    del d_inner_1_d_angle, d_inner_2_d_angle, d_sine_d_angle, inner_1, inner_2, x40, x75, d_inner_2_d_axis_1, x54, d_inner_1_d_axis_2, x86, d_inner_1_d_axis_3, d_inner_2_d_axis_3, d_inner_1_d_before_2, x59, x67
+    residual_jacobian_3_10 = x29*d_inner_1_d_point_2 - x90
+    residual_jacobian_3_11 = x30 - x69
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_1_7, residual_jacobian_1_8, residual_jacobian_1_9, residual_jacobian_1_10, residual_jacobian_1_11, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_2_7, residual_jacobian_2_8, residual_jacobian_2_9, residual_jacobian_2_10, residual_jacobian_2_11, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6, residual_jacobian_3_7, residual_jacobian_3_8, residual_jacobian_3_9, residual_jacobian_3_10, residual_jacobian_3_11)
 
 

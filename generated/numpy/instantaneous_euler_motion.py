@@ -183,8 +183,8 @@ def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, ma
     del x13, x20, x27, x34, x41, x57, handed, deviation, x24, x31, x38, x62, most, x66, good, sine_x
     b_y = rate_2*sine_y
     b_z = rate_3*sine_z
-    x80 = kink_x | kink_y
-    lost = flat | x80 | kink_z
+    x81 = kink_x | kink_y | kink_z
+    lost = flat | x81
     divisor = xp.where(lost, 1.0, volume)
     x83 = known & (~lost)
     x84 = 1.0/divisor
@@ -193,8 +193,8 @@ def _chi_angular_velocity(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, ma
     omega_1 = xp.where(x83, x84*(b_x*x14 + x86*matrix_1_3 + x88*matrix_1_2), xp.nan)
     omega_2 = xp.where(x83, x84*(b_x*x54 + x86*matrix_2_3 + b_z*matrix_3_2*matrix_2_1), xp.nan)
     omega_3 = xp.where(x83, x84*(b_x*x51 + b_y*matrix_2_3*matrix_3_1 + x88*matrix_3_2), xp.nan)
-    del sine_y, sine_z, kink_x, kink_y, volume, lost, divisor, x14, b_z, x54, x86, b_x, b_y, x51, x83, x84, x88
-    status_value = xp.where(~known, 5.0, xp.where(x80 | kink_z, 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
+    del sine_y, sine_z, kink_x, kink_y, kink_z, volume, lost, divisor, x14, b_z, x54, x86, b_x, b_y, x51, x83, x84, x88
+    status_value = xp.where(~known, 5.0, xp.where(x81, 3.0, xp.where(flat, 2.0, xp.where(abnormal, 4.0, xp.where(near, 1.0, 0.0)))))
     return (omega_1, omega_2, omega_3, status_value)
 
 

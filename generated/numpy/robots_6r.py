@@ -68,7 +68,7 @@ def robot_wrist_reverse(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 436 add, 718 mul, 36 div, 55 sqrt, 389 select, 210 compare, 44 abs, 36 atan2
+    # 434 add, 714 mul, 36 div, 55 sqrt, 389 select, 210 compare, 44 abs, 36 atan2
     x50 = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2)
     x25 = 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3)
     x32 = xp.abs(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - 1.0)
@@ -162,19 +162,19 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     x226 = 2.0*a_2
     x227 = x226*a_3
     x228 = x227*x203
-    x230 = x226*(forearm_2*triangle_a_3_q)
+    x229 = x226*forearm_2
+    x230 = x229*triangle_a_3_q
     triangle_a_3_c_a = xp.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x230 - x228))
-    x234 = x226*(a_3*triangle_a_3_q)
-    x235 = x226*forearm_2
-    x236 = x235*x203
-    triangle_a_3_s_a = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x234 + x236))
+    x233 = x227*triangle_a_3_q
+    x234 = x229*x203
+    triangle_a_3_s_a = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x233 + x234))
     triangle_a_3_c_b = xp.where(triangle_a_3_free, 1.0, -triangle_a_3_scale*(x228 + x230))
-    triangle_a_3_s_b = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x236 - x234))
-    del spare, x109, x110, x111, x198, x194, triangle_a_3_room, x204, triangle_a_3_size, triangle_a_3_q, x203, x228, x230, triangle_a_3_scale, x234, x236
+    triangle_a_3_s_b = xp.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x234 - x233))
+    del spare, x109, x110, x111, x198, x194, triangle_a_3_room, x204, triangle_a_3_size, x226, triangle_a_3_q, x203, x228, x230, triangle_a_3_scale, x233, x234
     triangle_a_3_two = triangle_a_3_exists & (~(triangle_a_3_double | triangle_a_3_free))
     triangle_a_3_slope = x220 + triangle_a_3_r*triangle_a_area
-    x247 = 0.0 < triangle_a_3_slope
-    triangle_a_3_error = xp.where(x210 & x247, triangle_a_area*xp.where(x247, 1.0/xp.sqrt(triangle_a_3_slope), 1.0), 0.0)
+    x245 = 0.0 < triangle_a_3_slope
+    triangle_a_3_error = xp.where(x210 & x245, triangle_a_area*xp.where(x245, 1.0/xp.sqrt(triangle_a_3_slope), 1.0), 0.0)
     triangle_a_any = xp.abs(end_a_1) + xp.abs(end_a_2) <= x124
     triangle_a_arm_a_1 = a_2 + a_3*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
     triangle_a_arm_a_2 = a_3*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
@@ -184,22 +184,22 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     triangle_a_2_a_scale = xp.where(0.0 < triangle_a_2_a_size, 1.0/triangle_a_2_a_size, 1.0)
     triangle_a_2_a_c = xp.where(triangle_a_any, 1.0, triangle_a_2_a_dot*triangle_a_2_a_scale)
     triangle_a_2_a_s = xp.where(triangle_a_any, 0.0, triangle_a_2_a_cross*triangle_a_2_a_scale)
-    x272 = axes_a_1_3*sine_3
-    x274 = axes_a_2_3*sine_3
-    x276 = x272*triangle_a_3_c_a + x274*triangle_a_3_s_a
-    x280 = x272*triangle_a_3_s_a - x274*triangle_a_3_c_a
-    triangle_a_free_a_square = x276*x276 + x280*x280
+    x270 = axes_a_1_3*sine_3
+    x272 = axes_a_2_3*sine_3
+    x274 = x270*triangle_a_3_c_a + x272*triangle_a_3_s_a
+    x278 = x270*triangle_a_3_s_a - x272*triangle_a_3_c_a
+    triangle_a_free_a_square = x274*x274 + x278*x278
     triangle_a_free_a_amplitude = xp.sqrt(triangle_a_free_a_square)
     triangle_a_free_a_per_square = xp.where(0.0 < triangle_a_free_a_square, 1.0/triangle_a_free_a_square, 1.0)
-    x286 = axes_a_3_3*cosine_3 - bends_1
-    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (xp.abs(x280 + x286) <= bends_2)
-    x290 = -x286
-    triangle_a_free_a_at = xp.where(triangle_a_free_a_amplitude < x290, triangle_a_free_a_amplitude, xp.where(triangle_a_free_a_amplitude < x286, -triangle_a_free_a_amplitude, x290))
-    x295 = triangle_a_free_a_at*triangle_a_free_a_at
-    triangle_a_free_a_rest = xp.where(x295 < triangle_a_free_a_square, xp.sqrt(triangle_a_free_a_square - x295), 0.0)
-    del x220, triangle_a_3_slope, triangle_a_area, x210, x247, triangle_a_arm_a_1, triangle_a_arm_a_2, triangle_a_2_a_size, triangle_a_2_a_dot, triangle_a_2_a_cross, triangle_a_2_a_scale, axes_a_1_3, axes_a_2_3, axes_a_3_3, triangle_a_free_a_amplitude, triangle_a_free_a_square, x295
-    triangle_a_free_a_c_first = xp.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x280 - triangle_a_free_a_rest*x276))
-    triangle_a_free_a_s_first = xp.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x276 + triangle_a_free_a_rest*x280))
+    x284 = axes_a_3_3*cosine_3 - bends_1
+    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (xp.abs(x278 + x284) <= bends_2)
+    x288 = -x284
+    triangle_a_free_a_at = xp.where(triangle_a_free_a_amplitude < x288, triangle_a_free_a_amplitude, xp.where(triangle_a_free_a_amplitude < x284, -triangle_a_free_a_amplitude, x288))
+    x293 = triangle_a_free_a_at*triangle_a_free_a_at
+    triangle_a_free_a_rest = xp.where(x293 < triangle_a_free_a_square, xp.sqrt(triangle_a_free_a_square - x293), 0.0)
+    del x220, triangle_a_3_slope, triangle_a_area, x210, x245, triangle_a_arm_a_1, triangle_a_arm_a_2, triangle_a_2_a_size, triangle_a_2_a_dot, triangle_a_2_a_cross, triangle_a_2_a_scale, axes_a_1_3, axes_a_2_3, axes_a_3_3, triangle_a_free_a_amplitude, triangle_a_free_a_square, x293
+    triangle_a_free_a_c_first = xp.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x278 - triangle_a_free_a_rest*x274))
+    triangle_a_free_a_s_first = xp.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x274 + triangle_a_free_a_rest*x278))
     triangle_a_chosen_c_a = xp.where(triangle_a_any, triangle_a_free_a_c_first, triangle_a_2_a_c)
     triangle_a_chosen_s_a = xp.where(triangle_a_any, triangle_a_free_a_s_first, triangle_a_2_a_s)
     triangle_a_arm_b_1 = a_2 + a_3*triangle_a_3_c_b - forearm_2*triangle_a_3_s_b
@@ -209,265 +209,265 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     triangle_a_2_b_size = xp.sqrt(triangle_a_2_b_cross*triangle_a_2_b_cross + triangle_a_2_b_dot*triangle_a_2_b_dot)
     triangle_a_2_b_scale = xp.where(0.0 < triangle_a_2_b_size, 1.0/triangle_a_2_b_size, 1.0)
     triangle_a_2_b_c = xp.where(triangle_a_any, 1.0, triangle_a_2_b_dot*triangle_a_2_b_scale)
-    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x276, x280, triangle_a_2_a_c, triangle_a_free_a_c_first, triangle_a_2_a_s, triangle_a_free_a_s_first, end_a_1, end_a_2, triangle_a_arm_b_1, triangle_a_arm_b_2, triangle_a_2_b_size, triangle_a_2_b_dot
+    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x274, x278, triangle_a_2_a_c, triangle_a_free_a_c_first, triangle_a_2_a_s, triangle_a_free_a_s_first, end_a_1, end_a_2, triangle_a_arm_b_1, triangle_a_arm_b_2, triangle_a_2_b_size, triangle_a_2_b_dot
     triangle_a_2_b_s = xp.where(triangle_a_any, 0.0, triangle_a_2_b_cross*triangle_a_2_b_scale)
-    x325 = x272*triangle_a_3_c_b + x274*triangle_a_3_s_b
-    x326 = x325*x325
-    x327 = x272*triangle_a_3_s_b
-    x328 = x274*triangle_a_3_c_b
-    x329 = x327 - x328
-    x330 = x329*x329
-    triangle_a_free_b_square = x326 + x330
+    x323 = x270*triangle_a_3_c_b + x272*triangle_a_3_s_b
+    x324 = x323*x323
+    x325 = x270*triangle_a_3_s_b
+    x326 = x272*triangle_a_3_c_b
+    x327 = x325 - x326
+    x328 = x327*x327
+    triangle_a_free_b_square = x324 + x328
     triangle_a_free_b_amplitude = xp.sqrt(triangle_a_free_b_square)
     triangle_a_free_b_per_square = xp.where(0.0 < triangle_a_free_b_square, 1.0/triangle_a_free_b_square, 1.0)
-    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (xp.abs(x329 + x286) <= bends_2)
-    triangle_a_free_b_at = xp.where(triangle_a_free_b_amplitude < x290, triangle_a_free_b_amplitude, xp.where(triangle_a_free_b_amplitude < x286, -triangle_a_free_b_amplitude, x290))
-    x341 = triangle_a_free_b_at*triangle_a_free_b_at
-    triangle_a_free_b_rest = xp.where(x341 < triangle_a_free_b_square, xp.sqrt(triangle_a_free_b_square - x341), 0.0)
-    triangle_a_free_b_c_first = xp.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x329 - triangle_a_free_b_rest*x325))
-    triangle_a_free_b_s_first = xp.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x325 + triangle_a_free_b_rest*x329))
-    x353 = x330 - x326
-    x354 = triangle_a_free_b_c_first*triangle_a_free_b_per_square
-    x359 = triangle_a_free_b_per_square*triangle_a_free_b_s_first
-    del triangle_a_2_b_cross, triangle_a_2_b_scale, x272, x274, x290, triangle_a_free_b_square, x341, triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x329, x326, x330, triangle_a_free_b_c_first, triangle_a_free_b_per_square, triangle_a_free_b_s_first
-    x360 = x325*(2.0*x327 - 2.0*x328)
-    triangle_a_free_b_c_second = x354*x353 + x359*x360
-    triangle_a_free_b_s_second = x354*x360 - x359*x353
-    triangle_a_free_b_split = (bends_2 < triangle_a_free_b_amplitude - x286) & (bends_2 < x286 + triangle_a_free_b_amplitude)
+    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (xp.abs(x327 + x284) <= bends_2)
+    triangle_a_free_b_at = xp.where(triangle_a_free_b_amplitude < x288, triangle_a_free_b_amplitude, xp.where(triangle_a_free_b_amplitude < x284, -triangle_a_free_b_amplitude, x288))
+    x339 = triangle_a_free_b_at*triangle_a_free_b_at
+    triangle_a_free_b_rest = xp.where(x339 < triangle_a_free_b_square, xp.sqrt(triangle_a_free_b_square - x339), 0.0)
+    triangle_a_free_b_c_first = xp.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x327 - triangle_a_free_b_rest*x323))
+    triangle_a_free_b_s_first = xp.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x323 + triangle_a_free_b_rest*x327))
+    x351 = x328 - x324
+    x352 = triangle_a_free_b_c_first*triangle_a_free_b_per_square
+    x357 = triangle_a_free_b_per_square*triangle_a_free_b_s_first
+    del triangle_a_2_b_cross, triangle_a_2_b_scale, x270, x272, x288, triangle_a_free_b_square, x339, triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x327, x324, x328, triangle_a_free_b_c_first, triangle_a_free_b_per_square, triangle_a_free_b_s_first
+    x358 = x323*(2.0*x325 - 2.0*x326)
+    triangle_a_free_b_c_second = x352*x351 + x357*x358
+    triangle_a_free_b_s_second = x352*x358 - x357*x351
+    triangle_a_free_b_split = (bends_2 < triangle_a_free_b_amplitude - x284) & (bends_2 < x284 + triangle_a_free_b_amplitude)
     triangle_a_chosen_c_b = xp.where(triangle_a_any, triangle_a_free_b_c_second, triangle_a_2_b_c)
     triangle_a_chosen_s_b = xp.where(triangle_a_any, triangle_a_free_b_s_second, triangle_a_2_b_s)
     triangle_a_more = triangle_a_3_two | (triangle_a_3_exists & triangle_a_any & triangle_a_free_b_split)
     triangle_a_error = triangle_a_3_error + xp.where(triangle_a_any, 0.0, off*xp.where(0.0 < triangle_a_side, 1.0/triangle_a_side, 1.0))
-    del x325, x327, x328, x353, x354, x359, x360, triangle_a_free_b_amplitude, x286, triangle_a_2_b_c, triangle_a_free_b_c_second, triangle_a_2_b_s, triangle_a_free_b_s_second, triangle_a_3_two, triangle_a_free_b_split, triangle_a_3_error, triangle_a_side
-    x375 = first_error + triangle_a_error
-    error_a = xp.where(x375 < x171, x375, x171)
+    del x323, x325, x326, x351, x352, x357, x358, triangle_a_free_b_amplitude, x284, triangle_a_2_b_c, triangle_a_free_b_c_second, triangle_a_2_b_s, triangle_a_free_b_s_second, triangle_a_3_two, triangle_a_free_b_split, triangle_a_3_error, triangle_a_side
+    x373 = first_error + triangle_a_error
+    error_a = xp.where(x373 < x171, x373, x171)
     c_23_aa = triangle_a_3_c_a*triangle_a_chosen_c_a - triangle_a_3_s_a*triangle_a_chosen_s_a
     s_23_aa = triangle_a_3_c_a*triangle_a_chosen_s_a + triangle_a_3_s_a*triangle_a_chosen_c_a
     axis_4_aa_1 = s_23_aa*sine_3
-    x381 = cosine_1*sine_3
-    x383 = cosine_3*sine_1
-    axis_4_aa_2 = -(c_23_aa*x381 + x383)
-    x385 = sine_1*sine_3
-    x387 = cosine_1*cosine_3
-    axis_4_aa_3 = x387 - c_23_aa*x385
-    x390 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
-    x394 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
-    first_aa_square = x390*x390 + x394*x394
+    x379 = cosine_1*sine_3
+    x381 = cosine_3*sine_1
+    axis_4_aa_2 = -(c_23_aa*x379 + x381)
+    x383 = sine_1*sine_3
+    x385 = cosine_1*cosine_3
+    axis_4_aa_3 = x385 - c_23_aa*x383
+    x388 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
+    x392 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
+    first_aa_square = x388*x388 + x392*x392
     first_aa_amplitude = xp.sqrt(first_aa_square)
     first_aa_per_square = xp.where(0.0 < first_aa_square, 1.0/first_aa_square, 1.0)
-    x400 = axis_4_aa_3*pose_3_3 - bends_1
-    first_aa_serves = (first_aa_square <= 0.0) | (xp.abs(x390 + x400) <= bends_2)
-    x404 = -x400
-    first_aa_at = xp.where(first_aa_amplitude < x404, first_aa_amplitude, xp.where(first_aa_amplitude < x400, -first_aa_amplitude, x404))
-    x409 = first_aa_at*first_aa_at
-    first_aa_rest = xp.where(x409 < first_aa_square, xp.sqrt(first_aa_square - x409), 0.0)
-    first_aa_c_first = xp.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x390 - first_aa_rest*x394))
-    first_aa_s_first = xp.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x394 + first_aa_rest*x390))
-    del triangle_a_error, x375, axis_4_aa_1, axis_4_aa_2, axis_4_aa_3, first_aa_amplitude, x400, x404, first_aa_square, x409, first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x390, x394
+    x398 = axis_4_aa_3*pose_3_3 - bends_1
+    first_aa_serves = (first_aa_square <= 0.0) | (xp.abs(x388 + x398) <= bends_2)
+    x402 = -x398
+    first_aa_at = xp.where(first_aa_amplitude < x402, first_aa_amplitude, xp.where(first_aa_amplitude < x398, -first_aa_amplitude, x402))
+    x407 = first_aa_at*first_aa_at
+    first_aa_rest = xp.where(x407 < first_aa_square, xp.sqrt(first_aa_square - x407), 0.0)
+    first_aa_c_first = xp.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x388 - first_aa_rest*x392))
+    first_aa_s_first = xp.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x392 + first_aa_rest*x388))
+    del triangle_a_error, x373, axis_4_aa_1, axis_4_aa_2, axis_4_aa_3, first_aa_amplitude, x398, x402, first_aa_square, x407, first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x388, x392
     c_1_aa = xp.where(first_free, first_aa_c_first, first_c_a)
     s_1_aa = xp.where(first_free, first_aa_s_first, first_s_a)
     axes_aa_1_1 = c_1_aa*pose_1_1 + pose_2_1*s_1_aa
     axes_aa_1_3 = c_1_aa*pose_1_3 + pose_2_3*s_1_aa
-    x427 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
-    x429 = pose_3_1*sine_1
-    axes_aa_2_1 = cosine_1*x427 + x429
-    x432 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
-    axes_aa_2_3 = cosine_1*x432 + x188
-    x434 = cosine_1*pose_3_1
-    axes_aa_3_1 = x434 - sine_1*x427
-    axes_aa_3_3 = x189 - sine_1*x432
+    x425 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
+    x427 = pose_3_1*sine_1
+    axes_aa_2_1 = cosine_1*x425 + x427
+    x430 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
+    axes_aa_2_3 = cosine_1*x430 + x188
+    x432 = cosine_1*pose_3_1
+    axes_aa_3_1 = x432 - sine_1*x425
+    axes_aa_3_3 = x189 - sine_1*x430
     N_aa_1_1 = axes_aa_1_1*c_23_aa + axes_aa_2_1*s_23_aa
     N_aa_1_3 = axes_aa_1_3*c_23_aa + axes_aa_2_3*s_23_aa
-    x444 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
-    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x444
-    x449 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
-    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x449
-    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x444
-    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x449
+    x442 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
+    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x442
+    x447 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
+    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x447
+    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x442
+    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x447
     h_aa = xp.sqrt(N_aa_1_3*N_aa_1_3 + N_aa_2_3*N_aa_2_3)
     bend_aa_denominator = xp.abs(N_aa_3_3) + 1.0
-    x459 = cosine_4 + cosine_5
-    x460 = 0.0 <= N_aa_3_3
-    x461 = cosine_4 - cosine_5
-    bend_aa_apart = xp.where(x460, x461, x459)
-    x462 = -bends_1
-    bend_aa_product = xp.where(x460, bends_1, x462)
-    x463 = bend_aa_apart*bend_aa_apart
-    del first_aa_c_first, first_aa_s_first, x427, x432, axes_aa_1_1, axes_aa_2_1, axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa, axes_aa_3_1, x444, axes_aa_3_3, x449, x460, bend_aa_apart
-    bend_aa_gram = h_aa*h_aa*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x463
-    bend_aa_rounding = x127*(x463 + h_aa)
+    x457 = cosine_4 + cosine_5
+    x458 = 0.0 <= N_aa_3_3
+    x459 = cosine_4 - cosine_5
+    bend_aa_apart = xp.where(x458, x459, x457)
+    x460 = -bends_1
+    bend_aa_product = xp.where(x458, bends_1, x460)
+    x461 = bend_aa_apart*bend_aa_apart
+    del first_aa_c_first, first_aa_s_first, x425, x430, axes_aa_1_1, axes_aa_2_1, axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa, axes_aa_3_1, x442, axes_aa_3_3, x447, x458, bend_aa_apart
+    bend_aa_gram = h_aa*h_aa*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x461
+    bend_aa_rounding = x127*(x461 + h_aa)
     bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0*h_aa)
     bend_aa_exists = -bend_aa_tolerance <= bend_aa_gram
-    x475 = x205 + 4.0*error_a
-    bend_aa_free = bend_aa_exists & (h_aa <= x475)
+    x473 = x205 + 4.0*error_a
+    bend_aa_free = bend_aa_exists & (h_aa <= x473)
     bend_aa_any = bend_aa_exists & (h_aa <= x205)
     bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) & (~bend_aa_free)
     bend_aa_q = xp.where(0.015625*bend_aa_rounding < bend_aa_gram, xp.sqrt(bend_aa_gram), 0.0)
     bend_aa_along = bends_1 - N_aa_3_3
     bend_aa_size = xp.sqrt(bend_aa_along*bend_aa_along + bend_aa_q*bend_aa_q)
-    x487 = xp.where(x113 < 0.0, -1.0, 1.0)
-    bend_aa_scale = x487*xp.where(0.0 < bend_aa_size, 1.0/bend_aa_size, 1.0)
+    x485 = xp.where(x113 < 0.0, -1.0, 1.0)
+    bend_aa_scale = x485*xp.where(0.0 < bend_aa_size, 1.0/bend_aa_size, 1.0)
     bend_aa_c = bend_aa_along*bend_aa_scale
     bend_aa_s = bend_aa_q*bend_aa_scale
     bend_aa_two = bend_aa_exists & (~(bend_aa_any | bend_aa_double))
-    x493 = bend_aa_s*sine_5
-    x494 = N_aa_1_3*x493
-    x495 = cosine_4*sine_5
-    x497 = cosine_5*sine_4
-    x498 = bend_aa_c*x495 + x497
-    x499 = N_aa_2_3*x498
-    fourth_aaa_dot = x494 - x499
-    x500 = N_aa_1_3*x498
-    x501 = N_aa_2_3*x493
-    del bend_aa_denominator, bend_aa_product, x463, h_aa, bend_aa_tolerance, bend_aa_gram, bend_aa_rounding, N_aa_3_3, x113, bend_aa_size, bend_aa_along, bend_aa_q, bend_aa_scale, N_aa_1_3, x498, N_aa_2_3, x493
-    fourth_aaa_cross = x500 + x501
+    x491 = bend_aa_s*sine_5
+    x492 = N_aa_1_3*x491
+    x493 = cosine_4*sine_5
+    x495 = cosine_5*sine_4
+    x496 = bend_aa_c*x493 + x495
+    x497 = N_aa_2_3*x496
+    fourth_aaa_dot = x492 - x497
+    x498 = N_aa_1_3*x496
+    x499 = N_aa_2_3*x491
+    del bend_aa_denominator, bend_aa_product, x461, h_aa, bend_aa_tolerance, bend_aa_gram, bend_aa_rounding, N_aa_3_3, x113, bend_aa_size, bend_aa_along, bend_aa_q, bend_aa_scale, N_aa_1_3, x496, N_aa_2_3, x491
+    fourth_aaa_cross = x498 + x499
     fourth_aaa_size = xp.sqrt(fourth_aaa_cross*fourth_aaa_cross + fourth_aaa_dot*fourth_aaa_dot)
     fourth_aaa_scale = xp.where(0.0 < fourth_aaa_size, 1.0/fourth_aaa_size, 1.0)
     fourth_aaa_c = xp.where(bend_aa_any, 1.0, fourth_aaa_dot*fourth_aaa_scale)
     fourth_aaa_s = xp.where(bend_aa_any, 0.0, fourth_aaa_cross*fourth_aaa_scale)
-    x511 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
-    x513 = N_aa_3_1*sine_4
-    x516 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
-    x518 = x513 + cosine_4*x516
-    c_6_aaa = bend_aa_c*x511 + bend_aa_s*x518
-    x524 = N_aa_3_1*cosine_4
-    s_6_aaa = cosine_5*(bend_aa_c*x518 - bend_aa_s*x511) + sine_5*(x524 - sine_4*x516)
-    fourth_aab_dot = -(x494 + x499)
-    fourth_aab_cross = x500 - x501
+    x509 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
+    x511 = N_aa_3_1*sine_4
+    x514 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
+    x516 = x511 + cosine_4*x514
+    c_6_aaa = bend_aa_c*x509 + bend_aa_s*x516
+    x522 = N_aa_3_1*cosine_4
+    s_6_aaa = cosine_5*(bend_aa_c*x516 - bend_aa_s*x509) + sine_5*(x522 - sine_4*x514)
+    fourth_aab_dot = -(x492 + x497)
+    fourth_aab_cross = x498 - x499
     fourth_aab_size = xp.sqrt(fourth_aab_cross*fourth_aab_cross + fourth_aab_dot*fourth_aab_dot)
     fourth_aab_scale = xp.where(0.0 < fourth_aab_size, 1.0/fourth_aab_size, 1.0)
     fourth_aab_c = xp.where(bend_aa_any, 1.0, fourth_aab_dot*fourth_aab_scale)
     fourth_aab_s = xp.where(bend_aa_any, 0.0, fourth_aab_cross*fourth_aab_scale)
-    del fourth_aaa_size, fourth_aaa_dot, fourth_aaa_cross, fourth_aaa_scale, N_aa_3_1, x511, x516, x518, x494, x499, x500, x501, fourth_aab_size, fourth_aab_dot, bend_aa_any, fourth_aab_cross, fourth_aab_scale
-    x538 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
-    x542 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
-    x544 = x513 + cosine_4*x542
-    c_6_aab = bend_aa_c*x538 - bend_aa_s*x544
-    s_6_aab = cosine_5*(bend_aa_c*x544 + bend_aa_s*x538) + sine_5*(x524 - sine_4*x542)
+    del fourth_aaa_size, fourth_aaa_dot, fourth_aaa_cross, fourth_aaa_scale, N_aa_3_1, x509, x514, x516, x492, x497, x498, x499, fourth_aab_size, fourth_aab_dot, bend_aa_any, fourth_aab_cross, fourth_aab_scale
+    x536 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
+    x540 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
+    x542 = x511 + cosine_4*x540
+    c_6_aab = bend_aa_c*x536 - bend_aa_s*x542
+    s_6_aab = cosine_5*(bend_aa_c*x542 + bend_aa_s*x536) + sine_5*(x522 - sine_4*x540)
     c_23_ab = triangle_a_3_c_b*triangle_a_chosen_c_b - triangle_a_3_s_b*triangle_a_chosen_s_b
     s_23_ab = triangle_a_3_c_b*triangle_a_chosen_s_b + triangle_a_3_s_b*triangle_a_chosen_c_b
     axis_4_ab_1 = s_23_ab*sine_3
-    axis_4_ab_2 = -(c_23_ab*x381 + x383)
-    axis_4_ab_3 = x387 - c_23_ab*x385
-    x562 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
-    x566 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
-    first_ab_square = x562*x562 + x566*x566
+    axis_4_ab_2 = -(c_23_ab*x379 + x381)
+    axis_4_ab_3 = x385 - c_23_ab*x383
+    x560 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
+    x564 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
+    first_ab_square = x560*x560 + x564*x564
     first_ab_amplitude = xp.sqrt(first_ab_square)
     first_ab_per_square = xp.where(0.0 < first_ab_square, 1.0/first_ab_square, 1.0)
-    x572 = axis_4_ab_3*pose_3_3 - bends_1
-    first_ab_serves = (first_ab_square <= 0.0) | (xp.abs(x562 + x572) <= bends_2)
-    x576 = -x572
-    first_ab_at = xp.where(first_ab_amplitude < x576, first_ab_amplitude, xp.where(first_ab_amplitude < x572, -first_ab_amplitude, x576))
-    x581 = first_ab_at*first_ab_at
-    first_ab_rest = xp.where(x581 < first_ab_square, xp.sqrt(first_ab_square - x581), 0.0)
-    first_ab_c_first = xp.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x562 - first_ab_rest*x566))
-    first_ab_s_first = xp.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x566 + first_ab_rest*x562))
-    del N_aa_1_1, N_aa_2_1, x513, x524, x538, x542, x544, axis_4_ab_1, axis_4_ab_2, axis_4_ab_3, first_ab_amplitude, x572, x576, first_ab_square, x581, first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x562, x566
+    x570 = axis_4_ab_3*pose_3_3 - bends_1
+    first_ab_serves = (first_ab_square <= 0.0) | (xp.abs(x560 + x570) <= bends_2)
+    x574 = -x570
+    first_ab_at = xp.where(first_ab_amplitude < x574, first_ab_amplitude, xp.where(first_ab_amplitude < x570, -first_ab_amplitude, x574))
+    x579 = first_ab_at*first_ab_at
+    first_ab_rest = xp.where(x579 < first_ab_square, xp.sqrt(first_ab_square - x579), 0.0)
+    first_ab_c_first = xp.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x560 - first_ab_rest*x564))
+    first_ab_s_first = xp.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x564 + first_ab_rest*x560))
+    del N_aa_1_1, N_aa_2_1, x511, x522, x536, x540, x542, axis_4_ab_1, axis_4_ab_2, axis_4_ab_3, first_ab_amplitude, x570, x574, first_ab_square, x579, first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x560, x564
     c_1_ab = xp.where(first_free, first_ab_c_first, first_c_a)
     s_1_ab = xp.where(first_free, first_ab_s_first, first_s_a)
     axes_ab_1_1 = c_1_ab*pose_1_1 + pose_2_1*s_1_ab
     axes_ab_1_3 = c_1_ab*pose_1_3 + pose_2_3*s_1_ab
-    x599 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
-    axes_ab_2_1 = cosine_1*x599 + x429
-    x603 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
-    axes_ab_2_3 = cosine_1*x603 + x188
-    axes_ab_3_1 = x434 - sine_1*x599
-    axes_ab_3_3 = x189 - sine_1*x603
+    x597 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
+    axes_ab_2_1 = cosine_1*x597 + x427
+    x601 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
+    axes_ab_2_3 = cosine_1*x601 + x188
+    axes_ab_3_1 = x432 - sine_1*x597
+    axes_ab_3_3 = x189 - sine_1*x601
     N_ab_1_1 = axes_ab_1_1*c_23_ab + axes_ab_2_1*s_23_ab
     N_ab_1_3 = axes_ab_1_3*c_23_ab + axes_ab_2_3*s_23_ab
-    x614 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
-    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x614
-    x619 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
-    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x619
-    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x614
-    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x619
-    del first_ab_c_first, first_c_a, first_ab_s_first, first_s_a, x599, x603, axes_ab_1_1, axes_ab_2_1, axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab, axes_ab_3_1, x614, axes_ab_3_3, x619
+    x612 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
+    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x612
+    x617 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
+    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x617
+    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x612
+    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x617
+    del first_ab_c_first, first_c_a, first_ab_s_first, first_s_a, x597, x601, axes_ab_1_1, axes_ab_2_1, axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab, axes_ab_3_1, x612, axes_ab_3_3, x617
     h_ab = xp.sqrt(N_ab_1_3*N_ab_1_3 + N_ab_2_3*N_ab_2_3)
     bend_ab_denominator = xp.abs(N_ab_3_3) + 1.0
-    x629 = 0.0 <= N_ab_3_3
-    bend_ab_apart = xp.where(x629, x461, x459)
-    bend_ab_product = xp.where(x629, bends_1, x462)
-    x630 = bend_ab_apart*bend_ab_apart
-    bend_ab_gram = h_ab*h_ab*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x630
-    bend_ab_rounding = x127*(x630 + h_ab)
+    x627 = 0.0 <= N_ab_3_3
+    bend_ab_apart = xp.where(x627, x459, x457)
+    bend_ab_product = xp.where(x627, bends_1, x460)
+    x628 = bend_ab_apart*bend_ab_apart
+    bend_ab_gram = h_ab*h_ab*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x628
+    bend_ab_rounding = x127*(x628 + h_ab)
     bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0*h_ab)
     bend_ab_exists = -bend_ab_tolerance <= bend_ab_gram
-    bend_ab_free = bend_ab_exists & (h_ab <= x475)
+    bend_ab_free = bend_ab_exists & (h_ab <= x473)
     bend_ab_any = bend_ab_exists & (h_ab <= x205)
     bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) & (~bend_ab_free)
     bend_ab_q = xp.where(0.015625*bend_ab_rounding < bend_ab_gram, xp.sqrt(bend_ab_gram), 0.0)
     bend_ab_along = bends_1 - N_ab_3_3
     bend_ab_size = xp.sqrt(bend_ab_along*bend_ab_along + bend_ab_q*bend_ab_q)
-    bend_ab_scale = x487*xp.where(0.0 < bend_ab_size, 1.0/bend_ab_size, 1.0)
+    bend_ab_scale = x485*xp.where(0.0 < bend_ab_size, 1.0/bend_ab_size, 1.0)
     bend_ab_c = bend_ab_along*bend_ab_scale
     bend_ab_s = bend_ab_q*bend_ab_scale
-    del x629, bend_ab_apart, bend_ab_denominator, bend_ab_product, x630, error_a, x475, h_ab, bend_ab_tolerance, bend_ab_gram, bend_ab_rounding, N_ab_3_3, bend_ab_size, bend_ab_along, bend_ab_q, bend_ab_scale
+    del x627, bend_ab_apart, bend_ab_denominator, bend_ab_product, x628, error_a, x473, h_ab, bend_ab_tolerance, bend_ab_gram, bend_ab_rounding, N_ab_3_3, bend_ab_size, bend_ab_along, bend_ab_q, bend_ab_scale
     bend_ab_two = bend_ab_exists & (~(bend_ab_any | bend_ab_double))
-    x656 = bend_ab_s*sine_5
-    x657 = N_ab_1_3*x656
-    x659 = bend_ab_c*x495 + x497
-    x660 = N_ab_2_3*x659
-    fourth_aba_dot = x657 - x660
-    x661 = N_ab_1_3*x659
-    x662 = N_ab_2_3*x656
-    fourth_aba_cross = x661 + x662
+    x654 = bend_ab_s*sine_5
+    x655 = N_ab_1_3*x654
+    x657 = bend_ab_c*x493 + x495
+    x658 = N_ab_2_3*x657
+    fourth_aba_dot = x655 - x658
+    x659 = N_ab_1_3*x657
+    x660 = N_ab_2_3*x654
+    fourth_aba_cross = x659 + x660
     fourth_aba_size = xp.sqrt(fourth_aba_cross*fourth_aba_cross + fourth_aba_dot*fourth_aba_dot)
     fourth_aba_scale = xp.where(0.0 < fourth_aba_size, 1.0/fourth_aba_size, 1.0)
     fourth_aba_c = xp.where(bend_ab_any, 1.0, fourth_aba_dot*fourth_aba_scale)
     fourth_aba_s = xp.where(bend_ab_any, 0.0, fourth_aba_cross*fourth_aba_scale)
-    x672 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
-    x674 = N_ab_3_1*sine_4
-    x677 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
-    x679 = x674 + cosine_4*x677
-    c_6_aba = bend_ab_c*x672 + bend_ab_s*x679
-    x685 = N_ab_3_1*cosine_4
-    s_6_aba = cosine_5*(bend_ab_c*x679 - bend_ab_s*x672) + sine_5*(x685 - sine_4*x677)
-    fourth_abb_dot = -(x657 + x660)
-    fourth_abb_cross = x661 - x662
-    del N_ab_1_3, x659, N_ab_2_3, x656, fourth_aba_size, fourth_aba_dot, fourth_aba_cross, fourth_aba_scale, N_ab_3_1, x672, x677, x679, x657, x660, x661, x662
+    x670 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
+    x672 = N_ab_3_1*sine_4
+    x675 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
+    x677 = x672 + cosine_4*x675
+    c_6_aba = bend_ab_c*x670 + bend_ab_s*x677
+    x683 = N_ab_3_1*cosine_4
+    s_6_aba = cosine_5*(bend_ab_c*x677 - bend_ab_s*x670) + sine_5*(x683 - sine_4*x675)
+    fourth_abb_dot = -(x655 + x658)
+    fourth_abb_cross = x659 - x660
+    del N_ab_1_3, x657, N_ab_2_3, x654, fourth_aba_size, fourth_aba_dot, fourth_aba_cross, fourth_aba_scale, N_ab_3_1, x670, x675, x677, x655, x658, x659, x660
     fourth_abb_size = xp.sqrt(fourth_abb_cross*fourth_abb_cross + fourth_abb_dot*fourth_abb_dot)
     fourth_abb_scale = xp.where(0.0 < fourth_abb_size, 1.0/fourth_abb_size, 1.0)
     fourth_abb_c = xp.where(bend_ab_any, 1.0, fourth_abb_dot*fourth_abb_scale)
     fourth_abb_s = xp.where(bend_ab_any, 0.0, fourth_abb_cross*fourth_abb_scale)
-    x699 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
-    x703 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
-    x705 = x674 + cosine_4*x703
-    c_6_abb = bend_ab_c*x699 - bend_ab_s*x705
-    s_6_abb = cosine_5*(bend_ab_c*x705 + bend_ab_s*x699) + sine_5*(x685 - sine_4*x703)
+    x697 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
+    x701 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
+    x703 = x672 + cosine_4*x701
+    c_6_abb = bend_ab_c*x697 - bend_ab_s*x703
+    s_6_abb = cosine_5*(bend_ab_c*x703 + bend_ab_s*x697) + sine_5*(x683 - sine_4*x701)
     side_b = centre_2*first_c_b - centre_1*first_s_b
     end_b_1 = centre_1*first_c_b + centre_2*first_s_b - a_1
     end_b_2 = x180 + cosine_1*side_b
-    del fourth_abb_size, fourth_abb_dot, bend_ab_any, fourth_abb_cross, fourth_abb_scale, N_ab_1_1, N_ab_2_1, x674, x685, x699, x703, x705, centre_1, centre_2, side_b, x180
+    del fourth_abb_size, fourth_abb_dot, bend_ab_any, fourth_abb_cross, fourth_abb_scale, N_ab_1_1, N_ab_2_1, x672, x683, x697, x701, x703, centre_1, centre_2, side_b, x180
     axes_b_1_3 = first_c_b*pose_1_3 + first_s_b*pose_2_3
-    x724 = first_c_b*pose_2_3 - first_s_b*pose_1_3
-    axes_b_2_3 = cosine_1*x724 + x188
-    axes_b_3_3 = x189 - sine_1*x724
+    x722 = first_c_b*pose_2_3 - first_s_b*pose_1_3
+    axes_b_2_3 = cosine_1*x722 + x188
+    axes_b_3_3 = x189 - sine_1*x722
     triangle_b_side = xp.sqrt(end_b_1*end_b_1 + end_b_2*end_b_2)
     triangle_b_area = x195 + x196*triangle_b_side
-    x732 = square - triangle_b_side*triangle_b_side
-    x733 = xp.abs(x732)
-    triangle_b_3_room = triangle_a_3_r - x733
-    triangle_b_3_free = x207 & (x733 <= x206)
-    x736 = ~triangle_b_3_free
-    triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & x736
+    x730 = square - triangle_b_side*triangle_b_side
+    x731 = xp.abs(x730)
+    triangle_b_3_room = triangle_a_3_r - x731
+    triangle_b_3_free = x207 & (x731 <= x206)
+    x734 = ~triangle_b_3_free
+    triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & x734
     triangle_b_3_exists = triangle_b_3_free | ((-triangle_b_area <= triangle_b_3_room) & x213)
-    triangle_b_3_q = xp.where(0.015625*triangle_b_area < triangle_b_3_room, xp.sqrt(triangle_b_3_room*(triangle_a_3_r + x733)), 0.0)
-    x745 = triangle_b_3_q*triangle_b_3_q
-    triangle_b_3_size = triangle_a_3_r*xp.sqrt(x745 + x732*x732)
+    triangle_b_3_q = xp.where(0.015625*triangle_b_area < triangle_b_3_room, xp.sqrt(triangle_b_3_room*(triangle_a_3_r + x731)), 0.0)
+    x743 = triangle_b_3_q*triangle_b_3_q
+    triangle_b_3_size = triangle_a_3_r*xp.sqrt(x743 + x730*x730)
     triangle_b_3_scale = xp.where(0.0 < triangle_b_3_size, 1.0/triangle_b_3_size, 1.0)
-    x751 = x227*x732
-    x753 = x226*(forearm_2*triangle_b_3_q)
-    triangle_b_3_c_a = xp.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x753 - x751))
-    x757 = x226*(a_3*triangle_b_3_q)
-    x758 = x235*x732
-    triangle_b_3_s_a = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x757 + x758))
-    triangle_b_3_c_b = xp.where(triangle_b_3_free, 1.0, -triangle_b_3_scale*(x751 + x753))
-    del x724, x195, x196, square, x206, x207, x213, triangle_b_3_room, x733, triangle_b_3_size, x227, triangle_b_3_q, x226, x235, x732, x751, x753
-    triangle_b_3_s_b = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x758 - x757))
+    x749 = x227*x730
+    x750 = x229*triangle_b_3_q
+    triangle_b_3_c_a = xp.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x750 - x749))
+    x753 = x227*triangle_b_3_q
+    x754 = x229*x730
+    triangle_b_3_s_a = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x753 + x754))
+    triangle_b_3_c_b = xp.where(triangle_b_3_free, 1.0, -triangle_b_3_scale*(x749 + x750))
+    del x722, x195, x196, square, x206, x207, x213, triangle_b_3_room, x731, triangle_b_3_size, triangle_b_3_q, x227, x229, x730, x749, x750
+    triangle_b_3_s_b = xp.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x754 - x753))
     triangle_b_3_two = triangle_b_3_exists & (~(triangle_b_3_double | triangle_b_3_free))
-    triangle_b_3_slope = x745 + triangle_a_3_r*triangle_b_area
-    x769 = 0.0 < triangle_b_3_slope
-    triangle_b_3_error = xp.where(x736 & x769, triangle_b_area*xp.where(x769, 1.0/xp.sqrt(triangle_b_3_slope), 1.0), 0.0)
+    triangle_b_3_slope = x743 + triangle_a_3_r*triangle_b_area
+    x765 = 0.0 < triangle_b_3_slope
+    triangle_b_3_error = xp.where(x734 & x765, triangle_b_area*xp.where(x765, 1.0/xp.sqrt(triangle_b_3_slope), 1.0), 0.0)
     triangle_b_any = xp.abs(end_b_1) + xp.abs(end_b_2) <= x124
     triangle_b_arm_a_1 = a_2 + a_3*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
     triangle_b_arm_a_2 = a_3*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
@@ -477,25 +477,25 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     triangle_b_2_a_scale = xp.where(0.0 < triangle_b_2_a_size, 1.0/triangle_b_2_a_size, 1.0)
     triangle_b_2_a_c = xp.where(triangle_b_any, 1.0, triangle_b_2_a_dot*triangle_b_2_a_scale)
     triangle_b_2_a_s = xp.where(triangle_b_any, 0.0, triangle_b_2_a_cross*triangle_b_2_a_scale)
-    del triangle_b_3_scale, x757, x758, triangle_a_3_r, x745, triangle_b_3_slope, triangle_b_area, x736, x769, x124, triangle_b_arm_a_1, triangle_b_arm_a_2, triangle_b_2_a_size, triangle_b_2_a_dot, triangle_b_2_a_cross, triangle_b_2_a_scale
-    x794 = axes_b_1_3*sine_3
-    x796 = axes_b_2_3*sine_3
-    x798 = x794*triangle_b_3_c_a + x796*triangle_b_3_s_a
-    x802 = x794*triangle_b_3_s_a - x796*triangle_b_3_c_a
-    triangle_b_free_a_square = x798*x798 + x802*x802
+    del triangle_b_3_scale, x753, x754, triangle_a_3_r, x743, triangle_b_3_slope, triangle_b_area, x734, x765, x124, triangle_b_arm_a_1, triangle_b_arm_a_2, triangle_b_2_a_size, triangle_b_2_a_dot, triangle_b_2_a_cross, triangle_b_2_a_scale
+    x790 = axes_b_1_3*sine_3
+    x792 = axes_b_2_3*sine_3
+    x794 = x790*triangle_b_3_c_a + x792*triangle_b_3_s_a
+    x798 = x790*triangle_b_3_s_a - x792*triangle_b_3_c_a
+    triangle_b_free_a_square = x794*x794 + x798*x798
     triangle_b_free_a_amplitude = xp.sqrt(triangle_b_free_a_square)
     triangle_b_free_a_per_square = xp.where(0.0 < triangle_b_free_a_square, 1.0/triangle_b_free_a_square, 1.0)
-    x808 = axes_b_3_3*cosine_3 - bends_1
-    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (xp.abs(x802 + x808) <= bends_2)
-    x812 = -x808
-    triangle_b_free_a_at = xp.where(triangle_b_free_a_amplitude < x812, triangle_b_free_a_amplitude, xp.where(triangle_b_free_a_amplitude < x808, -triangle_b_free_a_amplitude, x812))
-    x817 = triangle_b_free_a_at*triangle_b_free_a_at
-    triangle_b_free_a_rest = xp.where(x817 < triangle_b_free_a_square, xp.sqrt(triangle_b_free_a_square - x817), 0.0)
-    triangle_b_free_a_c_first = xp.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x802 - triangle_b_free_a_rest*x798))
-    triangle_b_free_a_s_first = xp.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x798 + triangle_b_free_a_rest*x802))
+    x804 = axes_b_3_3*cosine_3 - bends_1
+    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (xp.abs(x798 + x804) <= bends_2)
+    x808 = -x804
+    triangle_b_free_a_at = xp.where(triangle_b_free_a_amplitude < x808, triangle_b_free_a_amplitude, xp.where(triangle_b_free_a_amplitude < x804, -triangle_b_free_a_amplitude, x808))
+    x813 = triangle_b_free_a_at*triangle_b_free_a_at
+    triangle_b_free_a_rest = xp.where(x813 < triangle_b_free_a_square, xp.sqrt(triangle_b_free_a_square - x813), 0.0)
+    triangle_b_free_a_c_first = xp.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x798 - triangle_b_free_a_rest*x794))
+    triangle_b_free_a_s_first = xp.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x794 + triangle_b_free_a_rest*x798))
     triangle_b_chosen_c_a = xp.where(triangle_b_any, triangle_b_free_a_c_first, triangle_b_2_a_c)
     triangle_b_chosen_s_a = xp.where(triangle_b_any, triangle_b_free_a_s_first, triangle_b_2_a_s)
-    del axes_b_1_3, axes_b_2_3, axes_b_3_3, triangle_b_free_a_amplitude, triangle_b_free_a_square, x817, triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x798, x802, triangle_b_2_a_c, triangle_b_free_a_c_first, triangle_b_2_a_s, triangle_b_free_a_s_first
+    del axes_b_1_3, axes_b_2_3, axes_b_3_3, triangle_b_free_a_amplitude, triangle_b_free_a_square, x813, triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x794, x798, triangle_b_2_a_c, triangle_b_free_a_c_first, triangle_b_2_a_s, triangle_b_free_a_s_first
     triangle_b_arm_b_1 = a_2 + a_3*triangle_b_3_c_b - forearm_2*triangle_b_3_s_b
     triangle_b_arm_b_2 = a_3*triangle_b_3_s_b + forearm_2*triangle_b_3_c_b
     triangle_b_2_b_dot = end_b_1*triangle_b_arm_b_1 + end_b_2*triangle_b_arm_b_2
@@ -504,314 +504,314 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     triangle_b_2_b_scale = xp.where(0.0 < triangle_b_2_b_size, 1.0/triangle_b_2_b_size, 1.0)
     triangle_b_2_b_c = xp.where(triangle_b_any, 1.0, triangle_b_2_b_dot*triangle_b_2_b_scale)
     triangle_b_2_b_s = xp.where(triangle_b_any, 0.0, triangle_b_2_b_cross*triangle_b_2_b_scale)
-    x847 = x794*triangle_b_3_c_b + x796*triangle_b_3_s_b
+    x843 = x790*triangle_b_3_c_b + x792*triangle_b_3_s_b
+    x844 = x843*x843
+    x845 = x790*triangle_b_3_s_b
+    x846 = x792*triangle_b_3_c_b
+    x847 = x845 - x846
     x848 = x847*x847
-    x849 = x794*triangle_b_3_s_b
-    x850 = x796*triangle_b_3_c_b
-    x851 = x849 - x850
-    x852 = x851*x851
-    triangle_b_free_b_square = x848 + x852
+    triangle_b_free_b_square = x844 + x848
     triangle_b_free_b_amplitude = xp.sqrt(triangle_b_free_b_square)
     triangle_b_free_b_per_square = xp.where(0.0 < triangle_b_free_b_square, 1.0/triangle_b_free_b_square, 1.0)
-    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (xp.abs(x851 + x808) <= bends_2)
-    triangle_b_free_b_at = xp.where(triangle_b_free_b_amplitude < x812, triangle_b_free_b_amplitude, xp.where(triangle_b_free_b_amplitude < x808, -triangle_b_free_b_amplitude, x812))
-    x863 = triangle_b_free_b_at*triangle_b_free_b_at
-    triangle_b_free_b_rest = xp.where(x863 < triangle_b_free_b_square, xp.sqrt(triangle_b_free_b_square - x863), 0.0)
-    triangle_b_free_b_c_first = xp.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x851 - triangle_b_free_b_rest*x847))
-    triangle_b_free_b_s_first = xp.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x847 + triangle_b_free_b_rest*x851))
-    del forearm_2, end_b_1, end_b_2, triangle_b_arm_b_1, triangle_b_arm_b_2, triangle_b_2_b_size, triangle_b_2_b_dot, triangle_b_2_b_cross, triangle_b_2_b_scale, x794, x796, x812, triangle_b_free_b_square, x863, triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x851
-    x875 = x852 - x848
-    x876 = triangle_b_free_b_c_first*triangle_b_free_b_per_square
-    x881 = triangle_b_free_b_per_square*triangle_b_free_b_s_first
-    x882 = x847*(2.0*x849 - 2.0*x850)
-    triangle_b_free_b_c_second = x876*x875 + x881*x882
-    triangle_b_free_b_s_second = x876*x882 - x881*x875
-    triangle_b_free_b_split = (bends_2 < triangle_b_free_b_amplitude - x808) & (bends_2 < x808 + triangle_b_free_b_amplitude)
+    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (xp.abs(x847 + x804) <= bends_2)
+    triangle_b_free_b_at = xp.where(triangle_b_free_b_amplitude < x808, triangle_b_free_b_amplitude, xp.where(triangle_b_free_b_amplitude < x804, -triangle_b_free_b_amplitude, x808))
+    x859 = triangle_b_free_b_at*triangle_b_free_b_at
+    triangle_b_free_b_rest = xp.where(x859 < triangle_b_free_b_square, xp.sqrt(triangle_b_free_b_square - x859), 0.0)
+    triangle_b_free_b_c_first = xp.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x847 - triangle_b_free_b_rest*x843))
+    triangle_b_free_b_s_first = xp.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x843 + triangle_b_free_b_rest*x847))
+    del forearm_2, end_b_1, end_b_2, triangle_b_arm_b_1, triangle_b_arm_b_2, triangle_b_2_b_size, triangle_b_2_b_dot, triangle_b_2_b_cross, triangle_b_2_b_scale, x790, x792, x808, triangle_b_free_b_square, x859, triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x847
+    x871 = x848 - x844
+    x872 = triangle_b_free_b_c_first*triangle_b_free_b_per_square
+    x877 = triangle_b_free_b_per_square*triangle_b_free_b_s_first
+    x878 = x843*(2.0*x845 - 2.0*x846)
+    triangle_b_free_b_c_second = x872*x871 + x877*x878
+    triangle_b_free_b_s_second = x872*x878 - x877*x871
+    triangle_b_free_b_split = (bends_2 < triangle_b_free_b_amplitude - x804) & (bends_2 < x804 + triangle_b_free_b_amplitude)
     triangle_b_chosen_c_b = xp.where(triangle_b_any, triangle_b_free_b_c_second, triangle_b_2_b_c)
-    del x848, x852, triangle_b_free_b_c_first, triangle_b_free_b_per_square, triangle_b_free_b_s_first, x847, x849, x850, x875, x876, x881, x882, triangle_b_free_b_amplitude, x808, triangle_b_2_b_c, triangle_b_free_b_c_second
+    del x844, x848, triangle_b_free_b_c_first, triangle_b_free_b_per_square, triangle_b_free_b_s_first, x843, x845, x846, x871, x872, x877, x878, triangle_b_free_b_amplitude, x804, triangle_b_2_b_c, triangle_b_free_b_c_second
     triangle_b_chosen_s_b = xp.where(triangle_b_any, triangle_b_free_b_s_second, triangle_b_2_b_s)
     triangle_b_more = triangle_b_3_two | (triangle_b_3_exists & triangle_b_any & triangle_b_free_b_split)
     triangle_b_error = triangle_b_3_error + xp.where(triangle_b_any, 0.0, off*xp.where(0.0 < triangle_b_side, 1.0/triangle_b_side, 1.0))
-    x897 = first_error + triangle_b_error
-    error_b = xp.where(x897 < x171, x897, x171)
+    x893 = first_error + triangle_b_error
+    error_b = xp.where(x893 < x171, x893, x171)
     c_23_ba = triangle_b_3_c_a*triangle_b_chosen_c_a - triangle_b_3_s_a*triangle_b_chosen_s_a
     s_23_ba = triangle_b_3_c_a*triangle_b_chosen_s_a + triangle_b_3_s_a*triangle_b_chosen_c_a
     axis_4_ba_1 = s_23_ba*sine_3
-    axis_4_ba_2 = -(c_23_ba*x381 + x383)
-    axis_4_ba_3 = x387 - c_23_ba*x385
-    x906 = axis_4_ba_1*pose_1_3
-    x907 = axis_4_ba_2*pose_2_3
-    x908 = x906 + x907
+    axis_4_ba_2 = -(c_23_ba*x379 + x381)
+    axis_4_ba_3 = x385 - c_23_ba*x383
+    x902 = axis_4_ba_1*pose_1_3
+    x903 = axis_4_ba_2*pose_2_3
+    x904 = x902 + x903
+    x905 = x904*x904
+    x908 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
     x909 = x908*x908
-    x912 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
-    x913 = x912*x912
-    first_ba_square = x909 + x913
+    first_ba_square = x905 + x909
     first_ba_amplitude = xp.sqrt(first_ba_square)
     first_ba_per_square = xp.where(0.0 < first_ba_square, 1.0/first_ba_square, 1.0)
-    x918 = axis_4_ba_3*pose_3_3 - bends_1
-    first_ba_serves = (first_ba_square <= 0.0) | (xp.abs(x908 + x918) <= bends_2)
-    x922 = -x918
-    first_ba_at = xp.where(first_ba_amplitude < x922, first_ba_amplitude, xp.where(first_ba_amplitude < x918, -first_ba_amplitude, x922))
-    x927 = first_ba_at*first_ba_at
-    first_ba_rest = xp.where(x927 < first_ba_square, xp.sqrt(first_ba_square - x927), 0.0)
-    del triangle_b_2_b_s, triangle_b_free_b_s_second, triangle_b_3_two, triangle_b_free_b_split, off, triangle_b_3_error, triangle_b_side, first_error, triangle_b_error, x171, x897, axis_4_ba_1, axis_4_ba_2, axis_4_ba_3, x922, first_ba_square, x927
-    first_ba_c_first = xp.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x908 - first_ba_rest*x912))
-    first_ba_s_first = xp.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x912 + first_ba_rest*x908))
-    x939 = x909 - x913
-    x940 = first_ba_c_first*first_ba_per_square
-    x945 = first_ba_per_square*first_ba_s_first
-    x946 = (2.0*x906 + 2.0*x907)*x912
-    first_ba_c_second = x940*x939 + x945*x946
-    first_ba_s_second = x940*x946 - x945*x939
-    del first_ba_at, first_ba_rest, first_ba_serves, x908, x909, x913, first_ba_c_first, first_ba_per_square, first_ba_s_first, x906, x907, x912, x939, x940, x945, x946
-    first_ba_split = (bends_2 < first_ba_amplitude - x918) & (bends_2 < x918 + first_ba_amplitude)
+    x914 = axis_4_ba_3*pose_3_3 - bends_1
+    first_ba_serves = (first_ba_square <= 0.0) | (xp.abs(x904 + x914) <= bends_2)
+    x918 = -x914
+    first_ba_at = xp.where(first_ba_amplitude < x918, first_ba_amplitude, xp.where(first_ba_amplitude < x914, -first_ba_amplitude, x918))
+    x923 = first_ba_at*first_ba_at
+    first_ba_rest = xp.where(x923 < first_ba_square, xp.sqrt(first_ba_square - x923), 0.0)
+    del triangle_b_2_b_s, triangle_b_free_b_s_second, triangle_b_3_two, triangle_b_free_b_split, off, triangle_b_3_error, triangle_b_side, first_error, triangle_b_error, x171, x893, axis_4_ba_1, axis_4_ba_2, axis_4_ba_3, x918, first_ba_square, x923
+    first_ba_c_first = xp.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x904 - first_ba_rest*x908))
+    first_ba_s_first = xp.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x908 + first_ba_rest*x904))
+    x935 = x905 - x909
+    x936 = first_ba_c_first*first_ba_per_square
+    x941 = first_ba_per_square*first_ba_s_first
+    x942 = (2.0*x902 + 2.0*x903)*x908
+    first_ba_c_second = x936*x935 + x941*x942
+    first_ba_s_second = x936*x942 - x941*x935
+    del first_ba_at, first_ba_rest, first_ba_serves, x904, x905, x909, first_ba_c_first, first_ba_per_square, first_ba_s_first, x902, x903, x908, x935, x936, x941, x942
+    first_ba_split = (bends_2 < first_ba_amplitude - x914) & (bends_2 < x914 + first_ba_amplitude)
     c_1_ba = xp.where(first_free, first_ba_c_second, first_c_b)
     s_1_ba = xp.where(first_free, first_ba_s_second, first_s_b)
     more_ba = first_two | (first_ba_split & first_free)
     axes_ba_1_1 = c_1_ba*pose_1_1 + pose_2_1*s_1_ba
     axes_ba_1_3 = c_1_ba*pose_1_3 + pose_2_3*s_1_ba
-    x961 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
-    axes_ba_2_1 = cosine_1*x961 + x429
-    x965 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
-    axes_ba_2_3 = cosine_1*x965 + x188
-    axes_ba_3_1 = x434 - sine_1*x961
-    axes_ba_3_3 = x189 - sine_1*x965
+    x957 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
+    axes_ba_2_1 = cosine_1*x957 + x427
+    x961 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
+    axes_ba_2_3 = cosine_1*x961 + x188
+    axes_ba_3_1 = x432 - sine_1*x957
+    axes_ba_3_3 = x189 - sine_1*x961
     N_ba_1_1 = axes_ba_1_1*c_23_ba + axes_ba_2_1*s_23_ba
     N_ba_1_3 = axes_ba_1_3*c_23_ba + axes_ba_2_3*s_23_ba
-    x976 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
-    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x976
-    x981 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
-    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x981
-    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x976
-    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x981
-    del first_ba_amplitude, x918, first_ba_c_second, first_ba_s_second, first_ba_split, x961, x965, axes_ba_1_1, axes_ba_2_1, axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba, axes_ba_3_1, x976, axes_ba_3_3, x981
+    x972 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
+    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x972
+    x977 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
+    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x977
+    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x972
+    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x977
+    del first_ba_amplitude, x914, first_ba_c_second, first_ba_s_second, first_ba_split, x957, x961, axes_ba_1_1, axes_ba_2_1, axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba, axes_ba_3_1, x972, axes_ba_3_3, x977
     h_ba = xp.sqrt(N_ba_1_3*N_ba_1_3 + N_ba_2_3*N_ba_2_3)
     bend_ba_denominator = xp.abs(N_ba_3_3) + 1.0
-    x991 = 0.0 <= N_ba_3_3
-    bend_ba_apart = xp.where(x991, x461, x459)
-    bend_ba_product = xp.where(x991, bends_1, x462)
-    x992 = bend_ba_apart*bend_ba_apart
-    bend_ba_gram = h_ba*h_ba*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x992
-    bend_ba_rounding = x127*(x992 + h_ba)
+    x987 = 0.0 <= N_ba_3_3
+    bend_ba_apart = xp.where(x987, x459, x457)
+    bend_ba_product = xp.where(x987, bends_1, x460)
+    x988 = bend_ba_apart*bend_ba_apart
+    bend_ba_gram = h_ba*h_ba*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x988
+    bend_ba_rounding = x127*(x988 + h_ba)
     bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0*h_ba)
     bend_ba_exists = -bend_ba_tolerance <= bend_ba_gram
-    x1004 = x205 + 4.0*error_b
-    bend_ba_free = bend_ba_exists & (h_ba <= x1004)
+    x1000 = x205 + 4.0*error_b
+    bend_ba_free = bend_ba_exists & (h_ba <= x1000)
     bend_ba_any = bend_ba_exists & (h_ba <= x205)
     bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) & (~bend_ba_free)
     bend_ba_q = xp.where(0.015625*bend_ba_rounding < bend_ba_gram, xp.sqrt(bend_ba_gram), 0.0)
     bend_ba_along = bends_1 - N_ba_3_3
     bend_ba_size = xp.sqrt(bend_ba_along*bend_ba_along + bend_ba_q*bend_ba_q)
-    bend_ba_scale = x487*xp.where(0.0 < bend_ba_size, 1.0/bend_ba_size, 1.0)
+    bend_ba_scale = x485*xp.where(0.0 < bend_ba_size, 1.0/bend_ba_size, 1.0)
     bend_ba_c = bend_ba_along*bend_ba_scale
     bend_ba_s = bend_ba_q*bend_ba_scale
     bend_ba_two = bend_ba_exists & (~(bend_ba_any | bend_ba_double))
-    x1020 = bend_ba_s*sine_5
-    x1021 = N_ba_1_3*x1020
-    x1023 = bend_ba_c*x495 + x497
-    x1024 = N_ba_2_3*x1023
-    fourth_baa_dot = x1021 - x1024
-    x1025 = N_ba_1_3*x1023
-    del x991, bend_ba_apart, bend_ba_denominator, bend_ba_product, x992, h_ba, bend_ba_tolerance, bend_ba_gram, bend_ba_rounding, N_ba_3_3, bend_ba_size, bend_ba_along, bend_ba_q, bend_ba_scale, N_ba_1_3, x1023
-    x1026 = N_ba_2_3*x1020
-    fourth_baa_cross = x1025 + x1026
+    x1016 = bend_ba_s*sine_5
+    x1017 = N_ba_1_3*x1016
+    x1019 = bend_ba_c*x493 + x495
+    x1020 = N_ba_2_3*x1019
+    fourth_baa_dot = x1017 - x1020
+    x1021 = N_ba_1_3*x1019
+    del x987, bend_ba_apart, bend_ba_denominator, bend_ba_product, x988, h_ba, bend_ba_tolerance, bend_ba_gram, bend_ba_rounding, N_ba_3_3, bend_ba_size, bend_ba_along, bend_ba_q, bend_ba_scale, N_ba_1_3, x1019
+    x1022 = N_ba_2_3*x1016
+    fourth_baa_cross = x1021 + x1022
     fourth_baa_size = xp.sqrt(fourth_baa_cross*fourth_baa_cross + fourth_baa_dot*fourth_baa_dot)
     fourth_baa_scale = xp.where(0.0 < fourth_baa_size, 1.0/fourth_baa_size, 1.0)
     fourth_baa_c = xp.where(bend_ba_any, 1.0, fourth_baa_dot*fourth_baa_scale)
     fourth_baa_s = xp.where(bend_ba_any, 0.0, fourth_baa_cross*fourth_baa_scale)
-    x1036 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
-    x1038 = N_ba_3_1*sine_4
-    x1041 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
-    x1043 = x1038 + cosine_4*x1041
-    c_6_baa = bend_ba_c*x1036 + bend_ba_s*x1043
-    x1049 = N_ba_3_1*cosine_4
-    s_6_baa = cosine_5*(bend_ba_c*x1043 - bend_ba_s*x1036) + sine_5*(x1049 - sine_4*x1041)
-    fourth_bab_dot = -(x1021 + x1024)
-    fourth_bab_cross = x1025 - x1026
+    x1032 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
+    x1034 = N_ba_3_1*sine_4
+    x1037 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
+    x1039 = x1034 + cosine_4*x1037
+    c_6_baa = bend_ba_c*x1032 + bend_ba_s*x1039
+    x1045 = N_ba_3_1*cosine_4
+    s_6_baa = cosine_5*(bend_ba_c*x1039 - bend_ba_s*x1032) + sine_5*(x1045 - sine_4*x1037)
+    fourth_bab_dot = -(x1017 + x1020)
+    fourth_bab_cross = x1021 - x1022
     fourth_bab_size = xp.sqrt(fourth_bab_cross*fourth_bab_cross + fourth_bab_dot*fourth_bab_dot)
     fourth_bab_scale = xp.where(0.0 < fourth_bab_size, 1.0/fourth_bab_size, 1.0)
     fourth_bab_c = xp.where(bend_ba_any, 1.0, fourth_bab_dot*fourth_bab_scale)
-    del N_ba_2_3, x1020, fourth_baa_size, fourth_baa_dot, fourth_baa_cross, fourth_baa_scale, N_ba_3_1, x1036, x1041, x1043, x1021, x1024, x1025, x1026, fourth_bab_size, fourth_bab_dot
+    del N_ba_2_3, x1016, fourth_baa_size, fourth_baa_dot, fourth_baa_cross, fourth_baa_scale, N_ba_3_1, x1032, x1037, x1039, x1017, x1020, x1021, x1022, fourth_bab_size, fourth_bab_dot
     fourth_bab_s = xp.where(bend_ba_any, 0.0, fourth_bab_cross*fourth_bab_scale)
-    x1063 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
-    x1067 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
-    x1069 = x1038 + cosine_4*x1067
-    c_6_bab = bend_ba_c*x1063 - bend_ba_s*x1069
-    s_6_bab = cosine_5*(bend_ba_c*x1069 + bend_ba_s*x1063) + sine_5*(x1049 - sine_4*x1067)
+    x1059 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
+    x1063 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
+    x1065 = x1034 + cosine_4*x1063
+    c_6_bab = bend_ba_c*x1059 - bend_ba_s*x1065
+    s_6_bab = cosine_5*(bend_ba_c*x1065 + bend_ba_s*x1059) + sine_5*(x1045 - sine_4*x1063)
     c_23_bb = triangle_b_3_c_b*triangle_b_chosen_c_b - triangle_b_3_s_b*triangle_b_chosen_s_b
     s_23_bb = triangle_b_3_c_b*triangle_b_chosen_s_b + triangle_b_3_s_b*triangle_b_chosen_c_b
     axis_4_bb_1 = s_23_bb*sine_3
-    axis_4_bb_2 = -(c_23_bb*x381 + x383)
-    axis_4_bb_3 = x387 - c_23_bb*x385
-    x1085 = axis_4_bb_1*pose_1_3
-    x1086 = axis_4_bb_2*pose_2_3
-    x1087 = x1085 + x1086
+    axis_4_bb_2 = -(c_23_bb*x379 + x381)
+    axis_4_bb_3 = x385 - c_23_bb*x383
+    x1081 = axis_4_bb_1*pose_1_3
+    x1082 = axis_4_bb_2*pose_2_3
+    x1083 = x1081 + x1082
+    x1084 = x1083*x1083
+    x1087 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
+    del bend_ba_any, fourth_bab_cross, fourth_bab_scale, N_ba_1_1, N_ba_2_1, x1034, x1045, x1059, x1063, x1065, x379, x381, x383, x385, axis_4_bb_1, axis_4_bb_2
     x1088 = x1087*x1087
-    x1091 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
-    del bend_ba_any, fourth_bab_cross, fourth_bab_scale, N_ba_1_1, N_ba_2_1, x1038, x1049, x1063, x1067, x1069, x381, x383, x385, x387, axis_4_bb_1, axis_4_bb_2
-    x1092 = x1091*x1091
-    first_bb_square = x1088 + x1092
+    first_bb_square = x1084 + x1088
     first_bb_amplitude = xp.sqrt(first_bb_square)
     first_bb_per_square = xp.where(0.0 < first_bb_square, 1.0/first_bb_square, 1.0)
-    x1097 = axis_4_bb_3*pose_3_3 - bends_1
-    first_bb_serves = (first_bb_square <= 0.0) | (xp.abs(x1087 + x1097) <= bends_2)
-    x1101 = -x1097
-    first_bb_at = xp.where(first_bb_amplitude < x1101, first_bb_amplitude, xp.where(first_bb_amplitude < x1097, -first_bb_amplitude, x1101))
-    x1106 = first_bb_at*first_bb_at
-    first_bb_rest = xp.where(x1106 < first_bb_square, xp.sqrt(first_bb_square - x1106), 0.0)
-    first_bb_c_first = xp.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x1087 - first_bb_rest*x1091))
-    first_bb_s_first = xp.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x1091 + first_bb_rest*x1087))
-    x1118 = x1088 - x1092
-    x1119 = first_bb_c_first*first_bb_per_square
-    x1124 = first_bb_per_square*first_bb_s_first
-    x1125 = (2.0*x1085 + 2.0*x1086)*x1091
-    del axis_4_bb_3, x1101, first_bb_square, x1106, first_bb_at, first_bb_rest, first_bb_serves, x1087, x1088, x1092, first_bb_c_first, first_bb_per_square, first_bb_s_first, x1085, x1086, x1091
-    first_bb_c_second = x1119*x1118 + x1124*x1125
-    first_bb_s_second = x1119*x1125 - x1124*x1118
-    first_bb_split = (bends_2 < first_bb_amplitude - x1097) & (bends_2 < x1097 + first_bb_amplitude)
+    x1093 = axis_4_bb_3*pose_3_3 - bends_1
+    first_bb_serves = (first_bb_square <= 0.0) | (xp.abs(x1083 + x1093) <= bends_2)
+    x1097 = -x1093
+    first_bb_at = xp.where(first_bb_amplitude < x1097, first_bb_amplitude, xp.where(first_bb_amplitude < x1093, -first_bb_amplitude, x1097))
+    x1102 = first_bb_at*first_bb_at
+    first_bb_rest = xp.where(x1102 < first_bb_square, xp.sqrt(first_bb_square - x1102), 0.0)
+    first_bb_c_first = xp.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x1083 - first_bb_rest*x1087))
+    first_bb_s_first = xp.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x1087 + first_bb_rest*x1083))
+    x1114 = x1084 - x1088
+    x1115 = first_bb_c_first*first_bb_per_square
+    x1120 = first_bb_per_square*first_bb_s_first
+    x1121 = (2.0*x1081 + 2.0*x1082)*x1087
+    del axis_4_bb_3, x1097, first_bb_square, x1102, first_bb_at, first_bb_rest, first_bb_serves, x1083, x1084, x1088, first_bb_c_first, first_bb_per_square, first_bb_s_first, x1081, x1082, x1087
+    first_bb_c_second = x1115*x1114 + x1120*x1121
+    first_bb_s_second = x1115*x1121 - x1120*x1114
+    first_bb_split = (bends_2 < first_bb_amplitude - x1093) & (bends_2 < x1093 + first_bb_amplitude)
     c_1_bb = xp.where(first_free, first_bb_c_second, first_c_b)
     s_1_bb = xp.where(first_free, first_bb_s_second, first_s_b)
     more_bb = first_two | (first_bb_split & first_free)
     axes_bb_1_1 = c_1_bb*pose_1_1 + pose_2_1*s_1_bb
     axes_bb_1_3 = c_1_bb*pose_1_3 + pose_2_3*s_1_bb
-    x1140 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
-    axes_bb_2_1 = cosine_1*x1140 + x429
-    x1144 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
-    axes_bb_2_3 = cosine_1*x1144 + x188
-    axes_bb_3_1 = x434 - sine_1*x1140
-    del x1118, x1119, x1124, x1125, bends_2, first_bb_amplitude, x1097, first_bb_c_second, first_c_b, first_bb_s_second, first_s_b, first_bb_split, first_two, x429, x188, x1140, x434
-    axes_bb_3_3 = x189 - sine_1*x1144
+    x1136 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
+    axes_bb_2_1 = cosine_1*x1136 + x427
+    x1140 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
+    axes_bb_2_3 = cosine_1*x1140 + x188
+    axes_bb_3_1 = x432 - sine_1*x1136
+    del x1114, x1115, x1120, x1121, bends_2, first_bb_amplitude, x1093, first_bb_c_second, first_c_b, first_bb_s_second, first_s_b, first_bb_split, first_two, x427, x188, x1136, x432
+    axes_bb_3_3 = x189 - sine_1*x1140
     N_bb_1_1 = axes_bb_1_1*c_23_bb + axes_bb_2_1*s_23_bb
     N_bb_1_3 = axes_bb_1_3*c_23_bb + axes_bb_2_3*s_23_bb
-    x1155 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
-    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x1155
-    x1160 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
-    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x1160
-    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x1155
-    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x1160
+    x1151 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
+    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x1151
+    x1156 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
+    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x1156
+    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x1151
+    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x1156
     h_bb = xp.sqrt(N_bb_1_3*N_bb_1_3 + N_bb_2_3*N_bb_2_3)
     bend_bb_denominator = xp.abs(N_bb_3_3) + 1.0
-    x1170 = 0.0 <= N_bb_3_3
-    bend_bb_apart = xp.where(x1170, x461, x459)
-    bend_bb_product = xp.where(x1170, bends_1, x462)
-    del x1144, x189, axes_bb_1_1, axes_bb_2_1, axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb, axes_bb_3_1, x1155, axes_bb_3_3, x1160, x459, x461, x1170, x462
-    x1171 = bend_bb_apart*bend_bb_apart
-    bend_bb_gram = h_bb*h_bb*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x1171
-    bend_bb_rounding = x127*(x1171 + h_bb)
+    x1166 = 0.0 <= N_bb_3_3
+    bend_bb_apart = xp.where(x1166, x459, x457)
+    bend_bb_product = xp.where(x1166, bends_1, x460)
+    del x1140, x189, axes_bb_1_1, axes_bb_2_1, axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb, axes_bb_3_1, x1151, axes_bb_3_3, x1156, x457, x459, x1166, x460
+    x1167 = bend_bb_apart*bend_bb_apart
+    bend_bb_gram = h_bb*h_bb*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x1167
+    bend_bb_rounding = x127*(x1167 + h_bb)
     bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0*h_bb)
     bend_bb_exists = -bend_bb_tolerance <= bend_bb_gram
-    bend_bb_free = bend_bb_exists & (h_bb <= x1004)
+    bend_bb_free = bend_bb_exists & (h_bb <= x1000)
     bend_bb_any = bend_bb_exists & (h_bb <= x205)
     bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) & (~bend_bb_free)
     bend_bb_q = xp.where(0.015625*bend_bb_rounding < bend_bb_gram, xp.sqrt(bend_bb_gram), 0.0)
     bend_bb_along = bends_1 - N_bb_3_3
     bend_bb_size = xp.sqrt(bend_bb_along*bend_bb_along + bend_bb_q*bend_bb_q)
-    bend_bb_scale = x487*xp.where(0.0 < bend_bb_size, 1.0/bend_bb_size, 1.0)
-    del bend_bb_apart, bend_bb_denominator, bend_bb_product, x1171, x127, error_b, x1004, h_bb, x205, bend_bb_tolerance, bend_bb_gram, bend_bb_rounding, N_bb_3_3, bends_1, bend_bb_size, x487
+    bend_bb_scale = x485*xp.where(0.0 < bend_bb_size, 1.0/bend_bb_size, 1.0)
+    del bend_bb_apart, bend_bb_denominator, bend_bb_product, x1167, x127, error_b, x1000, h_bb, x205, bend_bb_tolerance, bend_bb_gram, bend_bb_rounding, N_bb_3_3, bends_1, bend_bb_size, x485
     bend_bb_c = bend_bb_along*bend_bb_scale
     bend_bb_s = bend_bb_q*bend_bb_scale
     bend_bb_two = bend_bb_exists & (~(bend_bb_any | bend_bb_double))
-    x1197 = bend_bb_s*sine_5
-    x1198 = N_bb_1_3*x1197
-    x1200 = bend_bb_c*x495 + x497
-    x1201 = N_bb_2_3*x1200
-    fourth_bba_dot = x1198 - x1201
-    x1202 = N_bb_1_3*x1200
-    x1203 = N_bb_2_3*x1197
-    fourth_bba_cross = x1202 + x1203
+    x1193 = bend_bb_s*sine_5
+    x1194 = N_bb_1_3*x1193
+    x1196 = bend_bb_c*x493 + x495
+    x1197 = N_bb_2_3*x1196
+    fourth_bba_dot = x1194 - x1197
+    x1198 = N_bb_1_3*x1196
+    x1199 = N_bb_2_3*x1193
+    fourth_bba_cross = x1198 + x1199
     fourth_bba_size = xp.sqrt(fourth_bba_cross*fourth_bba_cross + fourth_bba_dot*fourth_bba_dot)
     fourth_bba_scale = xp.where(0.0 < fourth_bba_size, 1.0/fourth_bba_size, 1.0)
     fourth_bba_c = xp.where(bend_bb_any, 1.0, fourth_bba_dot*fourth_bba_scale)
     fourth_bba_s = xp.where(bend_bb_any, 0.0, fourth_bba_cross*fourth_bba_scale)
-    x1213 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
-    x1215 = N_bb_3_1*sine_4
-    x1218 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
-    x1220 = x1215 + cosine_4*x1218
-    c_6_bba = bend_bb_c*x1213 + bend_bb_s*x1220
-    x1226 = N_bb_3_1*cosine_4
-    s_6_bba = cosine_5*(bend_bb_c*x1220 - bend_bb_s*x1213) + sine_5*(x1226 - sine_4*x1218)
-    del bend_bb_along, bend_bb_q, bend_bb_scale, x495, x497, N_bb_1_3, x1200, N_bb_2_3, x1197, fourth_bba_size, fourth_bba_dot, fourth_bba_cross, fourth_bba_scale, N_bb_3_1, x1213, x1218, x1220
-    fourth_bbb_dot = -(x1198 + x1201)
-    fourth_bbb_cross = x1202 - x1203
+    x1209 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
+    x1211 = N_bb_3_1*sine_4
+    x1214 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
+    x1216 = x1211 + cosine_4*x1214
+    c_6_bba = bend_bb_c*x1209 + bend_bb_s*x1216
+    x1222 = N_bb_3_1*cosine_4
+    s_6_bba = cosine_5*(bend_bb_c*x1216 - bend_bb_s*x1209) + sine_5*(x1222 - sine_4*x1214)
+    del bend_bb_along, bend_bb_q, bend_bb_scale, x493, x495, N_bb_1_3, x1196, N_bb_2_3, x1193, fourth_bba_size, fourth_bba_dot, fourth_bba_cross, fourth_bba_scale, N_bb_3_1, x1209, x1214, x1216
+    fourth_bbb_dot = -(x1194 + x1197)
+    fourth_bbb_cross = x1198 - x1199
     fourth_bbb_size = xp.sqrt(fourth_bbb_cross*fourth_bbb_cross + fourth_bbb_dot*fourth_bbb_dot)
     fourth_bbb_scale = xp.where(0.0 < fourth_bbb_size, 1.0/fourth_bbb_size, 1.0)
     fourth_bbb_c = xp.where(bend_bb_any, 1.0, fourth_bbb_dot*fourth_bbb_scale)
     fourth_bbb_s = xp.where(bend_bb_any, 0.0, fourth_bbb_cross*fourth_bbb_scale)
-    x1240 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
-    x1244 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
-    x1246 = x1215 + cosine_4*x1244
-    c_6_bbb = bend_bb_c*x1240 - bend_bb_s*x1246
-    s_6_bbb = cosine_5*(bend_bb_c*x1246 + bend_bb_s*x1240) + sine_5*(x1226 - sine_4*x1244)
-    del x1198, x1201, x1202, x1203, fourth_bbb_size, fourth_bbb_dot, bend_bb_any, fourth_bbb_cross, fourth_bbb_scale, N_bb_1_1, N_bb_2_1, x1215, x1226, x1240, x1244, x1246
-    x1255 = first_exists & near
-    there_1 = bend_aa_exists & x1255 & triangle_a_3_exists
+    x1236 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
+    x1240 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
+    x1242 = x1211 + cosine_4*x1240
+    c_6_bbb = bend_bb_c*x1236 - bend_bb_s*x1242
+    s_6_bbb = cosine_5*(bend_bb_c*x1242 + bend_bb_s*x1236) + sine_5*(x1222 - sine_4*x1240)
+    del x1194, x1197, x1198, x1199, fourth_bbb_size, fourth_bbb_dot, bend_bb_any, fourth_bbb_cross, fourth_bbb_scale, N_bb_1_1, N_bb_2_1, x1211, x1222, x1236, x1240, x1242
+    x1251 = first_exists & near
+    x1252 = x1251 & triangle_a_3_exists
+    there_1 = bend_aa_exists & x1252
     angle_1_1 = xp.atan2(s_1_aa, c_1_aa)
     angle_1_2 = xp.atan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
     angle_1_3 = xp.atan2(triangle_a_3_s_a, triangle_a_3_c_a)
     angle_1_4 = xp.atan2(fourth_aaa_s, fourth_aaa_c)
     angle_1_5 = xp.atan2(bend_aa_s, bend_aa_c)
     angle_1_6 = xp.atan2(s_6_aaa, c_6_aaa)
-    x1257 = first_double | triangle_a_3_double
-    x1260 = first_free | triangle_a_3_free
-    code_1 = xp.where(bend_aa_free | x1260 | triangle_a_any, 2.0, xp.where(bend_aa_double | x1257, 1.0, 0.0))
-    del first_exists, bend_aa_exists, c_1_aa, s_1_aa, triangle_a_chosen_c_a, triangle_a_chosen_s_a, triangle_a_3_c_a, triangle_a_3_s_a, fourth_aaa_c, fourth_aaa_s, c_6_aaa, s_6_aaa, triangle_a_3_double, triangle_a_3_free, bend_aa_double, bend_aa_free
-    there_2 = bend_aa_two & x1255 & triangle_a_3_exists
+    x1253 = first_double | triangle_a_3_double
+    x1257 = first_free | triangle_a_3_free | triangle_a_any
+    del first_exists, triangle_a_3_exists, bend_aa_exists, c_1_aa, s_1_aa, triangle_a_chosen_c_a, triangle_a_chosen_s_a, triangle_a_3_c_a, triangle_a_3_s_a, fourth_aaa_c, fourth_aaa_s, c_6_aaa, s_6_aaa, triangle_a_3_double, triangle_a_3_free, triangle_a_any
+    code_1 = xp.where(bend_aa_free | x1257, 2.0, xp.where(bend_aa_double | x1253, 1.0, 0.0))
+    there_2 = bend_aa_two & x1252
     angle_2_4 = xp.atan2(fourth_aab_s, fourth_aab_c)
     angle_2_5 = xp.atan2(-bend_aa_s, bend_aa_c)
     angle_2_6 = xp.atan2(s_6_aab, c_6_aab)
-    there_3 = bend_ab_exists & x1255 & triangle_a_more
+    x1260 = x1251 & triangle_a_more
+    there_3 = bend_ab_exists & x1260
     angle_3_1 = xp.atan2(s_1_ab, c_1_ab)
     angle_3_2 = xp.atan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
+    del bend_aa_double, bend_aa_free, bend_aa_two, x1252, fourth_aab_c, fourth_aab_s, bend_aa_c, bend_aa_s, c_6_aab, s_6_aab, triangle_a_more, x1251, bend_ab_exists, c_1_ab, s_1_ab, triangle_a_chosen_c_b, triangle_a_chosen_s_b
     angle_3_3 = xp.atan2(triangle_a_3_s_b, triangle_a_3_c_b)
     angle_3_4 = xp.atan2(fourth_aba_s, fourth_aba_c)
-    del bend_aa_two, triangle_a_3_exists, fourth_aab_c, fourth_aab_s, bend_aa_c, bend_aa_s, c_6_aab, s_6_aab, bend_ab_exists, c_1_ab, s_1_ab, triangle_a_chosen_c_b, triangle_a_chosen_s_b, triangle_a_3_c_b, triangle_a_3_s_b, fourth_aba_c, fourth_aba_s
     angle_3_5 = xp.atan2(bend_ab_s, bend_ab_c)
     angle_3_6 = xp.atan2(s_6_aba, c_6_aba)
-    code_3 = xp.where(bend_ab_free | x1260 | triangle_a_any, 2.0, xp.where(bend_ab_double | x1257, 1.0, 0.0))
-    there_4 = bend_ab_two & x1255 & triangle_a_more
+    code_3 = xp.where(bend_ab_free | x1257, 2.0, xp.where(bend_ab_double | x1253, 1.0, 0.0))
+    there_4 = bend_ab_two & x1260
     angle_4_4 = xp.atan2(fourth_abb_s, fourth_abb_c)
     angle_4_5 = xp.atan2(-bend_ab_s, bend_ab_c)
+    del triangle_a_3_c_b, triangle_a_3_s_b, fourth_aba_c, fourth_aba_s, c_6_aba, s_6_aba, bend_ab_double, bend_ab_free, x1253, x1257, bend_ab_two, x1260, fourth_abb_c, fourth_abb_s, bend_ab_c, bend_ab_s
     angle_4_6 = xp.atan2(s_6_abb, c_6_abb)
-    del c_6_aba, s_6_aba, bend_ab_double, bend_ab_free, triangle_a_any, x1257, x1260, bend_ab_two, triangle_a_more, x1255, fourth_abb_c, fourth_abb_s, bend_ab_c, bend_ab_s, c_6_abb, s_6_abb
-    x1272 = more_ba & near
-    there_5 = bend_ba_exists & x1272 & triangle_b_3_exists
+    x1266 = more_ba & near & triangle_b_3_exists
+    there_5 = bend_ba_exists & x1266
     angle_5_1 = xp.atan2(s_1_ba, c_1_ba)
     angle_5_2 = xp.atan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
     angle_5_3 = xp.atan2(triangle_b_3_s_a, triangle_b_3_c_a)
     angle_5_4 = xp.atan2(fourth_baa_s, fourth_baa_c)
     angle_5_5 = xp.atan2(bend_ba_s, bend_ba_c)
     angle_5_6 = xp.atan2(s_6_baa, c_6_baa)
-    x1274 = first_double | triangle_b_3_double
-    x1277 = first_free | triangle_b_3_free
-    del more_ba, bend_ba_exists, c_1_ba, s_1_ba, triangle_b_chosen_c_a, triangle_b_chosen_s_a, triangle_b_3_c_a, triangle_b_3_s_a, fourth_baa_c, fourth_baa_s, c_6_baa, s_6_baa, first_double, triangle_b_3_double, first_free, triangle_b_3_free
-    code_5 = xp.where(bend_ba_free | x1277 | triangle_b_any, 2.0, xp.where(bend_ba_double | x1274, 1.0, 0.0))
-    there_6 = bend_ba_two & x1272 & triangle_b_3_exists
+    x1267 = first_double | triangle_b_3_double
+    del c_6_abb, s_6_abb, more_ba, triangle_b_3_exists, bend_ba_exists, c_1_ba, s_1_ba, triangle_b_chosen_c_a, triangle_b_chosen_s_a, triangle_b_3_c_a, triangle_b_3_s_a, fourth_baa_c, fourth_baa_s, c_6_baa, s_6_baa, first_double, triangle_b_3_double
+    x1271 = first_free | triangle_b_3_free | triangle_b_any
+    code_5 = xp.where(bend_ba_free | x1271, 2.0, xp.where(bend_ba_double | x1267, 1.0, 0.0))
+    there_6 = bend_ba_two & x1266
     angle_6_4 = xp.atan2(fourth_bab_s, fourth_bab_c)
     angle_6_5 = xp.atan2(-bend_ba_s, bend_ba_c)
     angle_6_6 = xp.atan2(s_6_bab, c_6_bab)
-    x1282 = more_bb & near
-    there_7 = bend_bb_exists & x1282 & triangle_b_more
+    x1275 = more_bb & near & triangle_b_more
+    del first_free, triangle_b_3_free, triangle_b_any, bend_ba_double, bend_ba_free, bend_ba_two, x1266, fourth_bab_c, fourth_bab_s, bend_ba_c, bend_ba_s, c_6_bab, s_6_bab, more_bb, near, triangle_b_more
+    there_7 = bend_bb_exists & x1275
     angle_7_1 = xp.atan2(s_1_bb, c_1_bb)
-    del bend_ba_double, bend_ba_free, bend_ba_two, triangle_b_3_exists, x1272, fourth_bab_c, fourth_bab_s, bend_ba_c, bend_ba_s, c_6_bab, s_6_bab, more_bb, near, bend_bb_exists, c_1_bb, s_1_bb
     angle_7_2 = xp.atan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
     angle_7_3 = xp.atan2(triangle_b_3_s_b, triangle_b_3_c_b)
     angle_7_4 = xp.atan2(fourth_bba_s, fourth_bba_c)
     angle_7_5 = xp.atan2(bend_bb_s, bend_bb_c)
     angle_7_6 = xp.atan2(s_6_bba, c_6_bba)
-    code_7 = xp.where(bend_bb_free | x1277 | triangle_b_any, 2.0, xp.where(bend_bb_double | x1274, 1.0, 0.0))
-    there_8 = bend_bb_two & x1282 & triangle_b_more
-    del triangle_b_chosen_c_b, triangle_b_chosen_s_b, triangle_b_3_c_b, triangle_b_3_s_b, fourth_bba_c, fourth_bba_s, c_6_bba, s_6_bba, bend_bb_double, bend_bb_free, triangle_b_any, x1274, x1277, bend_bb_two, triangle_b_more, x1282
+    code_7 = xp.where(bend_bb_free | x1271, 2.0, xp.where(bend_bb_double | x1267, 1.0, 0.0))
+    there_8 = bend_bb_two & x1275
+    del bend_bb_exists, c_1_bb, s_1_bb, triangle_b_chosen_c_b, triangle_b_chosen_s_b, triangle_b_3_c_b, triangle_b_3_s_b, fourth_bba_c, fourth_bba_s, c_6_bba, s_6_bba, bend_bb_double, bend_bb_free, x1267, x1271, bend_bb_two, x1275
     angle_8_4 = xp.atan2(fourth_bbb_s, fourth_bbb_c)
     angle_8_5 = xp.atan2(-bend_bb_s, bend_bb_c)
     angle_8_6 = xp.atan2(s_6_bbb, c_6_bbb)
     holes_1 = xp.where(there_1, 0.0, 1.0)
     holes_2 = holes_1 + xp.where(there_2, 0.0, 1.0)
-    x1291 = xp.where(there_3, 0.0, 1.0)
-    holes_3 = holes_2 + x1291
-    holes_4 = holes_2 + (x1291 + xp.where(there_4, 0.0, 1.0))
-    x1294 = xp.where(there_5, 0.0, 1.0)
-    holes_5 = holes_4 + x1294
-    holes_6 = holes_4 + (x1294 + xp.where(there_6, 0.0, 1.0))
+    holes_3 = holes_2 + xp.where(there_3, 0.0, 1.0)
+    holes_4 = holes_3 + xp.where(there_4, 0.0, 1.0)
+    holes_5 = holes_4 + xp.where(there_5, 0.0, 1.0)
+    holes_6 = holes_5 + xp.where(there_6, 0.0, 1.0)
     holes_7 = holes_6 + xp.where(there_7, 0.0, 1.0)
     moves_1_1 = there_2 & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     moves_1_2 = there_3 & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -822,106 +822,1054 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     moves_1_7 = there_8 & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
     there_1_0 = moves_1_1 | there_1
     row_1_0_1 = xp.where(moves_1_1, code_1, code_1)
-    x1347 = -3.141592653589793
-    x1349 = xp.where(x1347 < angle_1_1, angle_1_1, 3.141592653589793)
-    row_1_0_2 = xp.where(moves_1_1, x1349, x1349)
-    x1351 = xp.where(x1347 < angle_1_2, angle_1_2, 3.141592653589793)
-    row_1_0_3 = xp.where(moves_1_1, x1351, x1351)
-    x1353 = xp.where(x1347 < angle_1_3, angle_1_3, 3.141592653589793)
-    row_1_0_4 = xp.where(moves_1_1, x1353, x1353)
-    x1357 = xp.where(x1347 < angle_2_4, angle_2_4, 3.141592653589793)
-    row_1_0_5 = xp.where(moves_1_1, x1357, xp.where(x1347 < angle_1_4, angle_1_4, 3.141592653589793))
-    x1361 = xp.where(x1347 < angle_2_5, angle_2_5, 3.141592653589793)
-    del fourth_bbb_c, fourth_bbb_s, bend_bb_c, bend_bb_s, c_6_bbb, s_6_bbb, x1291, x1294, holes_1, there_1, angle_1_1, angle_1_2, angle_1_3, angle_2_4, angle_1_4, angle_2_5
-    row_1_0_6 = xp.where(moves_1_1, x1361, xp.where(x1347 < angle_1_5, angle_1_5, 3.141592653589793))
-    x1365 = xp.where(x1347 < angle_2_6, angle_2_6, 3.141592653589793)
-    row_1_0_7 = xp.where(moves_1_1, x1365, xp.where(x1347 < angle_1_6, angle_1_6, 3.141592653589793))
+    x1335 = -3.141592653589793
+    x1337 = xp.where(x1335 < angle_1_1, angle_1_1, 3.141592653589793)
+    row_1_0_2 = xp.where(moves_1_1, x1337, x1337)
+    x1339 = xp.where(x1335 < angle_1_2, angle_1_2, 3.141592653589793)
+    row_1_0_3 = xp.where(moves_1_1, x1339, x1339)
+    x1341 = xp.where(x1335 < angle_1_3, angle_1_3, 3.141592653589793)
+    row_1_0_4 = xp.where(moves_1_1, x1341, x1341)
+    x1345 = xp.where(x1335 < angle_2_4, angle_2_4, 3.141592653589793)
+    row_1_0_5 = xp.where(moves_1_1, x1345, xp.where(x1335 < angle_1_4, angle_1_4, 3.141592653589793))
+    x1349 = xp.where(x1335 < angle_2_5, angle_2_5, 3.141592653589793)
+    row_1_0_6 = xp.where(moves_1_1, x1349, xp.where(x1335 < angle_1_5, angle_1_5, 3.141592653589793))
+    x1353 = xp.where(x1335 < angle_2_6, angle_2_6, 3.141592653589793)
+    del fourth_bbb_c, fourth_bbb_s, bend_bb_c, bend_bb_s, c_6_bbb, s_6_bbb, holes_1, there_1, angle_1_1, angle_1_2, angle_1_3, angle_2_4, angle_1_4, angle_2_5, angle_1_5, angle_2_6
+    row_1_0_7 = xp.where(moves_1_1, x1353, xp.where(x1335 < angle_1_6, angle_1_6, 3.141592653589793))
     there_1_1 = moves_1_2 | (there_2 & (~moves_1_1))
     row_1_1_1 = xp.where(moves_1_2, code_3, code_1)
-    x1369 = xp.where(x1347 < angle_3_1, angle_3_1, 3.141592653589793)
-    row_1_1_2 = xp.where(moves_1_2, x1369, x1349)
-    x1371 = xp.where(x1347 < angle_3_2, angle_3_2, 3.141592653589793)
-    row_1_1_3 = xp.where(moves_1_2, x1371, x1351)
-    x1373 = xp.where(x1347 < angle_3_3, angle_3_3, 3.141592653589793)
-    row_1_1_4 = xp.where(moves_1_2, x1373, x1353)
-    x1375 = xp.where(x1347 < angle_3_4, angle_3_4, 3.141592653589793)
-    row_1_1_5 = xp.where(moves_1_2, x1375, x1357)
-    x1377 = xp.where(x1347 < angle_3_5, angle_3_5, 3.141592653589793)
-    row_1_1_6 = xp.where(moves_1_2, x1377, x1361)
-    del angle_1_5, angle_2_6, angle_1_6, moves_1_1, there_2, code_1, angle_3_1, x1349, angle_3_2, x1351, angle_3_3, x1353, angle_3_4, x1357, angle_3_5, x1361
-    x1379 = xp.where(x1347 < angle_3_6, angle_3_6, 3.141592653589793)
-    row_1_1_7 = xp.where(moves_1_2, x1379, x1365)
+    x1357 = xp.where(x1335 < angle_3_1, angle_3_1, 3.141592653589793)
+    row_1_1_2 = xp.where(moves_1_2, x1357, x1337)
+    x1359 = xp.where(x1335 < angle_3_2, angle_3_2, 3.141592653589793)
+    row_1_1_3 = xp.where(moves_1_2, x1359, x1339)
+    x1361 = xp.where(x1335 < angle_3_3, angle_3_3, 3.141592653589793)
+    row_1_1_4 = xp.where(moves_1_2, x1361, x1341)
+    x1363 = xp.where(x1335 < angle_3_4, angle_3_4, 3.141592653589793)
+    row_1_1_5 = xp.where(moves_1_2, x1363, x1345)
+    x1365 = xp.where(x1335 < angle_3_5, angle_3_5, 3.141592653589793)
+    row_1_1_6 = xp.where(moves_1_2, x1365, x1349)
+    x1367 = xp.where(x1335 < angle_3_6, angle_3_6, 3.141592653589793)
+    row_1_1_7 = xp.where(moves_1_2, x1367, x1353)
+    del angle_1_6, moves_1_1, there_2, code_1, angle_3_1, x1337, angle_3_2, x1339, angle_3_3, x1341, angle_3_4, x1345, angle_3_5, x1349, angle_3_6, x1353
     there_1_2 = moves_1_3 | (there_3 & (~moves_1_2))
     row_1_2_0 = xp.where(moves_1_3, holes_3 - 1.0, holes_2)
     row_1_2_1 = xp.where(moves_1_3, code_3, code_3)
-    row_1_2_2 = xp.where(moves_1_3, x1369, x1369)
-    row_1_2_3 = xp.where(moves_1_3, x1371, x1371)
-    row_1_2_4 = xp.where(moves_1_3, x1373, x1373)
-    x1384 = xp.where(x1347 < angle_4_4, angle_4_4, 3.141592653589793)
-    row_1_2_5 = xp.where(moves_1_3, x1384, x1375)
-    x1386 = xp.where(x1347 < angle_4_5, angle_4_5, 3.141592653589793)
-    row_1_2_6 = xp.where(moves_1_3, x1386, x1377)
-    x1388 = xp.where(x1347 < angle_4_6, angle_4_6, 3.141592653589793)
-    row_1_2_7 = xp.where(moves_1_3, x1388, x1379)
+    row_1_2_2 = xp.where(moves_1_3, x1357, x1357)
+    row_1_2_3 = xp.where(moves_1_3, x1359, x1359)
+    row_1_2_4 = xp.where(moves_1_3, x1361, x1361)
+    x1372 = xp.where(x1335 < angle_4_4, angle_4_4, 3.141592653589793)
+    row_1_2_5 = xp.where(moves_1_3, x1372, x1363)
+    x1374 = xp.where(x1335 < angle_4_5, angle_4_5, 3.141592653589793)
+    row_1_2_6 = xp.where(moves_1_3, x1374, x1365)
+    x1376 = xp.where(x1335 < angle_4_6, angle_4_6, 3.141592653589793)
+    row_1_2_7 = xp.where(moves_1_3, x1376, x1367)
     there_1_3 = moves_1_4 | (there_4 & (~moves_1_3))
     row_1_3_0 = xp.where(moves_1_4, holes_4 - 1.0, holes_3)
     row_1_3_1 = xp.where(moves_1_4, code_5, code_3)
-    x1393 = xp.where(x1347 < angle_5_1, angle_5_1, 3.141592653589793)
-    del angle_3_6, x1365, moves_1_2, there_3, holes_2, angle_4_4, x1375, angle_4_5, x1377, angle_4_6, x1379, moves_1_3, there_4, holes_3, code_3, angle_5_1
-    row_1_3_2 = xp.where(moves_1_4, x1393, x1369)
-    x1395 = xp.where(x1347 < angle_5_2, angle_5_2, 3.141592653589793)
-    row_1_3_3 = xp.where(moves_1_4, x1395, x1371)
-    x1397 = xp.where(x1347 < angle_5_3, angle_5_3, 3.141592653589793)
-    row_1_3_4 = xp.where(moves_1_4, x1397, x1373)
-    x1399 = xp.where(x1347 < angle_5_4, angle_5_4, 3.141592653589793)
-    row_1_3_5 = xp.where(moves_1_4, x1399, x1384)
-    x1401 = xp.where(x1347 < angle_5_5, angle_5_5, 3.141592653589793)
-    row_1_3_6 = xp.where(moves_1_4, x1401, x1386)
-    x1403 = xp.where(x1347 < angle_5_6, angle_5_6, 3.141592653589793)
-    row_1_3_7 = xp.where(moves_1_4, x1403, x1388)
+    x1381 = xp.where(x1335 < angle_5_1, angle_5_1, 3.141592653589793)
+    row_1_3_2 = xp.where(moves_1_4, x1381, x1357)
+    x1383 = xp.where(x1335 < angle_5_2, angle_5_2, 3.141592653589793)
+    del moves_1_2, there_3, holes_2, angle_4_4, x1363, angle_4_5, x1365, angle_4_6, x1367, moves_1_3, there_4, holes_3, code_3, angle_5_1, x1357, angle_5_2
+    row_1_3_3 = xp.where(moves_1_4, x1383, x1359)
+    x1385 = xp.where(x1335 < angle_5_3, angle_5_3, 3.141592653589793)
+    row_1_3_4 = xp.where(moves_1_4, x1385, x1361)
+    x1387 = xp.where(x1335 < angle_5_4, angle_5_4, 3.141592653589793)
+    row_1_3_5 = xp.where(moves_1_4, x1387, x1372)
+    x1389 = xp.where(x1335 < angle_5_5, angle_5_5, 3.141592653589793)
+    row_1_3_6 = xp.where(moves_1_4, x1389, x1374)
+    x1391 = xp.where(x1335 < angle_5_6, angle_5_6, 3.141592653589793)
+    row_1_3_7 = xp.where(moves_1_4, x1391, x1376)
     there_1_4 = moves_1_5 | (there_5 & (~moves_1_4))
     row_1_4_0 = xp.where(moves_1_5, holes_5 - 1.0, holes_4)
     row_1_4_1 = xp.where(moves_1_5, code_5, code_5)
-    row_1_4_2 = xp.where(moves_1_5, x1393, x1393)
-    row_1_4_3 = xp.where(moves_1_5, x1395, x1395)
-    row_1_4_4 = xp.where(moves_1_5, x1397, x1397)
-    x1408 = xp.where(x1347 < angle_6_4, angle_6_4, 3.141592653589793)
-    row_1_4_5 = xp.where(moves_1_5, x1408, x1399)
-    del x1369, angle_5_2, x1371, angle_5_3, x1373, angle_5_4, x1384, angle_5_5, x1386, angle_5_6, x1388, moves_1_4, there_5, holes_4, angle_6_4, x1399
-    x1410 = xp.where(x1347 < angle_6_5, angle_6_5, 3.141592653589793)
-    row_1_4_6 = xp.where(moves_1_5, x1410, x1401)
-    x1412 = xp.where(x1347 < angle_6_6, angle_6_6, 3.141592653589793)
-    row_1_4_7 = xp.where(moves_1_5, x1412, x1403)
+    row_1_4_2 = xp.where(moves_1_5, x1381, x1381)
+    row_1_4_3 = xp.where(moves_1_5, x1383, x1383)
+    row_1_4_4 = xp.where(moves_1_5, x1385, x1385)
+    x1396 = xp.where(x1335 < angle_6_4, angle_6_4, 3.141592653589793)
+    row_1_4_5 = xp.where(moves_1_5, x1396, x1387)
+    x1398 = xp.where(x1335 < angle_6_5, angle_6_5, 3.141592653589793)
+    row_1_4_6 = xp.where(moves_1_5, x1398, x1389)
+    del x1359, angle_5_3, x1361, angle_5_4, x1372, angle_5_5, x1374, angle_5_6, x1376, moves_1_4, there_5, holes_4, angle_6_4, x1387, angle_6_5, x1389
+    x1400 = xp.where(x1335 < angle_6_6, angle_6_6, 3.141592653589793)
+    row_1_4_7 = xp.where(moves_1_5, x1400, x1391)
     there_1_5 = moves_1_6 | (there_6 & (~moves_1_5))
     row_1_5_0 = xp.where(moves_1_6, holes_6 - 1.0, holes_5)
     row_1_5_1 = xp.where(moves_1_6, code_7, code_5)
-    x1417 = xp.where(x1347 < angle_7_1, angle_7_1, 3.141592653589793)
-    row_1_5_2 = xp.where(moves_1_6, x1417, x1393)
-    x1419 = xp.where(x1347 < angle_7_2, angle_7_2, 3.141592653589793)
-    row_1_5_3 = xp.where(moves_1_6, x1419, x1395)
-    x1421 = xp.where(x1347 < angle_7_3, angle_7_3, 3.141592653589793)
-    row_1_5_4 = xp.where(moves_1_6, x1421, x1397)
-    x1423 = xp.where(x1347 < angle_7_4, angle_7_4, 3.141592653589793)
-    row_1_5_5 = xp.where(moves_1_6, x1423, x1408)
-    del angle_6_5, x1401, angle_6_6, x1403, moves_1_5, there_6, holes_5, code_5, angle_7_1, x1393, angle_7_2, x1395, angle_7_3, x1397, angle_7_4, x1408
-    x1425 = xp.where(x1347 < angle_7_5, angle_7_5, 3.141592653589793)
-    row_1_5_6 = xp.where(moves_1_6, x1425, x1410)
-    x1427 = xp.where(x1347 < angle_7_6, angle_7_6, 3.141592653589793)
-    row_1_5_7 = xp.where(moves_1_6, x1427, x1412)
+    x1405 = xp.where(x1335 < angle_7_1, angle_7_1, 3.141592653589793)
+    row_1_5_2 = xp.where(moves_1_6, x1405, x1381)
+    x1407 = xp.where(x1335 < angle_7_2, angle_7_2, 3.141592653589793)
+    row_1_5_3 = xp.where(moves_1_6, x1407, x1383)
+    x1409 = xp.where(x1335 < angle_7_3, angle_7_3, 3.141592653589793)
+    row_1_5_4 = xp.where(moves_1_6, x1409, x1385)
+    x1411 = xp.where(x1335 < angle_7_4, angle_7_4, 3.141592653589793)
+    row_1_5_5 = xp.where(moves_1_6, x1411, x1396)
+    x1413 = xp.where(x1335 < angle_7_5, angle_7_5, 3.141592653589793)
+    row_1_5_6 = xp.where(moves_1_6, x1413, x1398)
+    del angle_6_6, x1391, moves_1_5, there_6, holes_5, code_5, angle_7_1, x1381, angle_7_2, x1383, angle_7_3, x1385, angle_7_4, x1396, angle_7_5, x1398
+    x1415 = xp.where(x1335 < angle_7_6, angle_7_6, 3.141592653589793)
+    row_1_5_7 = xp.where(moves_1_6, x1415, x1400)
     there_1_6 = moves_1_7 | (there_7 & (~moves_1_6))
     row_1_6_0 = xp.where(moves_1_7, holes_7 - 1.0, holes_6)
     row_1_6_1 = xp.where(moves_1_7, code_7, code_7)
-    row_1_6_2 = xp.where(moves_1_7, x1417, x1417)
-    row_1_6_3 = xp.where(moves_1_7, x1419, x1419)
-    row_1_6_4 = xp.where(moves_1_7, x1421, x1421)
-    x1432 = xp.where(x1347 < angle_8_4, angle_8_4, 3.141592653589793)
-    row_1_6_5 = xp.where(moves_1_7, x1432, x1423)
-    x1434 = xp.where(x1347 < angle_8_5, angle_8_5, 3.141592653589793)
-    row_1_6_6 = xp.where(moves_1_7, x1434, x1425)
-    x1436 = xp.where(x1347 < angle_8_6, angle_8_6, 3.141592653589793)
-    row_1_6_7 = xp.where(moves_1_7, x1436, x1427)
+    row_1_6_2 = xp.where(moves_1_7, x1405, x1405)
+    row_1_6_3 = xp.where(moves_1_7, x1407, x1407)
+    row_1_6_4 = xp.where(moves_1_7, x1409, x1409)
+    x1420 = xp.where(x1335 < angle_8_4, angle_8_4, 3.141592653589793)
+    row_1_6_5 = xp.where(moves_1_7, x1420, x1411)
+    x1422 = xp.where(x1335 < angle_8_5, angle_8_5, 3.141592653589793)
+    row_1_6_6 = xp.where(moves_1_7, x1422, x1413)
+    x1424 = xp.where(x1335 < angle_8_6, angle_8_6, 3.141592653589793)
+    row_1_6_7 = xp.where(moves_1_7, x1424, x1415)
     there_1_7 = there_8 & (~moves_1_7)
-    del angle_7_5, x1410, angle_7_6, x1412, moves_1_6, there_7, holes_6, angle_8_4, x1423, angle_8_5, x1425, angle_8_6, x1347, x1427, moves_1_7, there_8
+    moves_2_2 = there_1_2 & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
+    moves_2_3 = there_1_3 & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
+    del angle_7_6, x1400, moves_1_6, there_7, holes_6, angle_8_4, x1411, angle_8_5, x1413, angle_8_6, x1335, x1415, moves_1_7, there_8, row_1_2_0, row_1_3_0
+    moves_2_4 = there_1_4 & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
+    moves_2_5 = there_1_5 & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
+    moves_2_6 = there_1_6 & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
+    moves_2_7 = there_1_7 & ((holes_7 == 2.0) | (holes_7 == 6.0))
+    there_2_0 = moves_2_2 | there_1_0
+    row_2_0_1 = xp.where(moves_2_2, row_1_2_1, row_1_0_1)
+    row_2_0_2 = xp.where(moves_2_2, row_1_2_2, row_1_0_2)
+    row_2_0_3 = xp.where(moves_2_2, row_1_2_3, row_1_0_3)
+    row_2_0_4 = xp.where(moves_2_2, row_1_2_4, row_1_0_4)
+    row_2_0_5 = xp.where(moves_2_2, row_1_2_5, row_1_0_5)
+    row_2_0_6 = xp.where(moves_2_2, row_1_2_6, row_1_0_6)
+    row_2_0_7 = xp.where(moves_2_2, row_1_2_7, row_1_0_7)
+    there_2_1 = moves_2_3 | there_1_1
+    row_2_1_1 = xp.where(moves_2_3, row_1_3_1, row_1_1_1)
+    row_2_1_2 = xp.where(moves_2_3, row_1_3_2, row_1_1_2)
+    row_2_1_3 = xp.where(moves_2_3, row_1_3_3, row_1_1_3)
+    row_2_1_4 = xp.where(moves_2_3, row_1_3_4, row_1_1_4)
+    row_2_1_5 = xp.where(moves_2_3, row_1_3_5, row_1_1_5)
+    row_2_1_6 = xp.where(moves_2_3, row_1_3_6, row_1_1_6)
+    row_2_1_7 = xp.where(moves_2_3, row_1_3_7, row_1_1_7)
+    del there_1_0, row_1_0_1, row_1_0_2, row_1_0_3, row_1_0_4, row_1_0_5, row_1_0_6, row_1_0_7, there_1_1, row_1_1_1, row_1_1_2, row_1_1_3, row_1_1_4, row_1_1_5, row_1_1_6, row_1_1_7
+    there_2_2 = moves_2_4 | (there_1_2 & (~moves_2_2))
+    row_2_2_1 = xp.where(moves_2_4, row_1_4_1, row_1_2_1)
+    row_2_2_2 = xp.where(moves_2_4, row_1_4_2, row_1_2_2)
+    row_2_2_3 = xp.where(moves_2_4, row_1_4_3, row_1_2_3)
+    row_2_2_4 = xp.where(moves_2_4, row_1_4_4, row_1_2_4)
+    row_2_2_5 = xp.where(moves_2_4, row_1_4_5, row_1_2_5)
+    row_2_2_6 = xp.where(moves_2_4, row_1_4_6, row_1_2_6)
+    row_2_2_7 = xp.where(moves_2_4, row_1_4_7, row_1_2_7)
+    there_2_3 = moves_2_5 | (there_1_3 & (~moves_2_3))
+    row_2_3_1 = xp.where(moves_2_5, row_1_5_1, row_1_3_1)
+    row_2_3_2 = xp.where(moves_2_5, row_1_5_2, row_1_3_2)
+    row_2_3_3 = xp.where(moves_2_5, row_1_5_3, row_1_3_3)
+    row_2_3_4 = xp.where(moves_2_5, row_1_5_4, row_1_3_4)
+    row_2_3_5 = xp.where(moves_2_5, row_1_5_5, row_1_3_5)
+    del moves_2_2, there_1_2, row_1_2_1, row_1_2_2, row_1_2_3, row_1_2_4, row_1_2_5, row_1_2_6, row_1_2_7, moves_2_3, there_1_3, row_1_3_1, row_1_3_2, row_1_3_3, row_1_3_4, row_1_3_5
+    row_2_3_6 = xp.where(moves_2_5, row_1_5_6, row_1_3_6)
+    row_2_3_7 = xp.where(moves_2_5, row_1_5_7, row_1_3_7)
+    there_2_4 = moves_2_6 | (there_1_4 & (~moves_2_4))
+    row_2_4_0 = xp.where(moves_2_6, row_1_6_0 - 2.0, row_1_4_0)
+    row_2_4_1 = xp.where(moves_2_6, row_1_6_1, row_1_4_1)
+    row_2_4_2 = xp.where(moves_2_6, row_1_6_2, row_1_4_2)
+    row_2_4_3 = xp.where(moves_2_6, row_1_6_3, row_1_4_3)
+    row_2_4_4 = xp.where(moves_2_6, row_1_6_4, row_1_4_4)
+    row_2_4_5 = xp.where(moves_2_6, row_1_6_5, row_1_4_5)
+    row_2_4_6 = xp.where(moves_2_6, row_1_6_6, row_1_4_6)
+    row_2_4_7 = xp.where(moves_2_6, row_1_6_7, row_1_4_7)
+    there_2_5 = moves_2_7 | (there_1_5 & (~moves_2_5))
+    row_2_5_0 = xp.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
+    row_2_5_1 = xp.where(moves_2_7, code_7, row_1_5_1)
+    del row_1_3_6, row_1_3_7, moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6, row_1_4_7, moves_2_5, there_1_5, row_1_5_0, row_1_5_1
+    row_2_5_2 = xp.where(moves_2_7, x1405, row_1_5_2)
+    row_2_5_3 = xp.where(moves_2_7, x1407, row_1_5_3)
+    row_2_5_4 = xp.where(moves_2_7, x1409, row_1_5_4)
+    row_2_5_5 = xp.where(moves_2_7, x1420, row_1_5_5)
+    row_2_5_6 = xp.where(moves_2_7, x1422, row_1_5_6)
+    row_2_5_7 = xp.where(moves_2_7, x1424, row_1_5_7)
+    there_2_6 = there_1_6 & (~moves_2_6)
+    there_2_7 = there_1_7 & (~moves_2_7)
+    moves_4_4 = there_2_4 & (row_2_4_0 == 4.0)
+    moves_4_5 = there_2_5 & (row_2_5_0 == 4.0)
+    moves_4_6 = there_2_6 & (row_1_6_0 == 4.0)
+    moves_4_7 = there_2_7 & (holes_7 == 4.0)
+    there_4_0 = moves_4_4 | there_2_0
+    row_4_0_1 = xp.where(moves_4_4, row_2_4_1, row_2_0_1)
+    del row_1_5_2, row_1_5_3, row_1_5_4, row_1_5_5, row_1_5_6, row_1_5_7, moves_2_6, there_1_6, moves_2_7, there_1_7, row_2_4_0, row_2_5_0, row_1_6_0, holes_7, there_2_0, row_2_0_1
+    row_4_0_2 = xp.where(moves_4_4, row_2_4_2, row_2_0_2)
+    row_4_0_3 = xp.where(moves_4_4, row_2_4_3, row_2_0_3)
+    row_4_0_4 = xp.where(moves_4_4, row_2_4_4, row_2_0_4)
+    row_4_0_5 = xp.where(moves_4_4, row_2_4_5, row_2_0_5)
+    row_4_0_6 = xp.where(moves_4_4, row_2_4_6, row_2_0_6)
+    row_4_0_7 = xp.where(moves_4_4, row_2_4_7, row_2_0_7)
+    there_4_1 = moves_4_5 | there_2_1
+    row_4_1_1 = xp.where(moves_4_5, row_2_5_1, row_2_1_1)
+    row_4_1_2 = xp.where(moves_4_5, row_2_5_2, row_2_1_2)
+    row_4_1_3 = xp.where(moves_4_5, row_2_5_3, row_2_1_3)
+    row_4_1_4 = xp.where(moves_4_5, row_2_5_4, row_2_1_4)
+    row_4_1_5 = xp.where(moves_4_5, row_2_5_5, row_2_1_5)
+    row_4_1_6 = xp.where(moves_4_5, row_2_5_6, row_2_1_6)
+    row_4_1_7 = xp.where(moves_4_5, row_2_5_7, row_2_1_7)
+    there_4_2 = moves_4_6 | there_2_2
+    row_4_2_1 = xp.where(moves_4_6, row_1_6_1, row_2_2_1)
+    del row_2_0_2, row_2_0_3, row_2_0_4, row_2_0_5, row_2_0_6, row_2_0_7, there_2_1, row_2_1_1, row_2_1_2, row_2_1_3, row_2_1_4, row_2_1_5, row_2_1_6, row_2_1_7, there_2_2, row_2_2_1
+    row_4_2_2 = xp.where(moves_4_6, row_1_6_2, row_2_2_2)
+    row_4_2_3 = xp.where(moves_4_6, row_1_6_3, row_2_2_3)
+    row_4_2_4 = xp.where(moves_4_6, row_1_6_4, row_2_2_4)
+    row_4_2_5 = xp.where(moves_4_6, row_1_6_5, row_2_2_5)
+    row_4_2_6 = xp.where(moves_4_6, row_1_6_6, row_2_2_6)
+    row_4_2_7 = xp.where(moves_4_6, row_1_6_7, row_2_2_7)
+    there_4_3 = moves_4_7 | there_2_3
+    row_4_3_1 = xp.where(moves_4_7, code_7, row_2_3_1)
+    row_4_3_2 = xp.where(moves_4_7, x1405, row_2_3_2)
+    row_4_3_3 = xp.where(moves_4_7, x1407, row_2_3_3)
+    row_4_3_4 = xp.where(moves_4_7, x1409, row_2_3_4)
+    row_4_3_5 = xp.where(moves_4_7, x1420, row_2_3_5)
+    row_4_3_6 = xp.where(moves_4_7, x1422, row_2_3_6)
+    row_4_3_7 = xp.where(moves_4_7, x1424, row_2_3_7)
+    there_4_4 = there_2_4 & (~moves_4_4)
+    del row_2_2_2, row_2_2_3, row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4, row_2_3_5, row_2_3_6, row_2_3_7, moves_4_4, there_2_4
+    there_4_5 = there_2_5 & (~moves_4_5)
+    there_4_6 = there_2_6 & (~moves_4_6)
+    there_4_7 = there_2_7 & (~moves_4_7)
+    angles_1_1 = xp.where(there_4_0, row_4_0_2, xp.nan)
+    angles_1_2 = xp.where(there_4_0, row_4_0_3, xp.nan)
+    angles_1_3 = xp.where(there_4_0, row_4_0_4, xp.nan)
+    angles_1_4 = xp.where(there_4_0, row_4_0_5, xp.nan)
+    angles_1_5 = xp.where(there_4_0, row_4_0_6, xp.nan)
+    angles_1_6 = xp.where(there_4_0, row_4_0_7, xp.nan)
+    angles_2_1 = xp.where(there_4_1, row_4_1_2, xp.nan)
+    angles_2_2 = xp.where(there_4_1, row_4_1_3, xp.nan)
+    angles_2_3 = xp.where(there_4_1, row_4_1_4, xp.nan)
+    angles_2_4 = xp.where(there_4_1, row_4_1_5, xp.nan)
+    del moves_4_5, there_2_5, moves_4_6, there_2_6, moves_4_7, there_2_7, row_4_0_2, row_4_0_3, row_4_0_4, row_4_0_5, row_4_0_6, row_4_0_7, row_4_1_2, row_4_1_3, row_4_1_4, row_4_1_5
+    angles_2_5 = xp.where(there_4_1, row_4_1_6, xp.nan)
+    angles_2_6 = xp.where(there_4_1, row_4_1_7, xp.nan)
+    angles_3_1 = xp.where(there_4_2, row_4_2_2, xp.nan)
+    angles_3_2 = xp.where(there_4_2, row_4_2_3, xp.nan)
+    angles_3_3 = xp.where(there_4_2, row_4_2_4, xp.nan)
+    angles_3_4 = xp.where(there_4_2, row_4_2_5, xp.nan)
+    angles_3_5 = xp.where(there_4_2, row_4_2_6, xp.nan)
+    angles_3_6 = xp.where(there_4_2, row_4_2_7, xp.nan)
+    angles_4_1 = xp.where(there_4_3, row_4_3_2, xp.nan)
+    angles_4_2 = xp.where(there_4_3, row_4_3_3, xp.nan)
+    angles_4_3 = xp.where(there_4_3, row_4_3_4, xp.nan)
+    angles_4_4 = xp.where(there_4_3, row_4_3_5, xp.nan)
+    angles_4_5 = xp.where(there_4_3, row_4_3_6, xp.nan)
+    angles_4_6 = xp.where(there_4_3, row_4_3_7, xp.nan)
+    angles_5_1 = xp.where(there_4_4, row_2_4_2, xp.nan)
+    angles_5_2 = xp.where(there_4_4, row_2_4_3, xp.nan)
+    del row_4_1_6, row_4_1_7, row_4_2_2, row_4_2_3, row_4_2_4, row_4_2_5, row_4_2_6, row_4_2_7, row_4_3_2, row_4_3_3, row_4_3_4, row_4_3_5, row_4_3_6, row_4_3_7, row_2_4_2, row_2_4_3
+    angles_5_3 = xp.where(there_4_4, row_2_4_4, xp.nan)
+    angles_5_4 = xp.where(there_4_4, row_2_4_5, xp.nan)
+    angles_5_5 = xp.where(there_4_4, row_2_4_6, xp.nan)
+    angles_5_6 = xp.where(there_4_4, row_2_4_7, xp.nan)
+    angles_6_1 = xp.where(there_4_5, row_2_5_2, xp.nan)
+    angles_6_2 = xp.where(there_4_5, row_2_5_3, xp.nan)
+    angles_6_3 = xp.where(there_4_5, row_2_5_4, xp.nan)
+    angles_6_4 = xp.where(there_4_5, row_2_5_5, xp.nan)
+    angles_6_5 = xp.where(there_4_5, row_2_5_6, xp.nan)
+    angles_6_6 = xp.where(there_4_5, row_2_5_7, xp.nan)
+    angles_7_1 = xp.where(there_4_6, row_1_6_2, xp.nan)
+    angles_7_2 = xp.where(there_4_6, row_1_6_3, xp.nan)
+    angles_7_3 = xp.where(there_4_6, row_1_6_4, xp.nan)
+    angles_7_4 = xp.where(there_4_6, row_1_6_5, xp.nan)
+    angles_7_5 = xp.where(there_4_6, row_1_6_6, xp.nan)
+    angles_7_6 = xp.where(there_4_6, row_1_6_7, xp.nan)
+    del row_2_4_4, row_2_4_5, row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2, row_1_6_3, row_1_6_4, row_1_6_5, row_1_6_6, row_1_6_7
+    angles_8_1 = xp.where(there_4_7, x1405, xp.nan)
+    angles_8_2 = xp.where(there_4_7, x1407, xp.nan)
+    angles_8_3 = xp.where(there_4_7, x1409, xp.nan)
+    angles_8_4 = xp.where(there_4_7, x1420, xp.nan)
+    angles_8_5 = xp.where(there_4_7, x1422, xp.nan)
+    angles_8_6 = xp.where(there_4_7, x1424, xp.nan)
+    x1466 = ~good
+    status_1 = xp.where(x1466, 5.0, xp.where(~there_4_0, 3.0, row_4_0_1))
+    status_2 = xp.where(x1466, 5.0, xp.where(~there_4_1, 3.0, row_4_1_1))
+    status_3 = xp.where(x1466, 5.0, xp.where(~there_4_2, 3.0, row_4_2_1))
+    status_4 = xp.where(x1466, 5.0, xp.where(~there_4_3, 3.0, row_4_3_1))
+    status_5 = xp.where(x1466, 5.0, xp.where(~there_4_4, 3.0, row_2_4_1))
+    del x1405, x1407, x1409, x1420, x1422, x1424, good, row_4_0_1, there_4_0, row_4_1_1, there_4_1, row_4_2_1, there_4_2, row_4_3_1, there_4_3, row_2_4_1, there_4_4
+    status_6 = xp.where(x1466, 5.0, xp.where(~there_4_5, 3.0, row_2_5_1))
+    status_7 = xp.where(x1466, 5.0, xp.where(~there_4_6, 3.0, row_1_6_1))
+    status_8 = xp.where(x1466, 5.0, xp.where(~there_4_7, 3.0, code_7))
+    return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
+
+
+robot_wrist_reverse.signature = "(4,4),(5),(5),(5),(6)->(8,6),(8)"
+robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
+robot_wrist_reverse.steps = _robot_wrist_reverse
+
+
+def robot_parallel_reverse(pose, a, cosine, sine, offset, *, out=None):
+    """All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.
+
+    Source: Crane and Duffy, robots with closed forms; derivation robots_6r
+
+    alpha23, alpha34 and a56 are taken as zero; s12, s45 and s56 must not be zero.
+
+    Parameters
+    ----------
+    pose : array (..., 4, 4), 1, length
+        transform from the end to the base
+    a : array (..., 5), length
+        a12, a23, a34, a45, a56
+    cosine : array (..., 5), no unit
+        cosines of the twists alpha12 to alpha56
+    sine : array (..., 5), no unit
+        sines of the twists
+    offset : array (..., 6), length
+        S1 to S6
+
+    Returns
+    -------
+    angles : array (..., 8, 6), rad
+        theta1 to theta6 of each solution, in (-pi, pi]
+    status : int8 array (..., 8), codes of RobotStatus
+        what each slot is
+    """
+    return _evaluate(
+        _robot_parallel_reverse, None,
+        "robot_parallel_reverse",
+        (pose, a, cosine, sine, offset),
+        (("pose", (4, 4)), ("a", (5,)), ("cosine", (5,)), ("sine", (5,)), ("offset", (6,))),
+        (("angles", (8, 6), False), ("status", (8,), True)),
+        out,
+    )
+
+
+def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
+    # 355 add, 586 mul, 29 div, 46 sqrt, 373 select, 185 compare, 47 abs, 34 atan2
+    x40 = pose_1_3*pose_1_3
+    x41 = pose_2_3*pose_2_3
+    x50 = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2)
+    x25 = 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3)
+    x32 = xp.abs(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - 1.0)
+    x39 = xp.abs(pose_1_2*pose_1_2 + pose_2_2*pose_2_2 + pose_3_2*pose_3_2 - 1.0)
+    x46 = xp.abs(x40 + x41 + pose_3_3*pose_3_3 - 1.0)
+    rough = x50 + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + x25 + x32 + x39 + x46
+    x66 = pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
+    handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + x66
+    x69 = xp.abs(a_2)
+    x70 = xp.abs(a_3)
+    x71 = xp.abs(a_4)
+    x92 = xp.abs(a_1) + x69 + x70 + x71 + xp.abs(a_5) + xp.abs(offset_1) + xp.abs(offset_2) + xp.abs(offset_3) + xp.abs(offset_4) + xp.abs(offset_5) + xp.abs(offset_6) + xp.abs(pose_1_4)
+    spare = x92 + xp.abs(pose_2_4) + xp.abs(pose_3_4)
+    good = (rough <= 1.0/1000000.0) & (spare <= largest) & (0.0 < handed)
+    near = good & (spare <= eps*largest**0.5)
+    centre_1 = pose_1_4 - offset_6*pose_1_3
+    centre_2 = pose_2_4 - offset_6*pose_2_3
+    centre_3 = pose_3_4 - offset_1 - offset_6*pose_3_3
+    height = cosine_4*offset_5 + offset_2 + offset_3 + offset_4
+    square = a_2*a_2 + a_3*a_3
+    x111 = a_2*a_3
+    width = 2.0*xp.abs(x111)
+    x113 = sine_1*sine_1
+    x114 = x40*x113
+    x115 = x41*x113
+    first_free_square = x114 + x115
+    first_free_amplitude = xp.sqrt(first_free_square)
+    first_free_per_square = xp.where(0.0 < first_free_square, 1.0/first_free_square, 1.0)
+    x119 = cosine_1*pose_3_3
+    x120 = cosine_4*cosine_5
+    x121 = pose_2_3*sine_1
+    x122 = x120 - x119
+    x125 = sine_4*sine_5
+    x126 = xp.abs(x125)
+    first_free_serves = (first_free_square <= 0.0) | (xp.abs(x122 + x121) <= x126)
+    first_free_at = xp.where(first_free_amplitude < x122, first_free_amplitude, xp.where(first_free_amplitude < -x122, -first_free_amplitude, x122))
+    x133 = first_free_at*first_free_at
+    first_free_rest = xp.where(x133 < first_free_square, xp.sqrt(first_free_square - x133), 0.0)
+    first_free_c_first = xp.where(first_free_serves, 1.0, -first_free_per_square*(first_free_at*x121 + first_free_rest*sine_1*pose_1_3))
+    first_free_s_first = xp.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*sine_1*pose_1_3 - first_free_rest*x121))
+    del x25, x32, x39, x46, x50, x66, x92, handed, rough, x40, x41, first_free_square, x133, first_free_at, first_free_rest, first_free_serves, x121
+    x148 = x115 - x114
+    x153 = 2.0*first_free_per_square*pose_1_3*pose_2_3
+    first_free_c_second = first_free_c_first*first_free_per_square*x148 - x153*first_free_s_first*x113
+    first_free_s_second = -(x153*first_free_c_first*x113 + first_free_per_square*first_free_s_first*x148)
+    first_free_split = (x126 < x122 + first_free_amplitude) & (x126 < first_free_amplitude - x122)
+    first_r = xp.sqrt(centre_1*centre_1*x113 + centre_2*centre_2*x113)
+    x171 = centre_3*cosine_1 - height
+    x172 = xp.abs(x171)
+    first_room = first_r - x172
+    x173 = eps*spare
+    x174 = 4096.0*x173
+    first_free = (first_r <= x174) & (x172 <= x174)
+    x177 = 64.0*eps
+    x178 = x177*spare
+    x180 = ~first_free
+    first_double = (first_room <= x178) & x180
+    first_exists = first_free | ((-x178 <= first_room) & (0.0 < first_r))
+    first_q = xp.where(x173 < first_room, xp.sqrt(first_room*(first_r + x172)), 0.0)
+    x189 = first_q*first_q
+    first_size = first_r*xp.sqrt(x189 + x171*x171)
+    first_scale = xp.where(0.0 < first_size, 1.0/first_size, 1.0)
+    x195 = first_q*sine_1
+    x196 = centre_1*x195
+    x198 = centre_2*sine_1*x171
+    first_c_a = xp.where(first_free, 1.0, first_scale*(x198 - x196))
+    x202 = centre_1*sine_1*x171
+    del x114, x115, first_free_per_square, x148, x153, first_free_amplitude, x122, x126, x113, height, first_room, x172, x173, first_size, first_q, x171
+    x203 = centre_2*x195
+    first_s_a = xp.where(first_free, 0.0, -first_scale*(x202 + x203))
+    first_c_b = xp.where(first_free, 1.0, first_scale*(x196 + x198))
+    first_s_b = xp.where(first_free, 0.0, first_scale*(x203 - x202))
+    first_two = first_exists & (~(first_double | first_free))
+    first_slope = x178*first_r + x189
+    x214 = 0.0 < first_slope
+    first_error = xp.where(x180 & x214, x178*xp.where(x214, 1.0/xp.sqrt(first_slope), 1.0), 0.0)
+    c_1_a = xp.where(first_free, first_free_c_first, first_c_a)
+    s_1_a = xp.where(first_free, first_free_s_first, first_s_a)
+    del x195, x196, x198, first_scale, x202, x203, first_r, x189, first_slope, x178, x180, x214, first_c_a, first_free_c_first, first_free_s_first, first_s_a
+    side_a = c_1_a*centre_2 - centre_1*s_1_a
+    end_a_1 = c_1_a*centre_1 + centre_2*s_1_a - a_1
+    x225 = centre_3*sine_1
+    end_a_2 = x225 + cosine_1*side_a
+    axes_a_1_1 = c_1_a*pose_1_1 + pose_2_1*s_1_a
+    axes_a_1_2 = c_1_a*pose_1_2 + pose_2_2*s_1_a
+    axes_a_1_3 = c_1_a*pose_1_3 + pose_2_3*s_1_a
+    x235 = c_1_a*pose_2_1 - pose_1_1*s_1_a
+    x237 = pose_3_1*sine_1
+    axes_a_2_1 = cosine_1*x235 + x237
+    x240 = c_1_a*pose_2_2 - pose_1_2*s_1_a
+    x242 = pose_3_2*sine_1
+    axes_a_2_2 = cosine_1*x240 + x242
+    x245 = c_1_a*pose_2_3 - pose_1_3*s_1_a
+    x247 = pose_3_3*sine_1
+    axes_a_2_3 = cosine_1*x245 + x247
+    x248 = cosine_1*pose_3_1
+    axes_a_3_1 = x248 - sine_1*x235
+    x250 = cosine_1*pose_3_2
+    axes_a_3_2 = x250 - sine_1*x240
+    axes_a_3_3 = x119 - sine_1*x245
+    h_a = xp.sqrt(axes_a_3_1*axes_a_3_1 + axes_a_3_2*axes_a_3_2)
+    x257 = 32.0*eps**0.5
+    error_a = xp.where(first_error < x257, first_error, x257)
+    bend_a_denominator = xp.abs(axes_a_3_3) + 1.0
+    x260 = cosine_4 + cosine_5
+    x261 = 0.0 <= axes_a_3_3
+    x262 = cosine_4 - cosine_5
+    bend_a_apart = xp.where(x261, x262, x260)
+    x263 = -x120
+    bend_a_product = xp.where(x261, x120, x263)
+    x264 = bend_a_apart*bend_a_apart
+    bend_a_gram = h_a*h_a*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x264
+    bend_a_rounding = x177*(x264 + h_a)
+    bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0*h_a)
+    bend_a_exists = -bend_a_tolerance <= bend_a_gram
+    x275 = 4096.0*eps
+    x277 = x275 + 4.0*error_a
+    bend_a_free = bend_a_exists & (h_a <= x277)
+    bend_a_any = bend_a_exists & (h_a <= x275)
+    bend_a_double = (bend_a_gram <= bend_a_tolerance) & (~bend_a_free)
+    bend_a_q = xp.where(0.015625*bend_a_rounding < bend_a_gram, xp.sqrt(bend_a_gram), 0.0)
+    bend_a_along = x120 - axes_a_3_3
+    bend_a_size = xp.sqrt(bend_a_along*bend_a_along + bend_a_q*bend_a_q)
+    x289 = xp.where(x125 < 0.0, -1.0, 1.0)
+    bend_a_scale = x289*xp.where(0.0 < bend_a_size, 1.0/bend_a_size, 1.0)
+    del centre_3, side_a, x235, x240, x245, x257, x261, bend_a_apart, bend_a_denominator, bend_a_product, x264, bend_a_tolerance, bend_a_gram, bend_a_rounding, x125, bend_a_size
+    bend_a_c = bend_a_along*bend_a_scale
+    bend_a_s = bend_a_q*bend_a_scale
+    bend_a_two = bend_a_exists & (~(bend_a_any | bend_a_double))
+    off_a = spare*(x177 + error_a)
+    x296 = bend_a_s*sine_4
+    x297 = axes_a_3_1*x296
+    x298 = cosine_5*sine_4
+    x300 = cosine_4*sine_5
+    x301 = bend_a_c*x298 + x300
+    x302 = axes_a_3_2*x301
+    sixth_aa_dot = x297 + x302
+    x303 = axes_a_3_1*x301
+    x304 = axes_a_3_2*x296
+    sixth_aa_cross = x303 - x304
+    sixth_aa_size = xp.sqrt(sixth_aa_cross*sixth_aa_cross + sixth_aa_dot*sixth_aa_dot)
+    sixth_aa_scale = xp.where(0.0 < sixth_aa_size, 1.0/sixth_aa_size, 1.0)
+    sixth_aa_c = xp.where(bend_a_any, 1.0, sixth_aa_dot*sixth_aa_scale)
+    sixth_aa_s = xp.where(bend_a_any, 0.0, sixth_aa_cross*sixth_aa_scale)
+    x313 = bend_a_s*cosine_5
+    x315 = bend_a_c*sixth_aa_c - x313*sixth_aa_s
+    x319 = bend_a_c*sixth_aa_s + x313*sixth_aa_c
+    x321 = bend_a_s*sine_5
+    x322 = axes_a_1_3*x321
+    c_zero_aa = axes_a_1_1*x315 + x322 - axes_a_1_2*x319
+    x326 = axes_a_2_3*x321
+    s_zero_aa = axes_a_2_1*x315 + x326 - axes_a_2_2*x319
+    del bend_a_along, bend_a_q, bend_a_scale, axes_a_3_1, x301, axes_a_3_2, x296, sixth_aa_size, sixth_aa_dot, sixth_aa_cross, sixth_aa_scale, axes_a_1_3, axes_a_2_3, x321, x315, x319
+    x329 = offset_5*sine_4
+    hand_aa_1 = a_4*c_zero_aa + x329*s_zero_aa
+    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x329
+    x333 = 2.0*end_a_1
+    x335 = 2.0*end_a_2
+    x337 = x333*hand_aa_1 + x335*hand_aa_2
+    x341 = x333*hand_aa_2 - x335*hand_aa_1
+    turn_aa_square = x337*x337 + x341*x341
+    turn_aa_amplitude = xp.sqrt(turn_aa_square)
+    turn_aa_per_square = xp.where(0.0 < turn_aa_square, 1.0/turn_aa_square, 1.0)
+    x351 = end_a_1*end_a_1 + end_a_2*end_a_2 - square
+    x353 = x351 + hand_aa_1*hand_aa_1 + hand_aa_2*hand_aa_2
+    turn_aa_serves = (turn_aa_square <= 0.0) | (xp.abs(x353 - x337) <= width)
+    x357 = -x353
+    turn_aa_at = xp.where(turn_aa_amplitude < x357, turn_aa_amplitude, xp.where(turn_aa_amplitude < x353, -turn_aa_amplitude, x357))
+    x362 = turn_aa_at*turn_aa_at
+    turn_aa_rest = xp.where(x362 < turn_aa_square, xp.sqrt(turn_aa_square - x362), 0.0)
+    turn_aa_c_first = xp.where(turn_aa_serves, 1.0, -turn_aa_per_square*(turn_aa_at*x337 + turn_aa_rest*x341))
+    turn_aa_s_first = xp.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x341 - turn_aa_rest*x337))
+    c_turn_aa = xp.where(bend_a_any, turn_aa_c_first, 1.0)
+    s_turn_aa = xp.where(bend_a_any, turn_aa_s_first, 0.0)
+    c_6_aa = xp.where(bend_a_any, c_turn_aa, sixth_aa_c)
+    x375 = 0.0 < axes_a_3_3
+    s_6_aa = xp.where(bend_a_any, xp.where(x375, -s_turn_aa, s_turn_aa), sixth_aa_s)
+    del turn_aa_amplitude, x353, x357, turn_aa_square, x362, turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x337, x341, turn_aa_c_first, turn_aa_s_first, sixth_aa_c, axes_a_3_3, sixth_aa_s
+    c_234_aa = c_turn_aa*c_zero_aa - s_turn_aa*s_zero_aa
+    s_234_aa = c_turn_aa*s_zero_aa + c_zero_aa*s_turn_aa
+    corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
+    corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
+    x388 = 0.0 < spare
+    x390 = x71 + xp.abs(x329)
+    x391 = x177 + first_error
+    more_aa = xp.where(x388, x390*xp.where(bend_a_any, 0.0, x391*xp.where(0.0 < h_a, 1.0/h_a, 1.0)), spare)
+    triangle_aa_side = xp.sqrt(corner_aa_1*corner_aa_1 + corner_aa_2*corner_aa_2)
+    x401 = spare*spare
+    x402 = x177*x401
+    x403 = 2.0*off_a
+    triangle_aa_area = x402 + x403*triangle_aa_side
+    triangle_aa_3_r = 2.0*x69*x70
+    x407 = square - triangle_aa_side*triangle_aa_side
+    x408 = xp.abs(x407)
+    triangle_aa_3_room = triangle_aa_3_r - x408
+    x409 = x275*x401
+    x410 = triangle_aa_3_r <= x409
+    triangle_aa_3_free = x410 & (x408 <= x409)
+    triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~triangle_aa_3_free)
+    x419 = 0.0 < triangle_aa_3_r
+    triangle_aa_3_exists = triangle_aa_3_free | ((-(2.0*triangle_aa_side*more_aa + triangle_aa_area) <= triangle_aa_3_room) & x419)
+    triangle_aa_3_q = xp.where(0.015625*triangle_aa_area < triangle_aa_3_room, xp.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x408)), 0.0)
+    del c_zero_aa, s_zero_aa, c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa, x71, first_error, h_a, off_a, x69, x70, x401, triangle_aa_side, triangle_aa_3_room, triangle_aa_area, x408
+    triangle_aa_3_size = triangle_aa_3_r*xp.sqrt(triangle_aa_3_q*triangle_aa_3_q + x407*x407)
+    triangle_aa_3_scale = xp.where(0.0 < triangle_aa_3_size, 1.0/triangle_aa_3_size, 1.0)
+    x432 = 2.0*x111
+    x433 = x432*triangle_aa_3_scale
+    triangle_aa_3_c_a = xp.where(triangle_aa_3_free, 1.0, -x433*x407)
+    x436 = x433*triangle_aa_3_q
+    triangle_aa_3_s_a = xp.where(triangle_aa_3_free, 0.0, x436)
+    triangle_aa_3_s_b = xp.where(triangle_aa_3_free, 0.0, -x436)
+    triangle_aa_3_two = triangle_aa_3_exists & (~(triangle_aa_3_double | triangle_aa_3_free))
+    triangle_aa_any = xp.abs(corner_aa_1) + xp.abs(corner_aa_2) <= x174
+    triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
+    triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
+    x444 = corner_aa_1*triangle_aa_arm_a_1
+    triangle_aa_2_a_dot = x444 + corner_aa_2*triangle_aa_arm_a_2
+    x447 = corner_aa_2*triangle_aa_arm_a_1
+    triangle_aa_2_a_cross = x447 - corner_aa_1*triangle_aa_arm_a_2
+    triangle_aa_2_a_size = xp.sqrt(triangle_aa_2_a_cross*triangle_aa_2_a_cross + triangle_aa_2_a_dot*triangle_aa_2_a_dot)
+    triangle_aa_2_a_scale = xp.where(0.0 < triangle_aa_2_a_size, 1.0/triangle_aa_2_a_size, 1.0)
+    triangle_aa_2_a_c = xp.where(triangle_aa_any, 1.0, triangle_aa_2_a_dot*triangle_aa_2_a_scale)
+    triangle_aa_2_a_s = xp.where(triangle_aa_any, 0.0, triangle_aa_2_a_cross*triangle_aa_2_a_scale)
+    triangle_aa_arm_b_2 = a_3*triangle_aa_3_s_b
+    triangle_aa_2_b_dot = x444 + corner_aa_2*triangle_aa_arm_b_2
+    triangle_aa_2_b_cross = x447 - corner_aa_1*triangle_aa_arm_b_2
+    del triangle_aa_3_size, x111, triangle_aa_3_scale, x407, triangle_aa_3_q, x433, x436, triangle_aa_arm_a_1, triangle_aa_arm_a_2, triangle_aa_2_a_size, triangle_aa_2_a_dot, triangle_aa_2_a_cross, triangle_aa_2_a_scale, corner_aa_2, x444, corner_aa_1, triangle_aa_arm_b_2, x447
+    triangle_aa_2_b_size = xp.sqrt(triangle_aa_2_b_cross*triangle_aa_2_b_cross + triangle_aa_2_b_dot*triangle_aa_2_b_dot)
+    triangle_aa_2_b_scale = xp.where(0.0 < triangle_aa_2_b_size, 1.0/triangle_aa_2_b_size, 1.0)
+    triangle_aa_2_b_c = xp.where(triangle_aa_any, 1.0, triangle_aa_2_b_dot*triangle_aa_2_b_scale)
+    triangle_aa_2_b_s = xp.where(triangle_aa_any, 0.0, triangle_aa_2_b_cross*triangle_aa_2_b_scale)
+    c_23_aaa = triangle_aa_2_a_c*triangle_aa_3_c_a - triangle_aa_2_a_s*triangle_aa_3_s_a
+    s_23_aaa = triangle_aa_2_a_c*triangle_aa_3_s_a + triangle_aa_2_a_s*triangle_aa_3_c_a
+    c_4_aaa = c_234_aa*c_23_aaa + s_234_aa*s_23_aaa
+    s_4_aaa = c_23_aaa*s_234_aa - c_234_aa*s_23_aaa
+    c_23_aab = triangle_aa_2_b_c*triangle_aa_3_c_a - triangle_aa_2_b_s*triangle_aa_3_s_b
+    s_23_aab = triangle_aa_2_b_c*triangle_aa_3_s_b + triangle_aa_2_b_s*triangle_aa_3_c_a
+    c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
+    s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
+    sixth_ab_dot = x302 - x297
+    sixth_ab_cross = x303 + x304
+    sixth_ab_size = xp.sqrt(sixth_ab_cross*sixth_ab_cross + sixth_ab_dot*sixth_ab_dot)
+    sixth_ab_scale = xp.where(0.0 < sixth_ab_size, 1.0/sixth_ab_size, 1.0)
+    sixth_ab_c = xp.where(bend_a_any, 1.0, sixth_ab_dot*sixth_ab_scale)
+    del triangle_aa_2_b_size, triangle_aa_2_b_dot, triangle_aa_2_b_cross, triangle_aa_2_b_scale, c_23_aaa, s_23_aaa, c_234_aa, c_23_aab, s_234_aa, s_23_aab, x297, x302, x303, x304, sixth_ab_size, sixth_ab_dot
+    sixth_ab_s = xp.where(bend_a_any, 0.0, sixth_ab_cross*sixth_ab_scale)
+    x489 = bend_a_c*sixth_ab_c + x313*sixth_ab_s
+    x493 = x313*sixth_ab_c - bend_a_c*sixth_ab_s
+    c_zero_ab = axes_a_1_1*x489 + axes_a_1_2*x493 - x322
+    s_zero_ab = axes_a_2_1*x489 + axes_a_2_2*x493 - x326
+    hand_ab_1 = a_4*c_zero_ab + x329*s_zero_ab
+    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x329
+    x505 = x333*hand_ab_1 + x335*hand_ab_2
+    x506 = x505*x505
+    x509 = x333*hand_ab_2 - x335*hand_ab_1
+    x510 = x509*x509
+    turn_ab_square = x506 + x510
+    turn_ab_amplitude = xp.sqrt(turn_ab_square)
+    turn_ab_per_square = xp.where(0.0 < turn_ab_square, 1.0/turn_ab_square, 1.0)
+    x517 = x351 + hand_ab_1*hand_ab_1 + hand_ab_2*hand_ab_2
+    turn_ab_serves = (turn_ab_square <= 0.0) | (xp.abs(x517 - x505) <= width)
+    x521 = -x517
+    turn_ab_at = xp.where(turn_ab_amplitude < x521, turn_ab_amplitude, xp.where(turn_ab_amplitude < x517, -turn_ab_amplitude, x521))
+    x526 = turn_ab_at*turn_ab_at
+    turn_ab_rest = xp.where(x526 < turn_ab_square, xp.sqrt(turn_ab_square - x526), 0.0)
+    del sixth_ab_cross, sixth_ab_scale, x313, axes_a_1_1, axes_a_1_2, x322, axes_a_2_1, axes_a_2_2, x326, x489, x493, x333, x335, x351, x521, turn_ab_square, x526
+    turn_ab_c_first = xp.where(turn_ab_serves, 1.0, -turn_ab_per_square*(turn_ab_at*x505 + turn_ab_rest*x509))
+    turn_ab_s_first = xp.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x509 - turn_ab_rest*x505))
+    x539 = x506 - x510
+    x540 = turn_ab_c_first*turn_ab_per_square
+    x547 = turn_ab_per_square*turn_ab_s_first
+    x548 = (4.0*(end_a_1*hand_ab_1) + 4.0*(end_a_2*hand_ab_2))*x509
+    turn_ab_c_second = x540*x539 - x547*x548
+    turn_ab_s_second = -(x540*x548 + x547*x539)
+    turn_ab_split = (width < turn_ab_amplitude - x517) & (width < x517 + turn_ab_amplitude)
+    del turn_ab_at, turn_ab_rest, turn_ab_serves, x505, x506, x510, turn_ab_c_first, turn_ab_per_square, turn_ab_s_first, x509, x539, x540, x547, x548, turn_ab_amplitude, x517
+    c_turn_ab = xp.where(bend_a_any, turn_ab_c_second, 1.0)
+    s_turn_ab = xp.where(bend_a_any, turn_ab_s_second, 0.0)
+    c_6_ab = xp.where(bend_a_any, c_turn_ab, sixth_ab_c)
+    s_6_ab = xp.where(bend_a_any, xp.where(x375, -s_turn_ab, s_turn_ab), sixth_ab_s)
+    bend_more_ab = bend_a_two | (bend_a_any & turn_ab_split)
+    c_234_ab = c_turn_ab*c_zero_ab - s_turn_ab*s_zero_ab
+    s_234_ab = c_turn_ab*s_zero_ab + c_zero_ab*s_turn_ab
+    corner_ab_1 = end_a_1 + hand_ab_2*s_turn_ab - c_turn_ab*hand_ab_1
+    corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
+    del turn_ab_c_second, turn_ab_s_second, sixth_ab_c, sixth_ab_s, x375, bend_a_any, bend_a_two, turn_ab_split, c_zero_ab, s_zero_ab, end_a_1, c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
+    triangle_ab_side = xp.sqrt(corner_ab_1*corner_ab_1 + corner_ab_2*corner_ab_2)
+    triangle_ab_area = x402 + x403*triangle_ab_side
+    x575 = square - triangle_ab_side*triangle_ab_side
+    x576 = xp.abs(x575)
+    triangle_ab_3_room = triangle_aa_3_r - x576
+    triangle_ab_3_free = x410 & (x576 <= x409)
+    triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~triangle_ab_3_free)
+    triangle_ab_3_exists = triangle_ab_3_free | ((-(2.0*triangle_ab_side*more_aa + triangle_ab_area) <= triangle_ab_3_room) & x419)
+    triangle_ab_3_q = xp.where(0.015625*triangle_ab_area < triangle_ab_3_room, xp.sqrt(triangle_ab_3_room*(triangle_aa_3_r + x576)), 0.0)
+    triangle_ab_3_size = triangle_aa_3_r*xp.sqrt(triangle_ab_3_q*triangle_ab_3_q + x575*x575)
+    triangle_ab_3_scale = xp.where(0.0 < triangle_ab_3_size, 1.0/triangle_ab_3_size, 1.0)
+    x597 = x432*triangle_ab_3_scale
+    triangle_ab_3_c_a = xp.where(triangle_ab_3_free, 1.0, -x597*x575)
+    x600 = x597*triangle_ab_3_q
+    triangle_ab_3_s_a = xp.where(triangle_ab_3_free, 0.0, x600)
+    triangle_ab_3_s_b = xp.where(triangle_ab_3_free, 0.0, -x600)
+    triangle_ab_3_two = triangle_ab_3_exists & (~(triangle_ab_3_double | triangle_ab_3_free))
+    triangle_ab_any = xp.abs(corner_ab_1) + xp.abs(corner_ab_2) <= x174
+    triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
+    triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
+    x608 = corner_ab_1*triangle_ab_arm_a_1
+    triangle_ab_2_a_dot = x608 + corner_ab_2*triangle_ab_arm_a_2
+    x611 = corner_ab_2*triangle_ab_arm_a_1
+    triangle_ab_2_a_cross = x611 - corner_ab_1*triangle_ab_arm_a_2
+    triangle_ab_2_a_size = xp.sqrt(triangle_ab_2_a_cross*triangle_ab_2_a_cross + triangle_ab_2_a_dot*triangle_ab_2_a_dot)
+    triangle_ab_2_a_scale = xp.where(0.0 < triangle_ab_2_a_size, 1.0/triangle_ab_2_a_size, 1.0)
+    triangle_ab_2_a_c = xp.where(triangle_ab_any, 1.0, triangle_ab_2_a_dot*triangle_ab_2_a_scale)
+    triangle_ab_2_a_s = xp.where(triangle_ab_any, 0.0, triangle_ab_2_a_cross*triangle_ab_2_a_scale)
+    del more_aa, triangle_ab_side, triangle_ab_3_room, triangle_ab_area, x576, triangle_ab_3_size, triangle_ab_3_scale, x575, triangle_ab_3_q, x597, x600, triangle_ab_arm_a_1, triangle_ab_arm_a_2, triangle_ab_2_a_size, triangle_ab_2_a_dot, triangle_ab_2_a_cross, triangle_ab_2_a_scale
+    triangle_ab_arm_b_2 = a_3*triangle_ab_3_s_b
+    triangle_ab_2_b_dot = x608 + corner_ab_2*triangle_ab_arm_b_2
+    triangle_ab_2_b_cross = x611 - corner_ab_1*triangle_ab_arm_b_2
+    triangle_ab_2_b_size = xp.sqrt(triangle_ab_2_b_cross*triangle_ab_2_b_cross + triangle_ab_2_b_dot*triangle_ab_2_b_dot)
+    triangle_ab_2_b_scale = xp.where(0.0 < triangle_ab_2_b_size, 1.0/triangle_ab_2_b_size, 1.0)
+    triangle_ab_2_b_c = xp.where(triangle_ab_any, 1.0, triangle_ab_2_b_dot*triangle_ab_2_b_scale)
+    triangle_ab_2_b_s = xp.where(triangle_ab_any, 0.0, triangle_ab_2_b_cross*triangle_ab_2_b_scale)
+    c_23_aba = triangle_ab_2_a_c*triangle_ab_3_c_a - triangle_ab_2_a_s*triangle_ab_3_s_a
+    s_23_aba = triangle_ab_2_a_c*triangle_ab_3_s_a + triangle_ab_2_a_s*triangle_ab_3_c_a
+    c_4_aba = c_234_ab*c_23_aba + s_234_ab*s_23_aba
+    s_4_aba = c_23_aba*s_234_ab - c_234_ab*s_23_aba
+    c_23_abb = triangle_ab_2_b_c*triangle_ab_3_c_a - triangle_ab_2_b_s*triangle_ab_3_s_b
+    s_23_abb = triangle_ab_2_b_c*triangle_ab_3_s_b + triangle_ab_2_b_s*triangle_ab_3_c_a
+    c_4_abb = c_234_ab*c_23_abb + s_234_ab*s_23_abb
+    s_4_abb = c_23_abb*s_234_ab - c_234_ab*s_23_abb
+    c_1_b = xp.where(first_free, first_free_c_second, first_c_b)
+    del corner_ab_2, x608, corner_ab_1, triangle_ab_arm_b_2, x611, triangle_ab_2_b_size, triangle_ab_2_b_dot, triangle_ab_2_b_cross, triangle_ab_2_b_scale, c_23_aba, s_23_aba, c_234_ab, c_23_abb, s_234_ab, s_23_abb, first_c_b, first_free_c_second
+    s_1_b = xp.where(first_free, first_free_s_second, first_s_b)
+    first_more = first_two | (first_free & first_free_split)
+    side_b = c_1_b*centre_2 - centre_1*s_1_b
+    end_b_1 = c_1_b*centre_1 + centre_2*s_1_b - a_1
+    end_b_2 = x225 + cosine_1*side_b
+    axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
+    axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
+    axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
+    x659 = c_1_b*pose_2_1 - pose_1_1*s_1_b
+    axes_b_2_1 = cosine_1*x659 + x237
+    x663 = c_1_b*pose_2_2 - pose_1_2*s_1_b
+    axes_b_2_2 = cosine_1*x663 + x242
+    x667 = c_1_b*pose_2_3 - pose_1_3*s_1_b
+    axes_b_2_3 = cosine_1*x667 + x247
+    axes_b_3_1 = x248 - sine_1*x659
+    axes_b_3_2 = x250 - sine_1*x663
+    axes_b_3_3 = x119 - sine_1*x667
+    del first_free_s_second, first_s_b, first_free_split, first_two, centre_1, centre_2, side_b, x225, x237, x242, x247, x248, x659, x250, x663, x119, x667
+    h_b = xp.sqrt(axes_b_3_1*axes_b_3_1 + axes_b_3_2*axes_b_3_2)
+    bend_b_denominator = xp.abs(axes_b_3_3) + 1.0
+    x676 = 0.0 <= axes_b_3_3
+    bend_b_apart = xp.where(x676, x262, x260)
+    bend_b_product = xp.where(x676, x120, x263)
+    x677 = bend_b_apart*bend_b_apart
+    bend_b_gram = h_b*h_b*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x677
+    bend_b_rounding = x177*(x677 + h_b)
+    bend_b_tolerance = bend_b_rounding + error_a*(error_a + 2.0*h_b)
+    bend_b_exists = -bend_b_tolerance <= bend_b_gram
+    bend_b_free = bend_b_exists & (h_b <= x277)
+    bend_b_any = bend_b_exists & (h_b <= x275)
+    bend_b_double = (bend_b_gram <= bend_b_tolerance) & (~bend_b_free)
+    bend_b_q = xp.where(0.015625*bend_b_rounding < bend_b_gram, xp.sqrt(bend_b_gram), 0.0)
+    bend_b_along = x120 - axes_b_3_3
+    del x260, x262, x263, x676, bend_b_apart, bend_b_denominator, bend_b_product, x177, x677, error_a, x277, x275, bend_b_tolerance, bend_b_gram, bend_b_rounding, x120
+    bend_b_size = xp.sqrt(bend_b_along*bend_b_along + bend_b_q*bend_b_q)
+    bend_b_scale = x289*xp.where(0.0 < bend_b_size, 1.0/bend_b_size, 1.0)
+    bend_b_c = bend_b_along*bend_b_scale
+    bend_b_s = bend_b_q*bend_b_scale
+    bend_b_two = bend_b_exists & (~(bend_b_any | bend_b_double))
+    x703 = bend_b_s*sine_4
+    x704 = axes_b_3_1*x703
+    x706 = bend_b_c*x298 + x300
+    x707 = axes_b_3_2*x706
+    sixth_ba_dot = x704 + x707
+    x708 = axes_b_3_1*x706
+    x709 = axes_b_3_2*x703
+    sixth_ba_cross = x708 - x709
+    sixth_ba_size = xp.sqrt(sixth_ba_cross*sixth_ba_cross + sixth_ba_dot*sixth_ba_dot)
+    sixth_ba_scale = xp.where(0.0 < sixth_ba_size, 1.0/sixth_ba_size, 1.0)
+    sixth_ba_c = xp.where(bend_b_any, 1.0, sixth_ba_dot*sixth_ba_scale)
+    sixth_ba_s = xp.where(bend_b_any, 0.0, sixth_ba_cross*sixth_ba_scale)
+    x718 = bend_b_s*cosine_5
+    x720 = bend_b_c*sixth_ba_c - x718*sixth_ba_s
+    x724 = bend_b_c*sixth_ba_s + x718*sixth_ba_c
+    x726 = bend_b_s*sine_5
+    x727 = axes_b_1_3*x726
+    del bend_b_size, x289, bend_b_along, bend_b_q, bend_b_scale, x298, x300, axes_b_3_1, x706, axes_b_3_2, x703, sixth_ba_size, sixth_ba_dot, sixth_ba_cross, sixth_ba_scale, axes_b_1_3
+    c_zero_ba = axes_b_1_1*x720 + x727 - axes_b_1_2*x724
+    x731 = axes_b_2_3*x726
+    s_zero_ba = axes_b_2_1*x720 + x731 - axes_b_2_2*x724
+    hand_ba_1 = a_4*c_zero_ba + x329*s_zero_ba
+    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x329
+    x737 = 2.0*end_b_1
+    x739 = 2.0*end_b_2
+    x741 = x737*hand_ba_1 + x739*hand_ba_2
+    x745 = x737*hand_ba_2 - x739*hand_ba_1
+    turn_ba_square = x741*x741 + x745*x745
+    turn_ba_amplitude = xp.sqrt(turn_ba_square)
+    turn_ba_per_square = xp.where(0.0 < turn_ba_square, 1.0/turn_ba_square, 1.0)
+    x755 = end_b_1*end_b_1 + end_b_2*end_b_2 - square
+    x757 = x755 + hand_ba_1*hand_ba_1 + hand_ba_2*hand_ba_2
+    turn_ba_serves = (turn_ba_square <= 0.0) | (xp.abs(x757 - x741) <= width)
+    x761 = -x757
+    turn_ba_at = xp.where(turn_ba_amplitude < x761, turn_ba_amplitude, xp.where(turn_ba_amplitude < x757, -turn_ba_amplitude, x761))
+    x766 = turn_ba_at*turn_ba_at
+    turn_ba_rest = xp.where(x766 < turn_ba_square, xp.sqrt(turn_ba_square - x766), 0.0)
+    turn_ba_c_first = xp.where(turn_ba_serves, 1.0, -turn_ba_per_square*(turn_ba_at*x741 + turn_ba_rest*x745))
+    turn_ba_s_first = xp.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x745 - turn_ba_rest*x741))
+    c_turn_ba = xp.where(bend_b_any, turn_ba_c_first, 1.0)
+    del axes_b_2_3, x726, x720, x724, turn_ba_amplitude, x757, x761, turn_ba_square, x766, turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x741, x745, turn_ba_c_first
+    s_turn_ba = xp.where(bend_b_any, turn_ba_s_first, 0.0)
+    c_6_ba = xp.where(bend_b_any, c_turn_ba, sixth_ba_c)
+    x779 = 0.0 < axes_b_3_3
+    s_6_ba = xp.where(bend_b_any, xp.where(x779, -s_turn_ba, s_turn_ba), sixth_ba_s)
+    c_234_ba = c_turn_ba*c_zero_ba - s_turn_ba*s_zero_ba
+    s_234_ba = c_turn_ba*s_zero_ba + c_zero_ba*s_turn_ba
+    corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
+    corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
+    more_ba = xp.where(x388, x390*xp.where(bend_b_any, 0.0, x391*xp.where(0.0 < h_b, 1.0/h_b, 1.0)), spare)
+    triangle_ba_side = xp.sqrt(corner_ba_1*corner_ba_1 + corner_ba_2*corner_ba_2)
+    triangle_ba_area = x402 + x403*triangle_ba_side
+    x803 = square - triangle_ba_side*triangle_ba_side
+    x804 = xp.abs(x803)
+    triangle_ba_3_room = triangle_aa_3_r - x804
+    triangle_ba_3_free = x410 & (x804 <= x409)
+    triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~triangle_ba_3_free)
+    triangle_ba_3_exists = triangle_ba_3_free | ((-(2.0*triangle_ba_side*more_ba + triangle_ba_area) <= triangle_ba_3_room) & x419)
+    del turn_ba_s_first, sixth_ba_c, axes_b_3_3, sixth_ba_s, c_zero_ba, s_zero_ba, c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba, h_b, spare, x388, x390, x391, triangle_ba_side
+    triangle_ba_3_q = xp.where(0.015625*triangle_ba_area < triangle_ba_3_room, xp.sqrt(triangle_ba_3_room*(triangle_aa_3_r + x804)), 0.0)
+    triangle_ba_3_size = triangle_aa_3_r*xp.sqrt(triangle_ba_3_q*triangle_ba_3_q + x803*x803)
+    triangle_ba_3_scale = xp.where(0.0 < triangle_ba_3_size, 1.0/triangle_ba_3_size, 1.0)
+    x825 = x432*triangle_ba_3_scale
+    triangle_ba_3_c_a = xp.where(triangle_ba_3_free, 1.0, -x825*x803)
+    x828 = x825*triangle_ba_3_q
+    triangle_ba_3_s_a = xp.where(triangle_ba_3_free, 0.0, x828)
+    triangle_ba_3_s_b = xp.where(triangle_ba_3_free, 0.0, -x828)
+    triangle_ba_3_two = triangle_ba_3_exists & (~(triangle_ba_3_double | triangle_ba_3_free))
+    triangle_ba_any = xp.abs(corner_ba_1) + xp.abs(corner_ba_2) <= x174
+    triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
+    triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
+    x836 = corner_ba_1*triangle_ba_arm_a_1
+    triangle_ba_2_a_dot = x836 + corner_ba_2*triangle_ba_arm_a_2
+    x839 = corner_ba_2*triangle_ba_arm_a_1
+    triangle_ba_2_a_cross = x839 - corner_ba_1*triangle_ba_arm_a_2
+    triangle_ba_2_a_size = xp.sqrt(triangle_ba_2_a_cross*triangle_ba_2_a_cross + triangle_ba_2_a_dot*triangle_ba_2_a_dot)
+    triangle_ba_2_a_scale = xp.where(0.0 < triangle_ba_2_a_size, 1.0/triangle_ba_2_a_size, 1.0)
+    triangle_ba_2_a_c = xp.where(triangle_ba_any, 1.0, triangle_ba_2_a_dot*triangle_ba_2_a_scale)
+    triangle_ba_2_a_s = xp.where(triangle_ba_any, 0.0, triangle_ba_2_a_cross*triangle_ba_2_a_scale)
+    triangle_ba_arm_b_2 = a_3*triangle_ba_3_s_b
+    triangle_ba_2_b_dot = x836 + corner_ba_2*triangle_ba_arm_b_2
+    del triangle_ba_3_room, triangle_ba_area, x804, triangle_ba_3_size, triangle_ba_3_scale, x803, triangle_ba_3_q, x825, x828, triangle_ba_arm_a_1, triangle_ba_arm_a_2, triangle_ba_2_a_size, triangle_ba_2_a_dot, triangle_ba_2_a_cross, triangle_ba_2_a_scale, corner_ba_2, x836
+    triangle_ba_2_b_cross = x839 - corner_ba_1*triangle_ba_arm_b_2
+    triangle_ba_2_b_size = xp.sqrt(triangle_ba_2_b_cross*triangle_ba_2_b_cross + triangle_ba_2_b_dot*triangle_ba_2_b_dot)
+    triangle_ba_2_b_scale = xp.where(0.0 < triangle_ba_2_b_size, 1.0/triangle_ba_2_b_size, 1.0)
+    triangle_ba_2_b_c = xp.where(triangle_ba_any, 1.0, triangle_ba_2_b_dot*triangle_ba_2_b_scale)
+    triangle_ba_2_b_s = xp.where(triangle_ba_any, 0.0, triangle_ba_2_b_cross*triangle_ba_2_b_scale)
+    c_23_baa = triangle_ba_2_a_c*triangle_ba_3_c_a - triangle_ba_2_a_s*triangle_ba_3_s_a
+    s_23_baa = triangle_ba_2_a_c*triangle_ba_3_s_a + triangle_ba_2_a_s*triangle_ba_3_c_a
+    c_4_baa = c_234_ba*c_23_baa + s_234_ba*s_23_baa
+    s_4_baa = c_23_baa*s_234_ba - c_234_ba*s_23_baa
+    c_23_bab = triangle_ba_2_b_c*triangle_ba_3_c_a - triangle_ba_2_b_s*triangle_ba_3_s_b
+    s_23_bab = triangle_ba_2_b_c*triangle_ba_3_s_b + triangle_ba_2_b_s*triangle_ba_3_c_a
+    c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
+    s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
+    sixth_bb_dot = x707 - x704
+    sixth_bb_cross = x708 + x709
+    del corner_ba_1, triangle_ba_arm_b_2, x839, triangle_ba_2_b_size, triangle_ba_2_b_dot, triangle_ba_2_b_cross, triangle_ba_2_b_scale, c_23_baa, s_23_baa, c_234_ba, c_23_bab, s_234_ba, s_23_bab, x704, x707, x708, x709
+    sixth_bb_size = xp.sqrt(sixth_bb_cross*sixth_bb_cross + sixth_bb_dot*sixth_bb_dot)
+    sixth_bb_scale = xp.where(0.0 < sixth_bb_size, 1.0/sixth_bb_size, 1.0)
+    sixth_bb_c = xp.where(bend_b_any, 1.0, sixth_bb_dot*sixth_bb_scale)
+    sixth_bb_s = xp.where(bend_b_any, 0.0, sixth_bb_cross*sixth_bb_scale)
+    x881 = bend_b_c*sixth_bb_c + x718*sixth_bb_s
+    x885 = x718*sixth_bb_c - bend_b_c*sixth_bb_s
+    c_zero_bb = axes_b_1_1*x881 + axes_b_1_2*x885 - x727
+    s_zero_bb = axes_b_2_1*x881 + axes_b_2_2*x885 - x731
+    hand_bb_1 = a_4*c_zero_bb + x329*s_zero_bb
+    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x329
+    x897 = x737*hand_bb_1 + x739*hand_bb_2
+    x898 = x897*x897
+    x901 = x737*hand_bb_2 - x739*hand_bb_1
+    del sixth_bb_size, sixth_bb_dot, sixth_bb_cross, sixth_bb_scale, x718, axes_b_1_1, axes_b_1_2, x727, axes_b_2_1, axes_b_2_2, x731, x881, x885, x329, x737, x739
+    x902 = x901*x901
+    turn_bb_square = x898 + x902
+    turn_bb_amplitude = xp.sqrt(turn_bb_square)
+    turn_bb_per_square = xp.where(0.0 < turn_bb_square, 1.0/turn_bb_square, 1.0)
+    x909 = x755 + hand_bb_1*hand_bb_1 + hand_bb_2*hand_bb_2
+    turn_bb_serves = (turn_bb_square <= 0.0) | (xp.abs(x909 - x897) <= width)
+    x913 = -x909
+    turn_bb_at = xp.where(turn_bb_amplitude < x913, turn_bb_amplitude, xp.where(turn_bb_amplitude < x909, -turn_bb_amplitude, x913))
+    x918 = turn_bb_at*turn_bb_at
+    turn_bb_rest = xp.where(x918 < turn_bb_square, xp.sqrt(turn_bb_square - x918), 0.0)
+    turn_bb_c_first = xp.where(turn_bb_serves, 1.0, -turn_bb_per_square*(turn_bb_at*x897 + turn_bb_rest*x901))
+    turn_bb_s_first = xp.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x901 - turn_bb_rest*x897))
+    x931 = x898 - x902
+    x932 = turn_bb_c_first*turn_bb_per_square
+    x939 = turn_bb_per_square*turn_bb_s_first
+    x940 = (4.0*(end_b_1*hand_bb_1) + 4.0*(end_b_2*hand_bb_2))*x901
+    turn_bb_c_second = x932*x931 - x939*x940
+    turn_bb_s_second = -(x932*x940 + x939*x931)
+    del x755, x913, turn_bb_square, x918, turn_bb_at, turn_bb_rest, turn_bb_serves, x897, x898, x902, turn_bb_c_first, turn_bb_per_square, turn_bb_s_first, x901, x931, x932, x939, x940
+    turn_bb_split = (width < turn_bb_amplitude - x909) & (width < x909 + turn_bb_amplitude)
+    c_turn_bb = xp.where(bend_b_any, turn_bb_c_second, 1.0)
+    s_turn_bb = xp.where(bend_b_any, turn_bb_s_second, 0.0)
+    c_6_bb = xp.where(bend_b_any, c_turn_bb, sixth_bb_c)
+    s_6_bb = xp.where(bend_b_any, xp.where(x779, -s_turn_bb, s_turn_bb), sixth_bb_s)
+    bend_more_bb = bend_b_two | (bend_b_any & turn_bb_split)
+    c_234_bb = c_turn_bb*c_zero_bb - s_turn_bb*s_zero_bb
+    s_234_bb = c_turn_bb*s_zero_bb + c_zero_bb*s_turn_bb
+    corner_bb_1 = end_b_1 + hand_bb_2*s_turn_bb - c_turn_bb*hand_bb_1
+    corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
+    del turn_bb_amplitude, width, x909, turn_bb_c_second, turn_bb_s_second, sixth_bb_c, sixth_bb_s, x779, bend_b_any, bend_b_two, turn_bb_split, c_zero_bb, s_zero_bb, end_b_1, c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
+    triangle_bb_side = xp.sqrt(corner_bb_1*corner_bb_1 + corner_bb_2*corner_bb_2)
+    triangle_bb_area = x402 + x403*triangle_bb_side
+    x967 = square - triangle_bb_side*triangle_bb_side
+    x968 = xp.abs(x967)
+    triangle_bb_3_room = triangle_aa_3_r - x968
+    triangle_bb_3_free = x410 & (x968 <= x409)
+    triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~triangle_bb_3_free)
+    triangle_bb_3_exists = triangle_bb_3_free | ((-(2.0*triangle_bb_side*more_ba + triangle_bb_area) <= triangle_bb_3_room) & x419)
+    triangle_bb_3_q = xp.where(0.015625*triangle_bb_area < triangle_bb_3_room, xp.sqrt(triangle_bb_3_room*(triangle_aa_3_r + x968)), 0.0)
+    triangle_bb_3_size = triangle_aa_3_r*xp.sqrt(triangle_bb_3_q*triangle_bb_3_q + x967*x967)
+    triangle_bb_3_scale = xp.where(0.0 < triangle_bb_3_size, 1.0/triangle_bb_3_size, 1.0)
+    x989 = x432*triangle_bb_3_scale
+    triangle_bb_3_c_a = xp.where(triangle_bb_3_free, 1.0, -x989*x967)
+    del x402, x403, square, x409, x410, more_ba, triangle_bb_side, x419, triangle_bb_3_room, triangle_bb_area, x968, triangle_aa_3_r, triangle_bb_3_size, triangle_bb_3_scale, x432, x967
+    x992 = x989*triangle_bb_3_q
+    triangle_bb_3_s_a = xp.where(triangle_bb_3_free, 0.0, x992)
+    triangle_bb_3_s_b = xp.where(triangle_bb_3_free, 0.0, -x992)
+    triangle_bb_3_two = triangle_bb_3_exists & (~(triangle_bb_3_double | triangle_bb_3_free))
+    triangle_bb_any = xp.abs(corner_bb_1) + xp.abs(corner_bb_2) <= x174
+    triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
+    triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
+    x1000 = corner_bb_1*triangle_bb_arm_a_1
+    triangle_bb_2_a_dot = x1000 + corner_bb_2*triangle_bb_arm_a_2
+    x1003 = corner_bb_2*triangle_bb_arm_a_1
+    triangle_bb_2_a_cross = x1003 - corner_bb_1*triangle_bb_arm_a_2
+    triangle_bb_2_a_size = xp.sqrt(triangle_bb_2_a_cross*triangle_bb_2_a_cross + triangle_bb_2_a_dot*triangle_bb_2_a_dot)
+    triangle_bb_2_a_scale = xp.where(0.0 < triangle_bb_2_a_size, 1.0/triangle_bb_2_a_size, 1.0)
+    triangle_bb_2_a_c = xp.where(triangle_bb_any, 1.0, triangle_bb_2_a_dot*triangle_bb_2_a_scale)
+    triangle_bb_2_a_s = xp.where(triangle_bb_any, 0.0, triangle_bb_2_a_cross*triangle_bb_2_a_scale)
+    triangle_bb_arm_b_2 = a_3*triangle_bb_3_s_b
+    triangle_bb_2_b_dot = x1000 + corner_bb_2*triangle_bb_arm_b_2
+    triangle_bb_2_b_cross = x1003 - corner_bb_1*triangle_bb_arm_b_2
+    triangle_bb_2_b_size = xp.sqrt(triangle_bb_2_b_cross*triangle_bb_2_b_cross + triangle_bb_2_b_dot*triangle_bb_2_b_dot)
+    triangle_bb_2_b_scale = xp.where(0.0 < triangle_bb_2_b_size, 1.0/triangle_bb_2_b_size, 1.0)
+    del triangle_bb_3_q, x989, x992, x174, triangle_bb_arm_a_1, triangle_bb_arm_a_2, triangle_bb_2_a_size, triangle_bb_2_a_dot, triangle_bb_2_a_cross, triangle_bb_2_a_scale, corner_bb_2, x1000, corner_bb_1, triangle_bb_arm_b_2, x1003, triangle_bb_2_b_size
+    triangle_bb_2_b_c = xp.where(triangle_bb_any, 1.0, triangle_bb_2_b_dot*triangle_bb_2_b_scale)
+    triangle_bb_2_b_s = xp.where(triangle_bb_any, 0.0, triangle_bb_2_b_cross*triangle_bb_2_b_scale)
+    c_23_bba = triangle_bb_2_a_c*triangle_bb_3_c_a - triangle_bb_2_a_s*triangle_bb_3_s_a
+    s_23_bba = triangle_bb_2_a_c*triangle_bb_3_s_a + triangle_bb_2_a_s*triangle_bb_3_c_a
+    c_4_bba = c_234_bb*c_23_bba + s_234_bb*s_23_bba
+    s_4_bba = c_23_bba*s_234_bb - c_234_bb*s_23_bba
+    c_23_bbb = triangle_bb_2_b_c*triangle_bb_3_c_a - triangle_bb_2_b_s*triangle_bb_3_s_b
+    s_23_bbb = triangle_bb_2_b_c*triangle_bb_3_s_b + triangle_bb_2_b_s*triangle_bb_3_c_a
+    c_4_bbb = c_234_bb*c_23_bbb + s_234_bb*s_23_bbb
+    s_4_bbb = c_23_bbb*s_234_bb - c_234_bb*s_23_bbb
+    x1036 = first_exists & near
+    x1037 = bend_a_exists & x1036
+    there_1 = x1037 & triangle_aa_3_exists
+    angle_1_1 = xp.atan2(s_1_a, c_1_a)
+    angle_1_2 = xp.atan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
+    del triangle_bb_2_b_dot, triangle_bb_2_b_cross, triangle_bb_2_b_scale, c_23_bba, s_23_bba, c_234_bb, c_23_bbb, s_234_bb, s_23_bbb, first_exists, bend_a_exists, triangle_aa_3_exists, c_1_a, s_1_a, triangle_aa_2_a_c, triangle_aa_2_a_s
+    angle_1_3 = xp.atan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
+    angle_1_4 = xp.atan2(s_4_aaa, c_4_aaa)
+    angle_1_5 = xp.atan2(bend_a_s, bend_a_c)
+    angle_1_6 = xp.atan2(s_6_aa, c_6_aa)
+    x1038 = bend_a_double | first_double
+    x1041 = bend_a_free | first_free
+    code_1 = xp.where(x1041 | triangle_aa_3_free | triangle_aa_any, 2.0, xp.where(x1038 | triangle_aa_3_double, 1.0, 0.0))
+    there_2 = x1037 & triangle_aa_3_two
+    angle_2_2 = xp.atan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
+    angle_2_3 = xp.atan2(triangle_aa_3_s_b, triangle_aa_3_c_a)
+    del triangle_aa_3_s_a, c_4_aaa, s_4_aaa, c_6_aa, s_6_aa, bend_a_double, bend_a_free, triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any, triangle_aa_3_two, x1037, triangle_aa_2_b_c, triangle_aa_2_b_s, triangle_aa_3_c_a, triangle_aa_3_s_b
+    angle_2_4 = xp.atan2(s_4_aab, c_4_aab)
+    x1044 = bend_more_ab & x1036
+    there_3 = x1044 & triangle_ab_3_exists
+    angle_3_2 = xp.atan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
+    angle_3_3 = xp.atan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
+    angle_3_4 = xp.atan2(s_4_aba, c_4_aba)
+    angle_3_5 = xp.atan2(-bend_a_s, bend_a_c)
+    angle_3_6 = xp.atan2(s_6_ab, c_6_ab)
+    code_3 = xp.where(x1041 | triangle_ab_3_free | triangle_ab_any, 2.0, xp.where(x1038 | triangle_ab_3_double, 1.0, 0.0))
+    del c_4_aab, s_4_aab, bend_more_ab, x1036, triangle_ab_3_exists, triangle_ab_2_a_c, triangle_ab_2_a_s, triangle_ab_3_s_a, c_4_aba, s_4_aba, bend_a_c, bend_a_s, c_6_ab, s_6_ab, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any, x1038, x1041
+    there_4 = x1044 & triangle_ab_3_two
+    angle_4_2 = xp.atan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
+    angle_4_3 = xp.atan2(triangle_ab_3_s_b, triangle_ab_3_c_a)
+    angle_4_4 = xp.atan2(s_4_abb, c_4_abb)
+    x1050 = first_more & near
+    x1051 = bend_b_exists & x1050
+    there_5 = x1051 & triangle_ba_3_exists
+    angle_5_1 = xp.atan2(s_1_b, c_1_b)
+    angle_5_2 = xp.atan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
+    del triangle_ab_3_two, x1044, triangle_ab_2_b_c, triangle_ab_2_b_s, triangle_ab_3_c_a, triangle_ab_3_s_b, c_4_abb, s_4_abb, first_more, near, bend_b_exists, triangle_ba_3_exists, c_1_b, s_1_b, triangle_ba_2_a_c, triangle_ba_2_a_s
+    angle_5_3 = xp.atan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
+    angle_5_4 = xp.atan2(s_4_baa, c_4_baa)
+    angle_5_5 = xp.atan2(bend_b_s, bend_b_c)
+    angle_5_6 = xp.atan2(s_6_ba, c_6_ba)
+    x1052 = bend_b_double | first_double
+    x1055 = bend_b_free | first_free
+    code_5 = xp.where(x1055 | triangle_ba_3_free | triangle_ba_any, 2.0, xp.where(x1052 | triangle_ba_3_double, 1.0, 0.0))
+    there_6 = x1051 & triangle_ba_3_two
+    angle_6_2 = xp.atan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
+    del triangle_ba_3_s_a, c_4_baa, s_4_baa, c_6_ba, s_6_ba, bend_b_double, first_double, bend_b_free, first_free, triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any, triangle_ba_3_two, x1051, triangle_ba_2_b_c, triangle_ba_2_b_s
+    angle_6_3 = xp.atan2(triangle_ba_3_s_b, triangle_ba_3_c_a)
+    angle_6_4 = xp.atan2(s_4_bab, c_4_bab)
+    x1058 = bend_more_bb & x1050
+    there_7 = x1058 & triangle_bb_3_exists
+    angle_7_2 = xp.atan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
+    angle_7_3 = xp.atan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
+    angle_7_4 = xp.atan2(s_4_bba, c_4_bba)
+    angle_7_5 = xp.atan2(-bend_b_s, bend_b_c)
+    angle_7_6 = xp.atan2(s_6_bb, c_6_bb)
+    del triangle_ba_3_c_a, triangle_ba_3_s_b, c_4_bab, s_4_bab, bend_more_bb, x1050, triangle_bb_3_exists, triangle_bb_2_a_c, triangle_bb_2_a_s, triangle_bb_3_s_a, c_4_bba, s_4_bba, bend_b_c, bend_b_s, c_6_bb, s_6_bb
+    code_7 = xp.where(x1055 | triangle_bb_3_free | triangle_bb_any, 2.0, xp.where(x1052 | triangle_bb_3_double, 1.0, 0.0))
+    there_8 = x1058 & triangle_bb_3_two
+    angle_8_2 = xp.atan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
+    angle_8_3 = xp.atan2(triangle_bb_3_s_b, triangle_bb_3_c_a)
+    angle_8_4 = xp.atan2(s_4_bbb, c_4_bbb)
+    holes_1 = xp.where(there_1, 0.0, 1.0)
+    holes_2 = holes_1 + xp.where(there_2, 0.0, 1.0)
+    holes_3 = holes_2 + xp.where(there_3, 0.0, 1.0)
+    holes_4 = holes_3 + xp.where(there_4, 0.0, 1.0)
+    holes_5 = holes_4 + xp.where(there_5, 0.0, 1.0)
+    holes_6 = holes_5 + xp.where(there_6, 0.0, 1.0)
+    holes_7 = holes_6 + xp.where(there_7, 0.0, 1.0)
+    moves_1_1 = there_2 & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
+    moves_1_2 = there_3 & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
+    moves_1_3 = there_4 & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
+    moves_1_4 = there_5 & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
+    moves_1_5 = there_6 & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
+    moves_1_6 = there_7 & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
+    moves_1_7 = there_8 & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
+    there_1_0 = moves_1_1 | there_1
+    row_1_0_1 = xp.where(moves_1_1, code_1, code_1)
+    x1119 = -3.141592653589793
+    x1121 = xp.where(x1119 < angle_1_1, angle_1_1, 3.141592653589793)
+    del triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any, x1052, x1055, triangle_bb_3_two, x1058, triangle_bb_2_b_c, triangle_bb_2_b_s, triangle_bb_3_c_a, triangle_bb_3_s_b, c_4_bbb, s_4_bbb, holes_1, there_1, angle_1_1
+    row_1_0_2 = xp.where(moves_1_1, x1121, x1121)
+    x1125 = xp.where(x1119 < angle_2_2, angle_2_2, 3.141592653589793)
+    row_1_0_3 = xp.where(moves_1_1, x1125, xp.where(x1119 < angle_1_2, angle_1_2, 3.141592653589793))
+    x1129 = xp.where(x1119 < angle_2_3, angle_2_3, 3.141592653589793)
+    row_1_0_4 = xp.where(moves_1_1, x1129, xp.where(x1119 < angle_1_3, angle_1_3, 3.141592653589793))
+    x1133 = xp.where(x1119 < angle_2_4, angle_2_4, 3.141592653589793)
+    row_1_0_5 = xp.where(moves_1_1, x1133, xp.where(x1119 < angle_1_4, angle_1_4, 3.141592653589793))
+    x1135 = xp.where(x1119 < angle_1_5, angle_1_5, 3.141592653589793)
+    row_1_0_6 = xp.where(moves_1_1, x1135, x1135)
+    x1137 = xp.where(x1119 < angle_1_6, angle_1_6, 3.141592653589793)
+    row_1_0_7 = xp.where(moves_1_1, x1137, x1137)
+    there_1_1 = moves_1_2 | (there_2 & (~moves_1_1))
+    row_1_1_1 = xp.where(moves_1_2, code_3, code_1)
+    row_1_1_2 = xp.where(moves_1_2, x1121, x1121)
+    x1141 = xp.where(x1119 < angle_3_2, angle_3_2, 3.141592653589793)
+    row_1_1_3 = xp.where(moves_1_2, x1141, x1125)
+    x1143 = xp.where(x1119 < angle_3_3, angle_3_3, 3.141592653589793)
+    row_1_1_4 = xp.where(moves_1_2, x1143, x1129)
+    x1145 = xp.where(x1119 < angle_3_4, angle_3_4, 3.141592653589793)
+    del angle_2_2, angle_1_2, angle_2_3, angle_1_3, angle_2_4, angle_1_4, angle_1_5, angle_1_6, moves_1_1, there_2, code_1, angle_3_2, x1125, angle_3_3, x1129, angle_3_4
+    row_1_1_5 = xp.where(moves_1_2, x1145, x1133)
+    x1147 = xp.where(x1119 < angle_3_5, angle_3_5, 3.141592653589793)
+    row_1_1_6 = xp.where(moves_1_2, x1147, x1135)
+    x1149 = xp.where(x1119 < angle_3_6, angle_3_6, 3.141592653589793)
+    row_1_1_7 = xp.where(moves_1_2, x1149, x1137)
+    there_1_2 = moves_1_3 | (there_3 & (~moves_1_2))
+    row_1_2_0 = xp.where(moves_1_3, holes_3 - 1.0, holes_2)
+    row_1_2_1 = xp.where(moves_1_3, code_3, code_3)
+    row_1_2_2 = xp.where(moves_1_3, x1121, x1121)
+    x1154 = xp.where(x1119 < angle_4_2, angle_4_2, 3.141592653589793)
+    row_1_2_3 = xp.where(moves_1_3, x1154, x1141)
+    x1156 = xp.where(x1119 < angle_4_3, angle_4_3, 3.141592653589793)
+    row_1_2_4 = xp.where(moves_1_3, x1156, x1143)
+    x1158 = xp.where(x1119 < angle_4_4, angle_4_4, 3.141592653589793)
+    row_1_2_5 = xp.where(moves_1_3, x1158, x1145)
+    row_1_2_6 = xp.where(moves_1_3, x1147, x1147)
+    row_1_2_7 = xp.where(moves_1_3, x1149, x1149)
+    there_1_3 = moves_1_4 | (there_4 & (~moves_1_3))
+    del x1133, angle_3_5, x1135, angle_3_6, x1137, moves_1_2, there_3, holes_2, angle_4_2, x1141, angle_4_3, x1143, angle_4_4, x1145, moves_1_3, there_4
+    row_1_3_0 = xp.where(moves_1_4, holes_4 - 1.0, holes_3)
+    row_1_3_1 = xp.where(moves_1_4, code_5, code_3)
+    x1163 = xp.where(x1119 < angle_5_1, angle_5_1, 3.141592653589793)
+    row_1_3_2 = xp.where(moves_1_4, x1163, x1121)
+    x1165 = xp.where(x1119 < angle_5_2, angle_5_2, 3.141592653589793)
+    row_1_3_3 = xp.where(moves_1_4, x1165, x1154)
+    x1167 = xp.where(x1119 < angle_5_3, angle_5_3, 3.141592653589793)
+    row_1_3_4 = xp.where(moves_1_4, x1167, x1156)
+    x1169 = xp.where(x1119 < angle_5_4, angle_5_4, 3.141592653589793)
+    row_1_3_5 = xp.where(moves_1_4, x1169, x1158)
+    x1171 = xp.where(x1119 < angle_5_5, angle_5_5, 3.141592653589793)
+    row_1_3_6 = xp.where(moves_1_4, x1171, x1147)
+    x1173 = xp.where(x1119 < angle_5_6, angle_5_6, 3.141592653589793)
+    row_1_3_7 = xp.where(moves_1_4, x1173, x1149)
+    there_1_4 = moves_1_5 | (there_5 & (~moves_1_4))
+    del holes_3, code_3, angle_5_1, x1121, angle_5_2, x1154, angle_5_3, x1156, angle_5_4, x1158, angle_5_5, x1147, angle_5_6, x1149, moves_1_4, there_5
+    row_1_4_0 = xp.where(moves_1_5, holes_5 - 1.0, holes_4)
+    row_1_4_1 = xp.where(moves_1_5, code_5, code_5)
+    row_1_4_2 = xp.where(moves_1_5, x1163, x1163)
+    x1178 = xp.where(x1119 < angle_6_2, angle_6_2, 3.141592653589793)
+    row_1_4_3 = xp.where(moves_1_5, x1178, x1165)
+    x1180 = xp.where(x1119 < angle_6_3, angle_6_3, 3.141592653589793)
+    row_1_4_4 = xp.where(moves_1_5, x1180, x1167)
+    x1182 = xp.where(x1119 < angle_6_4, angle_6_4, 3.141592653589793)
+    row_1_4_5 = xp.where(moves_1_5, x1182, x1169)
+    row_1_4_6 = xp.where(moves_1_5, x1171, x1171)
+    row_1_4_7 = xp.where(moves_1_5, x1173, x1173)
+    there_1_5 = moves_1_6 | (there_6 & (~moves_1_5))
+    row_1_5_0 = xp.where(moves_1_6, holes_6 - 1.0, holes_5)
+    row_1_5_1 = xp.where(moves_1_6, code_7, code_5)
+    row_1_5_2 = xp.where(moves_1_6, x1163, x1163)
+    x1187 = xp.where(x1119 < angle_7_2, angle_7_2, 3.141592653589793)
+    row_1_5_3 = xp.where(moves_1_6, x1187, x1178)
+    x1189 = xp.where(x1119 < angle_7_3, angle_7_3, 3.141592653589793)
+    row_1_5_4 = xp.where(moves_1_6, x1189, x1180)
+    x1191 = xp.where(x1119 < angle_7_4, angle_7_4, 3.141592653589793)
+    del holes_4, angle_6_2, x1165, angle_6_3, x1167, angle_6_4, x1169, moves_1_5, there_6, holes_5, code_5, angle_7_2, x1178, angle_7_3, x1180, angle_7_4
+    row_1_5_5 = xp.where(moves_1_6, x1191, x1182)
+    x1193 = xp.where(x1119 < angle_7_5, angle_7_5, 3.141592653589793)
+    row_1_5_6 = xp.where(moves_1_6, x1193, x1171)
+    x1195 = xp.where(x1119 < angle_7_6, angle_7_6, 3.141592653589793)
+    row_1_5_7 = xp.where(moves_1_6, x1195, x1173)
+    there_1_6 = moves_1_7 | (there_7 & (~moves_1_6))
+    row_1_6_0 = xp.where(moves_1_7, holes_7 - 1.0, holes_6)
+    row_1_6_1 = xp.where(moves_1_7, code_7, code_7)
+    row_1_6_2 = xp.where(moves_1_7, x1163, x1163)
+    x1200 = xp.where(x1119 < angle_8_2, angle_8_2, 3.141592653589793)
+    row_1_6_3 = xp.where(moves_1_7, x1200, x1187)
+    x1202 = xp.where(x1119 < angle_8_3, angle_8_3, 3.141592653589793)
+    row_1_6_4 = xp.where(moves_1_7, x1202, x1189)
+    x1204 = xp.where(x1119 < angle_8_4, angle_8_4, 3.141592653589793)
+    row_1_6_5 = xp.where(moves_1_7, x1204, x1191)
+    row_1_6_6 = xp.where(moves_1_7, x1193, x1193)
+    row_1_6_7 = xp.where(moves_1_7, x1195, x1195)
+    there_1_7 = there_8 & (~moves_1_7)
+    del x1182, angle_7_5, x1171, angle_7_6, x1173, moves_1_6, there_7, holes_6, angle_8_2, x1187, angle_8_3, x1189, angle_8_4, x1119, x1191, moves_1_7, there_8
     moves_2_2 = there_1_2 & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
     moves_2_3 = there_1_3 & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
     moves_2_4 = there_1_4 & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
@@ -975,12 +1923,12 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     del row_1_3_4, row_1_3_5, row_1_3_6, row_1_3_7, moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6, row_1_4_7, moves_2_5, there_1_5
     row_2_5_0 = xp.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
     row_2_5_1 = xp.where(moves_2_7, code_7, row_1_5_1)
-    row_2_5_2 = xp.where(moves_2_7, x1417, row_1_5_2)
-    row_2_5_3 = xp.where(moves_2_7, x1419, row_1_5_3)
-    row_2_5_4 = xp.where(moves_2_7, x1421, row_1_5_4)
-    row_2_5_5 = xp.where(moves_2_7, x1432, row_1_5_5)
-    row_2_5_6 = xp.where(moves_2_7, x1434, row_1_5_6)
-    row_2_5_7 = xp.where(moves_2_7, x1436, row_1_5_7)
+    row_2_5_2 = xp.where(moves_2_7, x1163, row_1_5_2)
+    row_2_5_3 = xp.where(moves_2_7, x1200, row_1_5_3)
+    row_2_5_4 = xp.where(moves_2_7, x1202, row_1_5_4)
+    row_2_5_5 = xp.where(moves_2_7, x1204, row_1_5_5)
+    row_2_5_6 = xp.where(moves_2_7, x1193, row_1_5_6)
+    row_2_5_7 = xp.where(moves_2_7, x1195, row_1_5_7)
     there_2_6 = there_1_6 & (~moves_2_6)
     there_2_7 = there_1_7 & (~moves_2_7)
     moves_4_4 = there_2_4 & (row_2_4_0 == 4.0)
@@ -1015,12 +1963,12 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     row_4_2_7 = xp.where(moves_4_6, row_1_6_7, row_2_2_7)
     there_4_3 = moves_4_7 | there_2_3
     row_4_3_1 = xp.where(moves_4_7, code_7, row_2_3_1)
-    row_4_3_2 = xp.where(moves_4_7, x1417, row_2_3_2)
-    row_4_3_3 = xp.where(moves_4_7, x1419, row_2_3_3)
-    row_4_3_4 = xp.where(moves_4_7, x1421, row_2_3_4)
-    row_4_3_5 = xp.where(moves_4_7, x1432, row_2_3_5)
-    row_4_3_6 = xp.where(moves_4_7, x1434, row_2_3_6)
-    row_4_3_7 = xp.where(moves_4_7, x1436, row_2_3_7)
+    row_4_3_2 = xp.where(moves_4_7, x1163, row_2_3_2)
+    row_4_3_3 = xp.where(moves_4_7, x1200, row_2_3_3)
+    row_4_3_4 = xp.where(moves_4_7, x1202, row_2_3_4)
+    row_4_3_5 = xp.where(moves_4_7, x1204, row_2_3_5)
+    row_4_3_6 = xp.where(moves_4_7, x1193, row_2_3_6)
+    row_4_3_7 = xp.where(moves_4_7, x1195, row_2_3_7)
     del there_2_2, row_2_2_1, row_2_2_2, row_2_2_3, row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4, row_2_3_5, row_2_3_6, row_2_3_7
     there_4_4 = there_2_4 & (~moves_4_4)
     there_4_5 = there_2_5 & (~moves_4_5)
@@ -1071,972 +2019,22 @@ def _robot_wrist_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, p
     del row_2_4_2, row_2_4_3, row_2_4_4, row_2_4_5, row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2, row_1_6_3, row_1_6_4, row_1_6_5
     angles_7_5 = xp.where(there_4_6, row_1_6_6, xp.nan)
     angles_7_6 = xp.where(there_4_6, row_1_6_7, xp.nan)
-    angles_8_1 = xp.where(there_4_7, x1417, xp.nan)
-    angles_8_2 = xp.where(there_4_7, x1419, xp.nan)
-    angles_8_3 = xp.where(there_4_7, x1421, xp.nan)
-    angles_8_4 = xp.where(there_4_7, x1432, xp.nan)
-    angles_8_5 = xp.where(there_4_7, x1434, xp.nan)
-    angles_8_6 = xp.where(there_4_7, x1436, xp.nan)
-    x1478 = ~good
-    status_1 = xp.where(x1478, 5.0, xp.where(~there_4_0, 3.0, row_4_0_1))
-    status_2 = xp.where(x1478, 5.0, xp.where(~there_4_1, 3.0, row_4_1_1))
-    status_3 = xp.where(x1478, 5.0, xp.where(~there_4_2, 3.0, row_4_2_1))
-    status_4 = xp.where(x1478, 5.0, xp.where(~there_4_3, 3.0, row_4_3_1))
-    del row_1_6_6, row_1_6_7, x1417, x1419, x1421, x1432, x1434, x1436, good, row_4_0_1, there_4_0, row_4_1_1, there_4_1, row_4_2_1, there_4_2, row_4_3_1, there_4_3
-    status_5 = xp.where(x1478, 5.0, xp.where(~there_4_4, 3.0, row_2_4_1))
-    status_6 = xp.where(x1478, 5.0, xp.where(~there_4_5, 3.0, row_2_5_1))
-    status_7 = xp.where(x1478, 5.0, xp.where(~there_4_6, 3.0, row_1_6_1))
-    status_8 = xp.where(x1478, 5.0, xp.where(~there_4_7, 3.0, code_7))
-    return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
-
-
-robot_wrist_reverse.signature = "(4,4),(5),(5),(5),(6)->(8,6),(8)"
-robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
-robot_wrist_reverse.steps = _robot_wrist_reverse
-
-
-def robot_parallel_reverse(pose, a, cosine, sine, offset, *, out=None):
-    """All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.
-
-    Source: Crane and Duffy, robots with closed forms; derivation robots_6r
-
-    alpha23, alpha34 and a56 are taken as zero; s12, s45 and s56 must not be zero.
-
-    Parameters
-    ----------
-    pose : array (..., 4, 4), 1, length
-        transform from the end to the base
-    a : array (..., 5), length
-        a12, a23, a34, a45, a56
-    cosine : array (..., 5), no unit
-        cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), no unit
-        sines of the twists
-    offset : array (..., 6), length
-        S1 to S6
-
-    Returns
-    -------
-    angles : array (..., 8, 6), rad
-        theta1 to theta6 of each solution, in (-pi, pi]
-    status : int8 array (..., 8), codes of RobotStatus
-        what each slot is
-    """
-    return _evaluate(
-        _robot_parallel_reverse, None,
-        "robot_parallel_reverse",
-        (pose, a, cosine, sine, offset),
-        (("pose", (4, 4)), ("a", (5,)), ("cosine", (5,)), ("sine", (5,)), ("offset", (6,))),
-        (("angles", (8, 6), False), ("status", (8,), True)),
-        out,
-    )
-
-
-def _robot_parallel_reverse(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 363 add, 590 mul, 29 div, 46 sqrt, 373 select, 185 compare, 47 abs, 34 atan2
-    x40 = pose_1_3*pose_1_3
-    x41 = pose_2_3*pose_2_3
-    x50 = xp.abs(pose_4_1) + xp.abs(pose_4_2) + xp.abs(pose_4_3) + xp.abs(pose_4_4 - 1.0) + 2.0*xp.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2)
-    x25 = 2.0*xp.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3)
-    x32 = xp.abs(pose_1_1*pose_1_1 + pose_2_1*pose_2_1 + pose_3_1*pose_3_1 - 1.0)
-    x39 = xp.abs(pose_1_2*pose_1_2 + pose_2_2*pose_2_2 + pose_3_2*pose_3_2 - 1.0)
-    x46 = xp.abs(x40 + x41 + pose_3_3*pose_3_3 - 1.0)
-    rough = x50 + 2.0*xp.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + x25 + x32 + x39 + x46
-    x66 = pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
-    handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + x66
-    x69 = xp.abs(a_2)
-    x70 = xp.abs(a_3)
-    x71 = xp.abs(a_4)
-    x92 = xp.abs(a_1) + x69 + x70 + x71 + xp.abs(a_5) + xp.abs(offset_1) + xp.abs(offset_2) + xp.abs(offset_3) + xp.abs(offset_4) + xp.abs(offset_5) + xp.abs(offset_6) + xp.abs(pose_1_4)
-    spare = x92 + xp.abs(pose_2_4) + xp.abs(pose_3_4)
-    good = (rough <= 1.0/1000000.0) & (spare <= largest) & (0.0 < handed)
-    near = good & (spare <= eps*largest**0.5)
-    centre_1 = pose_1_4 - offset_6*pose_1_3
-    centre_2 = pose_2_4 - offset_6*pose_2_3
-    centre_3 = pose_3_4 - offset_1 - offset_6*pose_3_3
-    height = cosine_4*offset_5 + offset_2 + offset_3 + offset_4
-    square = a_2*a_2 + a_3*a_3
-    x111 = a_2*a_3
-    width = 2.0*xp.abs(x111)
-    x113 = sine_1*sine_1
-    x114 = x40*x113
-    x115 = x41*x113
-    first_free_square = x114 + x115
-    first_free_amplitude = xp.sqrt(first_free_square)
-    first_free_per_square = xp.where(0.0 < first_free_square, 1.0/first_free_square, 1.0)
-    x119 = cosine_1*pose_3_3
-    x120 = cosine_4*cosine_5
-    x121 = pose_2_3*sine_1
-    x122 = x120 - x119
-    x125 = sine_4*sine_5
-    x126 = xp.abs(x125)
-    first_free_serves = (first_free_square <= 0.0) | (xp.abs(x122 + x121) <= x126)
-    first_free_at = xp.where(first_free_amplitude < x122, first_free_amplitude, xp.where(first_free_amplitude < -x122, -first_free_amplitude, x122))
-    x133 = first_free_at*first_free_at
-    first_free_rest = xp.where(x133 < first_free_square, xp.sqrt(first_free_square - x133), 0.0)
-    first_free_c_first = xp.where(first_free_serves, 1.0, -first_free_per_square*(first_free_at*x121 + first_free_rest*sine_1*pose_1_3))
-    first_free_s_first = xp.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*sine_1*pose_1_3 - first_free_rest*x121))
-    del x25, x32, x39, x46, x50, x66, x92, handed, rough, x40, x41, first_free_square, x133, first_free_at, first_free_rest, first_free_serves, x121
-    x148 = x115 - x114
-    x151 = 2.0*first_free_per_square
-    x152 = pose_1_3*pose_2_3
-    first_free_c_second = first_free_c_first*first_free_per_square*x148 - x151*first_free_s_first*x152*x113
-    first_free_s_second = -(x151*first_free_c_first*x152*x113 + first_free_per_square*first_free_s_first*x148)
-    first_free_split = (x126 < x122 + first_free_amplitude) & (x126 < first_free_amplitude - x122)
-    first_r = xp.sqrt(centre_1*centre_1*x113 + centre_2*centre_2*x113)
-    x172 = centre_3*cosine_1 - height
-    x173 = xp.abs(x172)
-    first_room = first_r - x173
-    x174 = eps*spare
-    x175 = 4096.0*x174
-    first_free = (first_r <= x175) & (x173 <= x175)
-    x178 = 64.0*eps
-    x179 = x178*spare
-    x181 = ~first_free
-    first_double = (first_room <= x179) & x181
-    first_exists = first_free | ((-x179 <= first_room) & (0.0 < first_r))
-    first_q = xp.where(x174 < first_room, xp.sqrt(first_room*(first_r + x173)), 0.0)
-    x190 = first_q*first_q
-    first_size = first_r*xp.sqrt(x190 + x172*x172)
-    first_scale = xp.where(0.0 < first_size, 1.0/first_size, 1.0)
-    x196 = first_q*sine_1
-    del x114, x115, first_free_per_square, x148, x151, x152, first_free_amplitude, x122, x126, x113, height, first_room, x173, x174, first_size, first_q
-    x197 = centre_1*x196
-    x199 = centre_2*sine_1*x172
-    first_c_a = xp.where(first_free, 1.0, first_scale*(x199 - x197))
-    x203 = centre_1*sine_1*x172
-    x204 = centre_2*x196
-    first_s_a = xp.where(first_free, 0.0, -first_scale*(x203 + x204))
-    first_c_b = xp.where(first_free, 1.0, first_scale*(x197 + x199))
-    first_s_b = xp.where(first_free, 0.0, first_scale*(x204 - x203))
-    first_two = first_exists & (~(first_double | first_free))
-    first_slope = x179*first_r + x190
-    x215 = 0.0 < first_slope
-    first_error = xp.where(x181 & x215, x179*xp.where(x215, 1.0/xp.sqrt(first_slope), 1.0), 0.0)
-    c_1_a = xp.where(first_free, first_free_c_first, first_c_a)
-    s_1_a = xp.where(first_free, first_free_s_first, first_s_a)
-    del x172, x196, x197, x199, first_scale, x203, x204, first_r, x190, first_slope, x179, x181, x215, first_c_a, first_free_c_first, first_free_s_first, first_s_a
-    side_a = c_1_a*centre_2 - centre_1*s_1_a
-    end_a_1 = c_1_a*centre_1 + centre_2*s_1_a - a_1
-    x226 = centre_3*sine_1
-    end_a_2 = x226 + cosine_1*side_a
-    axes_a_1_1 = c_1_a*pose_1_1 + pose_2_1*s_1_a
-    axes_a_1_2 = c_1_a*pose_1_2 + pose_2_2*s_1_a
-    axes_a_1_3 = c_1_a*pose_1_3 + pose_2_3*s_1_a
-    x236 = c_1_a*pose_2_1 - pose_1_1*s_1_a
-    x238 = pose_3_1*sine_1
-    axes_a_2_1 = cosine_1*x236 + x238
-    x241 = c_1_a*pose_2_2 - pose_1_2*s_1_a
-    x243 = pose_3_2*sine_1
-    axes_a_2_2 = cosine_1*x241 + x243
-    x246 = c_1_a*pose_2_3 - pose_1_3*s_1_a
-    x248 = pose_3_3*sine_1
-    axes_a_2_3 = cosine_1*x246 + x248
-    x249 = cosine_1*pose_3_1
-    axes_a_3_1 = x249 - sine_1*x236
-    x251 = cosine_1*pose_3_2
-    axes_a_3_2 = x251 - sine_1*x241
-    axes_a_3_3 = x119 - sine_1*x246
-    h_a = xp.sqrt(axes_a_3_1*axes_a_3_1 + axes_a_3_2*axes_a_3_2)
-    x258 = 32.0*eps**0.5
-    error_a = xp.where(first_error < x258, first_error, x258)
-    bend_a_denominator = xp.abs(axes_a_3_3) + 1.0
-    x261 = cosine_4 + cosine_5
-    x262 = 0.0 <= axes_a_3_3
-    x263 = cosine_4 - cosine_5
-    bend_a_apart = xp.where(x262, x263, x261)
-    x264 = -x120
-    bend_a_product = xp.where(x262, x120, x264)
-    x265 = bend_a_apart*bend_a_apart
-    bend_a_gram = h_a*h_a*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x265
-    bend_a_rounding = x178*(x265 + h_a)
-    bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0*h_a)
-    bend_a_exists = -bend_a_tolerance <= bend_a_gram
-    x276 = 4096.0*eps
-    x278 = x276 + 4.0*error_a
-    bend_a_free = bend_a_exists & (h_a <= x278)
-    bend_a_any = bend_a_exists & (h_a <= x276)
-    bend_a_double = (bend_a_gram <= bend_a_tolerance) & (~bend_a_free)
-    bend_a_q = xp.where(0.015625*bend_a_rounding < bend_a_gram, xp.sqrt(bend_a_gram), 0.0)
-    bend_a_along = x120 - axes_a_3_3
-    bend_a_size = xp.sqrt(bend_a_along*bend_a_along + bend_a_q*bend_a_q)
-    x290 = xp.where(x125 < 0.0, -1.0, 1.0)
-    bend_a_scale = x290*xp.where(0.0 < bend_a_size, 1.0/bend_a_size, 1.0)
-    del centre_3, side_a, x236, x241, x246, x258, x262, bend_a_apart, bend_a_denominator, bend_a_product, x265, bend_a_tolerance, bend_a_gram, bend_a_rounding, x125, bend_a_size
-    bend_a_c = bend_a_along*bend_a_scale
-    bend_a_s = bend_a_q*bend_a_scale
-    bend_a_two = bend_a_exists & (~(bend_a_any | bend_a_double))
-    off_a = spare*(x178 + error_a)
-    x297 = bend_a_s*sine_4
-    x298 = axes_a_3_1*x297
-    x299 = cosine_5*sine_4
-    x301 = cosine_4*sine_5
-    x302 = bend_a_c*x299 + x301
-    x303 = axes_a_3_2*x302
-    sixth_aa_dot = x298 + x303
-    x304 = axes_a_3_1*x302
-    x305 = axes_a_3_2*x297
-    sixth_aa_cross = x304 - x305
-    sixth_aa_size = xp.sqrt(sixth_aa_cross*sixth_aa_cross + sixth_aa_dot*sixth_aa_dot)
-    sixth_aa_scale = xp.where(0.0 < sixth_aa_size, 1.0/sixth_aa_size, 1.0)
-    sixth_aa_c = xp.where(bend_a_any, 1.0, sixth_aa_dot*sixth_aa_scale)
-    sixth_aa_s = xp.where(bend_a_any, 0.0, sixth_aa_cross*sixth_aa_scale)
-    x314 = bend_a_s*cosine_5
-    x316 = bend_a_c*sixth_aa_c - x314*sixth_aa_s
-    x320 = bend_a_c*sixth_aa_s + x314*sixth_aa_c
-    x322 = bend_a_s*sine_5
-    x323 = axes_a_1_3*x322
-    c_zero_aa = axes_a_1_1*x316 + x323 - axes_a_1_2*x320
-    x327 = axes_a_2_3*x322
-    s_zero_aa = axes_a_2_1*x316 + x327 - axes_a_2_2*x320
-    del bend_a_along, bend_a_q, bend_a_scale, axes_a_3_1, x302, axes_a_3_2, x297, sixth_aa_size, sixth_aa_dot, sixth_aa_cross, sixth_aa_scale, axes_a_1_3, axes_a_2_3, x322, x316, x320
-    x330 = offset_5*sine_4
-    hand_aa_1 = a_4*c_zero_aa + x330*s_zero_aa
-    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x330
-    x334 = 2.0*end_a_1
-    x336 = 2.0*end_a_2
-    x338 = x334*hand_aa_1 + x336*hand_aa_2
-    x342 = x334*hand_aa_2 - x336*hand_aa_1
-    turn_aa_square = x338*x338 + x342*x342
-    turn_aa_amplitude = xp.sqrt(turn_aa_square)
-    turn_aa_per_square = xp.where(0.0 < turn_aa_square, 1.0/turn_aa_square, 1.0)
-    x351 = end_a_1*end_a_1 + end_a_2*end_a_2
-    x353 = x351 + (hand_aa_1*hand_aa_1 + hand_aa_2*hand_aa_2)
-    turn_aa_serves = (turn_aa_square <= 0.0) | (xp.abs(x353 - x338 - square) <= width)
-    x358 = square - x353
-    turn_aa_at = xp.where(turn_aa_amplitude < x358, turn_aa_amplitude, xp.where(turn_aa_amplitude < -x358, -turn_aa_amplitude, x358))
-    x364 = turn_aa_at*turn_aa_at
-    turn_aa_rest = xp.where(x364 < turn_aa_square, xp.sqrt(turn_aa_square - x364), 0.0)
-    turn_aa_c_first = xp.where(turn_aa_serves, 1.0, -turn_aa_per_square*(turn_aa_at*x338 + turn_aa_rest*x342))
-    turn_aa_s_first = xp.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x342 - turn_aa_rest*x338))
-    c_turn_aa = xp.where(bend_a_any, turn_aa_c_first, 1.0)
-    s_turn_aa = xp.where(bend_a_any, turn_aa_s_first, 0.0)
-    c_6_aa = xp.where(bend_a_any, c_turn_aa, sixth_aa_c)
-    x377 = 0.0 < axes_a_3_3
-    s_6_aa = xp.where(bend_a_any, xp.where(x377, -s_turn_aa, s_turn_aa), sixth_aa_s)
-    del x353, turn_aa_amplitude, x358, turn_aa_square, x364, turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x338, x342, turn_aa_c_first, turn_aa_s_first, sixth_aa_c, axes_a_3_3, sixth_aa_s
-    c_234_aa = c_turn_aa*c_zero_aa - s_turn_aa*s_zero_aa
-    s_234_aa = c_turn_aa*s_zero_aa + c_zero_aa*s_turn_aa
-    corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
-    corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
-    x390 = 0.0 < spare
-    x392 = x71 + xp.abs(x330)
-    x393 = x178 + first_error
-    more_aa = xp.where(x390, x392*xp.where(bend_a_any, 0.0, x393*xp.where(0.0 < h_a, 1.0/h_a, 1.0)), spare)
-    triangle_aa_side = xp.sqrt(corner_aa_1*corner_aa_1 + corner_aa_2*corner_aa_2)
-    x403 = spare*spare
-    x404 = x178*x403
-    x405 = 2.0*off_a
-    triangle_aa_area = x404 + x405*triangle_aa_side
-    triangle_aa_3_r = 2.0*x69*x70
-    x409 = square - triangle_aa_side*triangle_aa_side
-    x410 = xp.abs(x409)
-    triangle_aa_3_room = triangle_aa_3_r - x410
-    x411 = x276*x403
-    x412 = triangle_aa_3_r <= x411
-    triangle_aa_3_free = x412 & (x410 <= x411)
-    triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~triangle_aa_3_free)
-    x421 = 0.0 < triangle_aa_3_r
-    triangle_aa_3_exists = triangle_aa_3_free | ((-(2.0*triangle_aa_side*more_aa + triangle_aa_area) <= triangle_aa_3_room) & x421)
-    triangle_aa_3_q = xp.where(0.015625*triangle_aa_area < triangle_aa_3_room, xp.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x410)), 0.0)
-    del c_zero_aa, s_zero_aa, c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa, x71, first_error, h_a, off_a, x69, x70, x403, triangle_aa_side, triangle_aa_3_room, triangle_aa_area, x410
-    triangle_aa_3_size = triangle_aa_3_r*xp.sqrt(triangle_aa_3_q*triangle_aa_3_q + x409*x409)
-    triangle_aa_3_scale = xp.where(0.0 < triangle_aa_3_size, 1.0/triangle_aa_3_size, 1.0)
-    x435 = 2.0*triangle_aa_3_scale*x111
-    triangle_aa_3_c_a = xp.where(triangle_aa_3_free, 1.0, -x435*x409)
-    x438 = x435*triangle_aa_3_q
-    triangle_aa_3_s_a = xp.where(triangle_aa_3_free, 0.0, x438)
-    triangle_aa_3_s_b = xp.where(triangle_aa_3_free, 0.0, -x438)
-    triangle_aa_3_two = triangle_aa_3_exists & (~(triangle_aa_3_double | triangle_aa_3_free))
-    triangle_aa_any = xp.abs(corner_aa_1) + xp.abs(corner_aa_2) <= x175
-    triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
-    triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
-    x446 = corner_aa_1*triangle_aa_arm_a_1
-    triangle_aa_2_a_dot = x446 + corner_aa_2*triangle_aa_arm_a_2
-    x449 = corner_aa_2*triangle_aa_arm_a_1
-    triangle_aa_2_a_cross = x449 - corner_aa_1*triangle_aa_arm_a_2
-    triangle_aa_2_a_size = xp.sqrt(triangle_aa_2_a_cross*triangle_aa_2_a_cross + triangle_aa_2_a_dot*triangle_aa_2_a_dot)
-    triangle_aa_2_a_scale = xp.where(0.0 < triangle_aa_2_a_size, 1.0/triangle_aa_2_a_size, 1.0)
-    triangle_aa_2_a_c = xp.where(triangle_aa_any, 1.0, triangle_aa_2_a_dot*triangle_aa_2_a_scale)
-    triangle_aa_2_a_s = xp.where(triangle_aa_any, 0.0, triangle_aa_2_a_cross*triangle_aa_2_a_scale)
-    triangle_aa_arm_b_2 = a_3*triangle_aa_3_s_b
-    triangle_aa_2_b_dot = x446 + corner_aa_2*triangle_aa_arm_b_2
-    triangle_aa_2_b_cross = x449 - corner_aa_1*triangle_aa_arm_b_2
-    del triangle_aa_3_size, triangle_aa_3_scale, x409, triangle_aa_3_q, x435, x438, triangle_aa_arm_a_1, triangle_aa_arm_a_2, triangle_aa_2_a_size, triangle_aa_2_a_dot, triangle_aa_2_a_cross, triangle_aa_2_a_scale, corner_aa_2, x446, corner_aa_1, triangle_aa_arm_b_2, x449
-    triangle_aa_2_b_size = xp.sqrt(triangle_aa_2_b_cross*triangle_aa_2_b_cross + triangle_aa_2_b_dot*triangle_aa_2_b_dot)
-    triangle_aa_2_b_scale = xp.where(0.0 < triangle_aa_2_b_size, 1.0/triangle_aa_2_b_size, 1.0)
-    triangle_aa_2_b_c = xp.where(triangle_aa_any, 1.0, triangle_aa_2_b_dot*triangle_aa_2_b_scale)
-    triangle_aa_2_b_s = xp.where(triangle_aa_any, 0.0, triangle_aa_2_b_cross*triangle_aa_2_b_scale)
-    c_23_aaa = triangle_aa_2_a_c*triangle_aa_3_c_a - triangle_aa_2_a_s*triangle_aa_3_s_a
-    s_23_aaa = triangle_aa_2_a_c*triangle_aa_3_s_a + triangle_aa_2_a_s*triangle_aa_3_c_a
-    c_4_aaa = c_234_aa*c_23_aaa + s_234_aa*s_23_aaa
-    s_4_aaa = c_23_aaa*s_234_aa - c_234_aa*s_23_aaa
-    c_23_aab = triangle_aa_2_b_c*triangle_aa_3_c_a - triangle_aa_2_b_s*triangle_aa_3_s_b
-    s_23_aab = triangle_aa_2_b_c*triangle_aa_3_s_b + triangle_aa_2_b_s*triangle_aa_3_c_a
-    c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
-    s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
-    sixth_ab_dot = x303 - x298
-    sixth_ab_cross = x304 + x305
-    sixth_ab_size = xp.sqrt(sixth_ab_cross*sixth_ab_cross + sixth_ab_dot*sixth_ab_dot)
-    sixth_ab_scale = xp.where(0.0 < sixth_ab_size, 1.0/sixth_ab_size, 1.0)
-    sixth_ab_c = xp.where(bend_a_any, 1.0, sixth_ab_dot*sixth_ab_scale)
-    del triangle_aa_2_b_size, triangle_aa_2_b_dot, triangle_aa_2_b_cross, triangle_aa_2_b_scale, c_23_aaa, s_23_aaa, c_234_aa, c_23_aab, s_234_aa, s_23_aab, x298, x303, x304, x305, sixth_ab_size, sixth_ab_dot
-    sixth_ab_s = xp.where(bend_a_any, 0.0, sixth_ab_cross*sixth_ab_scale)
-    x491 = bend_a_c*sixth_ab_c + x314*sixth_ab_s
-    x495 = x314*sixth_ab_c - bend_a_c*sixth_ab_s
-    c_zero_ab = axes_a_1_1*x491 + axes_a_1_2*x495 - x323
-    s_zero_ab = axes_a_2_1*x491 + axes_a_2_2*x495 - x327
-    hand_ab_1 = a_4*c_zero_ab + x330*s_zero_ab
-    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x330
-    x507 = x334*hand_ab_1 + x336*hand_ab_2
-    x508 = x507*x507
-    x511 = x334*hand_ab_2 - x336*hand_ab_1
-    x512 = x511*x511
-    turn_ab_square = x508 + x512
-    turn_ab_amplitude = xp.sqrt(turn_ab_square)
-    turn_ab_per_square = xp.where(0.0 < turn_ab_square, 1.0/turn_ab_square, 1.0)
-    x519 = x351 + (hand_ab_1*hand_ab_1 + hand_ab_2*hand_ab_2)
-    turn_ab_serves = (turn_ab_square <= 0.0) | (xp.abs(x519 - x507 - square) <= width)
-    x524 = square - x519
-    turn_ab_at = xp.where(turn_ab_amplitude < x524, turn_ab_amplitude, xp.where(turn_ab_amplitude < -x524, -turn_ab_amplitude, x524))
-    x530 = turn_ab_at*turn_ab_at
-    turn_ab_rest = xp.where(x530 < turn_ab_square, xp.sqrt(turn_ab_square - x530), 0.0)
-    del sixth_ab_cross, sixth_ab_scale, x314, axes_a_1_1, axes_a_1_2, x323, axes_a_2_1, axes_a_2_2, x327, x491, x495, x334, x336, x351, x519, turn_ab_square, x530
-    turn_ab_c_first = xp.where(turn_ab_serves, 1.0, -turn_ab_per_square*(turn_ab_at*x507 + turn_ab_rest*x511))
-    turn_ab_s_first = xp.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x511 - turn_ab_rest*x507))
-    x543 = x508 - x512
-    x544 = turn_ab_c_first*turn_ab_per_square
-    x551 = turn_ab_per_square*turn_ab_s_first
-    x552 = (4.0*(end_a_1*hand_ab_1) + 4.0*(end_a_2*hand_ab_2))*x511
-    turn_ab_c_second = x544*x543 - x551*x552
-    turn_ab_s_second = -(x544*x552 + x551*x543)
-    turn_ab_split = (width < x524 + turn_ab_amplitude) & (width < turn_ab_amplitude - x524)
-    del turn_ab_at, turn_ab_rest, turn_ab_serves, x507, x508, x512, turn_ab_c_first, turn_ab_per_square, turn_ab_s_first, x511, x543, x544, x551, x552, turn_ab_amplitude, x524
-    c_turn_ab = xp.where(bend_a_any, turn_ab_c_second, 1.0)
-    s_turn_ab = xp.where(bend_a_any, turn_ab_s_second, 0.0)
-    c_6_ab = xp.where(bend_a_any, c_turn_ab, sixth_ab_c)
-    s_6_ab = xp.where(bend_a_any, xp.where(x377, -s_turn_ab, s_turn_ab), sixth_ab_s)
-    bend_more_ab = bend_a_two | (bend_a_any & turn_ab_split)
-    c_234_ab = c_turn_ab*c_zero_ab - s_turn_ab*s_zero_ab
-    s_234_ab = c_turn_ab*s_zero_ab + c_zero_ab*s_turn_ab
-    corner_ab_1 = end_a_1 + hand_ab_2*s_turn_ab - c_turn_ab*hand_ab_1
-    corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
-    del turn_ab_c_second, turn_ab_s_second, sixth_ab_c, sixth_ab_s, x377, bend_a_any, bend_a_two, turn_ab_split, c_zero_ab, s_zero_ab, end_a_1, c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
-    triangle_ab_side = xp.sqrt(corner_ab_1*corner_ab_1 + corner_ab_2*corner_ab_2)
-    triangle_ab_area = x404 + x405*triangle_ab_side
-    x579 = square - triangle_ab_side*triangle_ab_side
-    x580 = xp.abs(x579)
-    triangle_ab_3_room = triangle_aa_3_r - x580
-    triangle_ab_3_free = x412 & (x580 <= x411)
-    triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~triangle_ab_3_free)
-    triangle_ab_3_exists = triangle_ab_3_free | ((-(2.0*triangle_ab_side*more_aa + triangle_ab_area) <= triangle_ab_3_room) & x421)
-    triangle_ab_3_q = xp.where(0.015625*triangle_ab_area < triangle_ab_3_room, xp.sqrt(triangle_ab_3_room*(triangle_aa_3_r + x580)), 0.0)
-    triangle_ab_3_size = triangle_aa_3_r*xp.sqrt(triangle_ab_3_q*triangle_ab_3_q + x579*x579)
-    triangle_ab_3_scale = xp.where(0.0 < triangle_ab_3_size, 1.0/triangle_ab_3_size, 1.0)
-    x602 = 2.0*triangle_ab_3_scale*x111
-    triangle_ab_3_c_a = xp.where(triangle_ab_3_free, 1.0, -x602*x579)
-    x605 = x602*triangle_ab_3_q
-    triangle_ab_3_s_a = xp.where(triangle_ab_3_free, 0.0, x605)
-    triangle_ab_3_s_b = xp.where(triangle_ab_3_free, 0.0, -x605)
-    triangle_ab_3_two = triangle_ab_3_exists & (~(triangle_ab_3_double | triangle_ab_3_free))
-    triangle_ab_any = xp.abs(corner_ab_1) + xp.abs(corner_ab_2) <= x175
-    triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
-    triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
-    x613 = corner_ab_1*triangle_ab_arm_a_1
-    triangle_ab_2_a_dot = x613 + corner_ab_2*triangle_ab_arm_a_2
-    x616 = corner_ab_2*triangle_ab_arm_a_1
-    triangle_ab_2_a_cross = x616 - corner_ab_1*triangle_ab_arm_a_2
-    triangle_ab_2_a_size = xp.sqrt(triangle_ab_2_a_cross*triangle_ab_2_a_cross + triangle_ab_2_a_dot*triangle_ab_2_a_dot)
-    triangle_ab_2_a_scale = xp.where(0.0 < triangle_ab_2_a_size, 1.0/triangle_ab_2_a_size, 1.0)
-    triangle_ab_2_a_c = xp.where(triangle_ab_any, 1.0, triangle_ab_2_a_dot*triangle_ab_2_a_scale)
-    triangle_ab_2_a_s = xp.where(triangle_ab_any, 0.0, triangle_ab_2_a_cross*triangle_ab_2_a_scale)
-    del more_aa, triangle_ab_side, triangle_ab_3_room, triangle_ab_area, x580, triangle_ab_3_size, triangle_ab_3_scale, x579, triangle_ab_3_q, x602, x605, triangle_ab_arm_a_1, triangle_ab_arm_a_2, triangle_ab_2_a_size, triangle_ab_2_a_dot, triangle_ab_2_a_cross, triangle_ab_2_a_scale
-    triangle_ab_arm_b_2 = a_3*triangle_ab_3_s_b
-    triangle_ab_2_b_dot = x613 + corner_ab_2*triangle_ab_arm_b_2
-    triangle_ab_2_b_cross = x616 - corner_ab_1*triangle_ab_arm_b_2
-    triangle_ab_2_b_size = xp.sqrt(triangle_ab_2_b_cross*triangle_ab_2_b_cross + triangle_ab_2_b_dot*triangle_ab_2_b_dot)
-    triangle_ab_2_b_scale = xp.where(0.0 < triangle_ab_2_b_size, 1.0/triangle_ab_2_b_size, 1.0)
-    triangle_ab_2_b_c = xp.where(triangle_ab_any, 1.0, triangle_ab_2_b_dot*triangle_ab_2_b_scale)
-    triangle_ab_2_b_s = xp.where(triangle_ab_any, 0.0, triangle_ab_2_b_cross*triangle_ab_2_b_scale)
-    c_23_aba = triangle_ab_2_a_c*triangle_ab_3_c_a - triangle_ab_2_a_s*triangle_ab_3_s_a
-    s_23_aba = triangle_ab_2_a_c*triangle_ab_3_s_a + triangle_ab_2_a_s*triangle_ab_3_c_a
-    c_4_aba = c_234_ab*c_23_aba + s_234_ab*s_23_aba
-    s_4_aba = c_23_aba*s_234_ab - c_234_ab*s_23_aba
-    c_23_abb = triangle_ab_2_b_c*triangle_ab_3_c_a - triangle_ab_2_b_s*triangle_ab_3_s_b
-    s_23_abb = triangle_ab_2_b_c*triangle_ab_3_s_b + triangle_ab_2_b_s*triangle_ab_3_c_a
-    c_4_abb = c_234_ab*c_23_abb + s_234_ab*s_23_abb
-    s_4_abb = c_23_abb*s_234_ab - c_234_ab*s_23_abb
-    c_1_b = xp.where(first_free, first_free_c_second, first_c_b)
-    del corner_ab_2, x613, corner_ab_1, triangle_ab_arm_b_2, x616, triangle_ab_2_b_size, triangle_ab_2_b_dot, triangle_ab_2_b_cross, triangle_ab_2_b_scale, c_23_aba, s_23_aba, c_234_ab, c_23_abb, s_234_ab, s_23_abb, first_c_b, first_free_c_second
-    s_1_b = xp.where(first_free, first_free_s_second, first_s_b)
-    first_more = first_two | (first_free & first_free_split)
-    side_b = c_1_b*centre_2 - centre_1*s_1_b
-    end_b_1 = c_1_b*centre_1 + centre_2*s_1_b - a_1
-    end_b_2 = x226 + cosine_1*side_b
-    axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
-    axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
-    axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
-    x664 = c_1_b*pose_2_1 - pose_1_1*s_1_b
-    axes_b_2_1 = cosine_1*x664 + x238
-    x668 = c_1_b*pose_2_2 - pose_1_2*s_1_b
-    axes_b_2_2 = cosine_1*x668 + x243
-    x672 = c_1_b*pose_2_3 - pose_1_3*s_1_b
-    axes_b_2_3 = cosine_1*x672 + x248
-    axes_b_3_1 = x249 - sine_1*x664
-    axes_b_3_2 = x251 - sine_1*x668
-    axes_b_3_3 = x119 - sine_1*x672
-    del first_free_s_second, first_s_b, first_free_split, first_two, centre_1, centre_2, side_b, x226, x238, x243, x248, x249, x664, x251, x668, x119, x672
-    h_b = xp.sqrt(axes_b_3_1*axes_b_3_1 + axes_b_3_2*axes_b_3_2)
-    bend_b_denominator = xp.abs(axes_b_3_3) + 1.0
-    x681 = 0.0 <= axes_b_3_3
-    bend_b_apart = xp.where(x681, x263, x261)
-    bend_b_product = xp.where(x681, x120, x264)
-    x682 = bend_b_apart*bend_b_apart
-    bend_b_gram = h_b*h_b*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x682
-    bend_b_rounding = x178*(x682 + h_b)
-    bend_b_tolerance = bend_b_rounding + error_a*(error_a + 2.0*h_b)
-    bend_b_exists = -bend_b_tolerance <= bend_b_gram
-    bend_b_free = bend_b_exists & (h_b <= x278)
-    bend_b_any = bend_b_exists & (h_b <= x276)
-    bend_b_double = (bend_b_gram <= bend_b_tolerance) & (~bend_b_free)
-    bend_b_q = xp.where(0.015625*bend_b_rounding < bend_b_gram, xp.sqrt(bend_b_gram), 0.0)
-    bend_b_along = x120 - axes_b_3_3
-    del x261, x263, x264, x681, bend_b_apart, bend_b_denominator, bend_b_product, x178, x682, error_a, x278, x276, bend_b_tolerance, bend_b_gram, bend_b_rounding, x120
-    bend_b_size = xp.sqrt(bend_b_along*bend_b_along + bend_b_q*bend_b_q)
-    bend_b_scale = x290*xp.where(0.0 < bend_b_size, 1.0/bend_b_size, 1.0)
-    bend_b_c = bend_b_along*bend_b_scale
-    bend_b_s = bend_b_q*bend_b_scale
-    bend_b_two = bend_b_exists & (~(bend_b_any | bend_b_double))
-    x708 = bend_b_s*sine_4
-    x709 = axes_b_3_1*x708
-    x711 = bend_b_c*x299 + x301
-    x712 = axes_b_3_2*x711
-    sixth_ba_dot = x709 + x712
-    x713 = axes_b_3_1*x711
-    x714 = axes_b_3_2*x708
-    sixth_ba_cross = x713 - x714
-    sixth_ba_size = xp.sqrt(sixth_ba_cross*sixth_ba_cross + sixth_ba_dot*sixth_ba_dot)
-    sixth_ba_scale = xp.where(0.0 < sixth_ba_size, 1.0/sixth_ba_size, 1.0)
-    sixth_ba_c = xp.where(bend_b_any, 1.0, sixth_ba_dot*sixth_ba_scale)
-    sixth_ba_s = xp.where(bend_b_any, 0.0, sixth_ba_cross*sixth_ba_scale)
-    x723 = bend_b_s*cosine_5
-    x725 = bend_b_c*sixth_ba_c - x723*sixth_ba_s
-    x729 = bend_b_c*sixth_ba_s + x723*sixth_ba_c
-    x731 = bend_b_s*sine_5
-    x732 = axes_b_1_3*x731
-    del bend_b_size, x290, bend_b_along, bend_b_q, bend_b_scale, x299, x301, axes_b_3_1, x711, axes_b_3_2, x708, sixth_ba_size, sixth_ba_dot, sixth_ba_cross, sixth_ba_scale, axes_b_1_3
-    c_zero_ba = axes_b_1_1*x725 + x732 - axes_b_1_2*x729
-    x736 = axes_b_2_3*x731
-    s_zero_ba = axes_b_2_1*x725 + x736 - axes_b_2_2*x729
-    hand_ba_1 = a_4*c_zero_ba + x330*s_zero_ba
-    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x330
-    x742 = 2.0*end_b_1
-    x744 = 2.0*end_b_2
-    x746 = x742*hand_ba_1 + x744*hand_ba_2
-    x750 = x742*hand_ba_2 - x744*hand_ba_1
-    turn_ba_square = x746*x746 + x750*x750
-    turn_ba_amplitude = xp.sqrt(turn_ba_square)
-    turn_ba_per_square = xp.where(0.0 < turn_ba_square, 1.0/turn_ba_square, 1.0)
-    x759 = end_b_1*end_b_1 + end_b_2*end_b_2
-    x761 = x759 + (hand_ba_1*hand_ba_1 + hand_ba_2*hand_ba_2)
-    turn_ba_serves = (turn_ba_square <= 0.0) | (xp.abs(x761 - x746 - square) <= width)
-    x766 = square - x761
-    turn_ba_at = xp.where(turn_ba_amplitude < x766, turn_ba_amplitude, xp.where(turn_ba_amplitude < -x766, -turn_ba_amplitude, x766))
-    x772 = turn_ba_at*turn_ba_at
-    turn_ba_rest = xp.where(x772 < turn_ba_square, xp.sqrt(turn_ba_square - x772), 0.0)
-    turn_ba_c_first = xp.where(turn_ba_serves, 1.0, -turn_ba_per_square*(turn_ba_at*x746 + turn_ba_rest*x750))
-    turn_ba_s_first = xp.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x750 - turn_ba_rest*x746))
-    c_turn_ba = xp.where(bend_b_any, turn_ba_c_first, 1.0)
-    del axes_b_2_3, x731, x725, x729, x761, turn_ba_amplitude, x766, turn_ba_square, x772, turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x746, x750, turn_ba_c_first
-    s_turn_ba = xp.where(bend_b_any, turn_ba_s_first, 0.0)
-    c_6_ba = xp.where(bend_b_any, c_turn_ba, sixth_ba_c)
-    x785 = 0.0 < axes_b_3_3
-    s_6_ba = xp.where(bend_b_any, xp.where(x785, -s_turn_ba, s_turn_ba), sixth_ba_s)
-    c_234_ba = c_turn_ba*c_zero_ba - s_turn_ba*s_zero_ba
-    s_234_ba = c_turn_ba*s_zero_ba + c_zero_ba*s_turn_ba
-    corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
-    corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
-    more_ba = xp.where(x390, x392*xp.where(bend_b_any, 0.0, x393*xp.where(0.0 < h_b, 1.0/h_b, 1.0)), spare)
-    triangle_ba_side = xp.sqrt(corner_ba_1*corner_ba_1 + corner_ba_2*corner_ba_2)
-    triangle_ba_area = x404 + x405*triangle_ba_side
-    x809 = square - triangle_ba_side*triangle_ba_side
-    x810 = xp.abs(x809)
-    triangle_ba_3_room = triangle_aa_3_r - x810
-    triangle_ba_3_free = x412 & (x810 <= x411)
-    triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~triangle_ba_3_free)
-    triangle_ba_3_exists = triangle_ba_3_free | ((-(2.0*triangle_ba_side*more_ba + triangle_ba_area) <= triangle_ba_3_room) & x421)
-    del turn_ba_s_first, sixth_ba_c, axes_b_3_3, sixth_ba_s, c_zero_ba, s_zero_ba, c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba, h_b, spare, x390, x392, x393, triangle_ba_side
-    triangle_ba_3_q = xp.where(0.015625*triangle_ba_area < triangle_ba_3_room, xp.sqrt(triangle_ba_3_room*(triangle_aa_3_r + x810)), 0.0)
-    triangle_ba_3_size = triangle_aa_3_r*xp.sqrt(triangle_ba_3_q*triangle_ba_3_q + x809*x809)
-    triangle_ba_3_scale = xp.where(0.0 < triangle_ba_3_size, 1.0/triangle_ba_3_size, 1.0)
-    x832 = 2.0*triangle_ba_3_scale*x111
-    triangle_ba_3_c_a = xp.where(triangle_ba_3_free, 1.0, -x832*x809)
-    x835 = x832*triangle_ba_3_q
-    triangle_ba_3_s_a = xp.where(triangle_ba_3_free, 0.0, x835)
-    triangle_ba_3_s_b = xp.where(triangle_ba_3_free, 0.0, -x835)
-    triangle_ba_3_two = triangle_ba_3_exists & (~(triangle_ba_3_double | triangle_ba_3_free))
-    triangle_ba_any = xp.abs(corner_ba_1) + xp.abs(corner_ba_2) <= x175
-    triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
-    triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
-    x843 = corner_ba_1*triangle_ba_arm_a_1
-    triangle_ba_2_a_dot = x843 + corner_ba_2*triangle_ba_arm_a_2
-    x846 = corner_ba_2*triangle_ba_arm_a_1
-    triangle_ba_2_a_cross = x846 - corner_ba_1*triangle_ba_arm_a_2
-    triangle_ba_2_a_size = xp.sqrt(triangle_ba_2_a_cross*triangle_ba_2_a_cross + triangle_ba_2_a_dot*triangle_ba_2_a_dot)
-    triangle_ba_2_a_scale = xp.where(0.0 < triangle_ba_2_a_size, 1.0/triangle_ba_2_a_size, 1.0)
-    triangle_ba_2_a_c = xp.where(triangle_ba_any, 1.0, triangle_ba_2_a_dot*triangle_ba_2_a_scale)
-    triangle_ba_2_a_s = xp.where(triangle_ba_any, 0.0, triangle_ba_2_a_cross*triangle_ba_2_a_scale)
-    triangle_ba_arm_b_2 = a_3*triangle_ba_3_s_b
-    triangle_ba_2_b_dot = x843 + corner_ba_2*triangle_ba_arm_b_2
-    del triangle_ba_3_room, triangle_ba_area, x810, triangle_ba_3_size, triangle_ba_3_scale, x809, triangle_ba_3_q, x832, x835, triangle_ba_arm_a_1, triangle_ba_arm_a_2, triangle_ba_2_a_size, triangle_ba_2_a_dot, triangle_ba_2_a_cross, triangle_ba_2_a_scale, corner_ba_2, x843
-    triangle_ba_2_b_cross = x846 - corner_ba_1*triangle_ba_arm_b_2
-    triangle_ba_2_b_size = xp.sqrt(triangle_ba_2_b_cross*triangle_ba_2_b_cross + triangle_ba_2_b_dot*triangle_ba_2_b_dot)
-    triangle_ba_2_b_scale = xp.where(0.0 < triangle_ba_2_b_size, 1.0/triangle_ba_2_b_size, 1.0)
-    triangle_ba_2_b_c = xp.where(triangle_ba_any, 1.0, triangle_ba_2_b_dot*triangle_ba_2_b_scale)
-    triangle_ba_2_b_s = xp.where(triangle_ba_any, 0.0, triangle_ba_2_b_cross*triangle_ba_2_b_scale)
-    c_23_baa = triangle_ba_2_a_c*triangle_ba_3_c_a - triangle_ba_2_a_s*triangle_ba_3_s_a
-    s_23_baa = triangle_ba_2_a_c*triangle_ba_3_s_a + triangle_ba_2_a_s*triangle_ba_3_c_a
-    c_4_baa = c_234_ba*c_23_baa + s_234_ba*s_23_baa
-    s_4_baa = c_23_baa*s_234_ba - c_234_ba*s_23_baa
-    c_23_bab = triangle_ba_2_b_c*triangle_ba_3_c_a - triangle_ba_2_b_s*triangle_ba_3_s_b
-    s_23_bab = triangle_ba_2_b_c*triangle_ba_3_s_b + triangle_ba_2_b_s*triangle_ba_3_c_a
-    c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
-    s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
-    sixth_bb_dot = x712 - x709
-    sixth_bb_cross = x713 + x714
-    del corner_ba_1, triangle_ba_arm_b_2, x846, triangle_ba_2_b_size, triangle_ba_2_b_dot, triangle_ba_2_b_cross, triangle_ba_2_b_scale, c_23_baa, s_23_baa, c_234_ba, c_23_bab, s_234_ba, s_23_bab, x709, x712, x713, x714
-    sixth_bb_size = xp.sqrt(sixth_bb_cross*sixth_bb_cross + sixth_bb_dot*sixth_bb_dot)
-    sixth_bb_scale = xp.where(0.0 < sixth_bb_size, 1.0/sixth_bb_size, 1.0)
-    sixth_bb_c = xp.where(bend_b_any, 1.0, sixth_bb_dot*sixth_bb_scale)
-    sixth_bb_s = xp.where(bend_b_any, 0.0, sixth_bb_cross*sixth_bb_scale)
-    x888 = bend_b_c*sixth_bb_c + x723*sixth_bb_s
-    x892 = x723*sixth_bb_c - bend_b_c*sixth_bb_s
-    c_zero_bb = axes_b_1_1*x888 + axes_b_1_2*x892 - x732
-    s_zero_bb = axes_b_2_1*x888 + axes_b_2_2*x892 - x736
-    hand_bb_1 = a_4*c_zero_bb + x330*s_zero_bb
-    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x330
-    x904 = x742*hand_bb_1 + x744*hand_bb_2
-    x905 = x904*x904
-    x908 = x742*hand_bb_2 - x744*hand_bb_1
-    del sixth_bb_size, sixth_bb_dot, sixth_bb_cross, sixth_bb_scale, x723, axes_b_1_1, axes_b_1_2, x732, axes_b_2_1, axes_b_2_2, x736, x888, x892, x330, x742, x744
-    x909 = x908*x908
-    turn_bb_square = x905 + x909
-    turn_bb_amplitude = xp.sqrt(turn_bb_square)
-    turn_bb_per_square = xp.where(0.0 < turn_bb_square, 1.0/turn_bb_square, 1.0)
-    x916 = x759 + (hand_bb_1*hand_bb_1 + hand_bb_2*hand_bb_2)
-    turn_bb_serves = (turn_bb_square <= 0.0) | (xp.abs(x916 - x904 - square) <= width)
-    x921 = square - x916
-    turn_bb_at = xp.where(turn_bb_amplitude < x921, turn_bb_amplitude, xp.where(turn_bb_amplitude < -x921, -turn_bb_amplitude, x921))
-    x927 = turn_bb_at*turn_bb_at
-    turn_bb_rest = xp.where(x927 < turn_bb_square, xp.sqrt(turn_bb_square - x927), 0.0)
-    turn_bb_c_first = xp.where(turn_bb_serves, 1.0, -turn_bb_per_square*(turn_bb_at*x904 + turn_bb_rest*x908))
-    turn_bb_s_first = xp.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x908 - turn_bb_rest*x904))
-    x940 = x905 - x909
-    x941 = turn_bb_c_first*turn_bb_per_square
-    x948 = turn_bb_per_square*turn_bb_s_first
-    x949 = (4.0*(end_b_1*hand_bb_1) + 4.0*(end_b_2*hand_bb_2))*x908
-    turn_bb_c_second = x941*x940 - x948*x949
-    turn_bb_s_second = -(x941*x949 + x948*x940)
-    del x759, x916, turn_bb_square, x927, turn_bb_at, turn_bb_rest, turn_bb_serves, x904, x905, x909, turn_bb_c_first, turn_bb_per_square, turn_bb_s_first, x908, x940, x941, x948, x949
-    turn_bb_split = (width < x921 + turn_bb_amplitude) & (width < turn_bb_amplitude - x921)
-    c_turn_bb = xp.where(bend_b_any, turn_bb_c_second, 1.0)
-    s_turn_bb = xp.where(bend_b_any, turn_bb_s_second, 0.0)
-    c_6_bb = xp.where(bend_b_any, c_turn_bb, sixth_bb_c)
-    s_6_bb = xp.where(bend_b_any, xp.where(x785, -s_turn_bb, s_turn_bb), sixth_bb_s)
-    bend_more_bb = bend_b_two | (bend_b_any & turn_bb_split)
-    c_234_bb = c_turn_bb*c_zero_bb - s_turn_bb*s_zero_bb
-    s_234_bb = c_turn_bb*s_zero_bb + c_zero_bb*s_turn_bb
-    corner_bb_1 = end_b_1 + hand_bb_2*s_turn_bb - c_turn_bb*hand_bb_1
-    corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
-    del turn_bb_amplitude, width, x921, turn_bb_c_second, turn_bb_s_second, sixth_bb_c, sixth_bb_s, x785, bend_b_any, bend_b_two, turn_bb_split, c_zero_bb, s_zero_bb, end_b_1, c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
-    triangle_bb_side = xp.sqrt(corner_bb_1*corner_bb_1 + corner_bb_2*corner_bb_2)
-    triangle_bb_area = x404 + x405*triangle_bb_side
-    x976 = square - triangle_bb_side*triangle_bb_side
-    x977 = xp.abs(x976)
-    triangle_bb_3_room = triangle_aa_3_r - x977
-    triangle_bb_3_free = x412 & (x977 <= x411)
-    triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~triangle_bb_3_free)
-    triangle_bb_3_exists = triangle_bb_3_free | ((-(2.0*triangle_bb_side*more_ba + triangle_bb_area) <= triangle_bb_3_room) & x421)
-    triangle_bb_3_q = xp.where(0.015625*triangle_bb_area < triangle_bb_3_room, xp.sqrt(triangle_bb_3_room*(triangle_aa_3_r + x977)), 0.0)
-    triangle_bb_3_size = triangle_aa_3_r*xp.sqrt(triangle_bb_3_q*triangle_bb_3_q + x976*x976)
-    triangle_bb_3_scale = xp.where(0.0 < triangle_bb_3_size, 1.0/triangle_bb_3_size, 1.0)
-    x999 = 2.0*triangle_bb_3_scale*x111
-    triangle_bb_3_c_a = xp.where(triangle_bb_3_free, 1.0, -x999*x976)
-    del x404, x405, square, x411, x412, more_ba, triangle_bb_side, x421, triangle_bb_3_room, triangle_bb_area, x977, triangle_aa_3_r, triangle_bb_3_size, triangle_bb_3_scale, x111, x976
-    x1002 = x999*triangle_bb_3_q
-    triangle_bb_3_s_a = xp.where(triangle_bb_3_free, 0.0, x1002)
-    triangle_bb_3_s_b = xp.where(triangle_bb_3_free, 0.0, -x1002)
-    triangle_bb_3_two = triangle_bb_3_exists & (~(triangle_bb_3_double | triangle_bb_3_free))
-    triangle_bb_any = xp.abs(corner_bb_1) + xp.abs(corner_bb_2) <= x175
-    triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
-    triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
-    x1010 = corner_bb_1*triangle_bb_arm_a_1
-    triangle_bb_2_a_dot = x1010 + corner_bb_2*triangle_bb_arm_a_2
-    x1013 = corner_bb_2*triangle_bb_arm_a_1
-    triangle_bb_2_a_cross = x1013 - corner_bb_1*triangle_bb_arm_a_2
-    triangle_bb_2_a_size = xp.sqrt(triangle_bb_2_a_cross*triangle_bb_2_a_cross + triangle_bb_2_a_dot*triangle_bb_2_a_dot)
-    triangle_bb_2_a_scale = xp.where(0.0 < triangle_bb_2_a_size, 1.0/triangle_bb_2_a_size, 1.0)
-    triangle_bb_2_a_c = xp.where(triangle_bb_any, 1.0, triangle_bb_2_a_dot*triangle_bb_2_a_scale)
-    triangle_bb_2_a_s = xp.where(triangle_bb_any, 0.0, triangle_bb_2_a_cross*triangle_bb_2_a_scale)
-    triangle_bb_arm_b_2 = a_3*triangle_bb_3_s_b
-    triangle_bb_2_b_dot = x1010 + corner_bb_2*triangle_bb_arm_b_2
-    triangle_bb_2_b_cross = x1013 - corner_bb_1*triangle_bb_arm_b_2
-    triangle_bb_2_b_size = xp.sqrt(triangle_bb_2_b_cross*triangle_bb_2_b_cross + triangle_bb_2_b_dot*triangle_bb_2_b_dot)
-    triangle_bb_2_b_scale = xp.where(0.0 < triangle_bb_2_b_size, 1.0/triangle_bb_2_b_size, 1.0)
-    del triangle_bb_3_q, x999, x1002, x175, triangle_bb_arm_a_1, triangle_bb_arm_a_2, triangle_bb_2_a_size, triangle_bb_2_a_dot, triangle_bb_2_a_cross, triangle_bb_2_a_scale, corner_bb_2, x1010, corner_bb_1, triangle_bb_arm_b_2, x1013, triangle_bb_2_b_size
-    triangle_bb_2_b_c = xp.where(triangle_bb_any, 1.0, triangle_bb_2_b_dot*triangle_bb_2_b_scale)
-    triangle_bb_2_b_s = xp.where(triangle_bb_any, 0.0, triangle_bb_2_b_cross*triangle_bb_2_b_scale)
-    c_23_bba = triangle_bb_2_a_c*triangle_bb_3_c_a - triangle_bb_2_a_s*triangle_bb_3_s_a
-    s_23_bba = triangle_bb_2_a_c*triangle_bb_3_s_a + triangle_bb_2_a_s*triangle_bb_3_c_a
-    c_4_bba = c_234_bb*c_23_bba + s_234_bb*s_23_bba
-    s_4_bba = c_23_bba*s_234_bb - c_234_bb*s_23_bba
-    c_23_bbb = triangle_bb_2_b_c*triangle_bb_3_c_a - triangle_bb_2_b_s*triangle_bb_3_s_b
-    s_23_bbb = triangle_bb_2_b_c*triangle_bb_3_s_b + triangle_bb_2_b_s*triangle_bb_3_c_a
-    c_4_bbb = c_234_bb*c_23_bbb + s_234_bb*s_23_bbb
-    s_4_bbb = c_23_bbb*s_234_bb - c_234_bb*s_23_bbb
-    x1046 = first_exists & near
-    x1047 = bend_a_exists & x1046
-    there_1 = x1047 & triangle_aa_3_exists
-    angle_1_1 = xp.atan2(s_1_a, c_1_a)
-    angle_1_2 = xp.atan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
-    del triangle_bb_2_b_dot, triangle_bb_2_b_cross, triangle_bb_2_b_scale, c_23_bba, s_23_bba, c_234_bb, c_23_bbb, s_234_bb, s_23_bbb, first_exists, bend_a_exists, triangle_aa_3_exists, c_1_a, s_1_a, triangle_aa_2_a_c, triangle_aa_2_a_s
-    angle_1_3 = xp.atan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
-    angle_1_4 = xp.atan2(s_4_aaa, c_4_aaa)
-    angle_1_5 = xp.atan2(bend_a_s, bend_a_c)
-    angle_1_6 = xp.atan2(s_6_aa, c_6_aa)
-    x1048 = bend_a_double | first_double
-    x1051 = bend_a_free | first_free
-    code_1 = xp.where(x1051 | triangle_aa_3_free | triangle_aa_any, 2.0, xp.where(x1048 | triangle_aa_3_double, 1.0, 0.0))
-    there_2 = x1047 & triangle_aa_3_two
-    angle_2_2 = xp.atan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
-    angle_2_3 = xp.atan2(triangle_aa_3_s_b, triangle_aa_3_c_a)
-    del triangle_aa_3_s_a, c_4_aaa, s_4_aaa, c_6_aa, s_6_aa, bend_a_double, bend_a_free, triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any, triangle_aa_3_two, x1047, triangle_aa_2_b_c, triangle_aa_2_b_s, triangle_aa_3_c_a, triangle_aa_3_s_b
-    angle_2_4 = xp.atan2(s_4_aab, c_4_aab)
-    x1054 = bend_more_ab & x1046
-    there_3 = x1054 & triangle_ab_3_exists
-    angle_3_2 = xp.atan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
-    angle_3_3 = xp.atan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
-    angle_3_4 = xp.atan2(s_4_aba, c_4_aba)
-    angle_3_5 = xp.atan2(-bend_a_s, bend_a_c)
-    angle_3_6 = xp.atan2(s_6_ab, c_6_ab)
-    code_3 = xp.where(x1051 | triangle_ab_3_free | triangle_ab_any, 2.0, xp.where(x1048 | triangle_ab_3_double, 1.0, 0.0))
-    del c_4_aab, s_4_aab, bend_more_ab, x1046, triangle_ab_3_exists, triangle_ab_2_a_c, triangle_ab_2_a_s, triangle_ab_3_s_a, c_4_aba, s_4_aba, bend_a_c, bend_a_s, c_6_ab, s_6_ab, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any, x1048, x1051
-    there_4 = x1054 & triangle_ab_3_two
-    angle_4_2 = xp.atan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
-    angle_4_3 = xp.atan2(triangle_ab_3_s_b, triangle_ab_3_c_a)
-    angle_4_4 = xp.atan2(s_4_abb, c_4_abb)
-    x1060 = first_more & near
-    x1061 = bend_b_exists & x1060
-    there_5 = x1061 & triangle_ba_3_exists
-    angle_5_1 = xp.atan2(s_1_b, c_1_b)
-    angle_5_2 = xp.atan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
-    del triangle_ab_3_two, x1054, triangle_ab_2_b_c, triangle_ab_2_b_s, triangle_ab_3_c_a, triangle_ab_3_s_b, c_4_abb, s_4_abb, first_more, near, bend_b_exists, triangle_ba_3_exists, c_1_b, s_1_b, triangle_ba_2_a_c, triangle_ba_2_a_s
-    angle_5_3 = xp.atan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
-    angle_5_4 = xp.atan2(s_4_baa, c_4_baa)
-    angle_5_5 = xp.atan2(bend_b_s, bend_b_c)
-    angle_5_6 = xp.atan2(s_6_ba, c_6_ba)
-    x1062 = bend_b_double | first_double
-    x1065 = bend_b_free | first_free
-    code_5 = xp.where(x1065 | triangle_ba_3_free | triangle_ba_any, 2.0, xp.where(x1062 | triangle_ba_3_double, 1.0, 0.0))
-    there_6 = x1061 & triangle_ba_3_two
-    angle_6_2 = xp.atan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
-    del triangle_ba_3_s_a, c_4_baa, s_4_baa, c_6_ba, s_6_ba, bend_b_double, first_double, bend_b_free, first_free, triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any, triangle_ba_3_two, x1061, triangle_ba_2_b_c, triangle_ba_2_b_s
-    angle_6_3 = xp.atan2(triangle_ba_3_s_b, triangle_ba_3_c_a)
-    angle_6_4 = xp.atan2(s_4_bab, c_4_bab)
-    x1068 = bend_more_bb & x1060
-    there_7 = x1068 & triangle_bb_3_exists
-    angle_7_2 = xp.atan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
-    angle_7_3 = xp.atan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
-    angle_7_4 = xp.atan2(s_4_bba, c_4_bba)
-    angle_7_5 = xp.atan2(-bend_b_s, bend_b_c)
-    angle_7_6 = xp.atan2(s_6_bb, c_6_bb)
-    del triangle_ba_3_c_a, triangle_ba_3_s_b, c_4_bab, s_4_bab, bend_more_bb, x1060, triangle_bb_3_exists, triangle_bb_2_a_c, triangle_bb_2_a_s, triangle_bb_3_s_a, c_4_bba, s_4_bba, bend_b_c, bend_b_s, c_6_bb, s_6_bb
-    code_7 = xp.where(x1065 | triangle_bb_3_free | triangle_bb_any, 2.0, xp.where(x1062 | triangle_bb_3_double, 1.0, 0.0))
-    there_8 = x1068 & triangle_bb_3_two
-    angle_8_2 = xp.atan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
-    angle_8_3 = xp.atan2(triangle_bb_3_s_b, triangle_bb_3_c_a)
-    angle_8_4 = xp.atan2(s_4_bbb, c_4_bbb)
-    holes_1 = xp.where(there_1, 0.0, 1.0)
-    holes_2 = holes_1 + xp.where(there_2, 0.0, 1.0)
-    x1075 = xp.where(there_3, 0.0, 1.0)
-    holes_3 = holes_2 + x1075
-    holes_4 = holes_2 + (x1075 + xp.where(there_4, 0.0, 1.0))
-    x1078 = xp.where(there_5, 0.0, 1.0)
-    holes_5 = holes_4 + x1078
-    holes_6 = holes_4 + (x1078 + xp.where(there_6, 0.0, 1.0))
-    holes_7 = holes_6 + xp.where(there_7, 0.0, 1.0)
-    moves_1_1 = there_2 & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
-    del triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any, x1062, x1065, triangle_bb_3_two, x1068, triangle_bb_2_b_c, triangle_bb_2_b_s, triangle_bb_3_c_a, triangle_bb_3_s_b, c_4_bbb, s_4_bbb, x1075, x1078, holes_1
-    moves_1_2 = there_3 & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
-    moves_1_3 = there_4 & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
-    moves_1_4 = there_5 & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
-    moves_1_5 = there_6 & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
-    moves_1_6 = there_7 & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
-    moves_1_7 = there_8 & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
-    there_1_0 = moves_1_1 | there_1
-    row_1_0_1 = xp.where(moves_1_1, code_1, code_1)
-    x1131 = -3.141592653589793
-    x1133 = xp.where(x1131 < angle_1_1, angle_1_1, 3.141592653589793)
-    row_1_0_2 = xp.where(moves_1_1, x1133, x1133)
-    x1137 = xp.where(x1131 < angle_2_2, angle_2_2, 3.141592653589793)
-    row_1_0_3 = xp.where(moves_1_1, x1137, xp.where(x1131 < angle_1_2, angle_1_2, 3.141592653589793))
-    x1141 = xp.where(x1131 < angle_2_3, angle_2_3, 3.141592653589793)
-    row_1_0_4 = xp.where(moves_1_1, x1141, xp.where(x1131 < angle_1_3, angle_1_3, 3.141592653589793))
-    x1145 = xp.where(x1131 < angle_2_4, angle_2_4, 3.141592653589793)
-    row_1_0_5 = xp.where(moves_1_1, x1145, xp.where(x1131 < angle_1_4, angle_1_4, 3.141592653589793))
-    x1147 = xp.where(x1131 < angle_1_5, angle_1_5, 3.141592653589793)
-    row_1_0_6 = xp.where(moves_1_1, x1147, x1147)
-    x1149 = xp.where(x1131 < angle_1_6, angle_1_6, 3.141592653589793)
-    row_1_0_7 = xp.where(moves_1_1, x1149, x1149)
-    there_1_1 = moves_1_2 | (there_2 & (~moves_1_1))
-    row_1_1_1 = xp.where(moves_1_2, code_3, code_1)
-    row_1_1_2 = xp.where(moves_1_2, x1133, x1133)
-    x1153 = xp.where(x1131 < angle_3_2, angle_3_2, 3.141592653589793)
-    row_1_1_3 = xp.where(moves_1_2, x1153, x1137)
-    x1155 = xp.where(x1131 < angle_3_3, angle_3_3, 3.141592653589793)
-    del there_1, angle_1_1, angle_2_2, angle_1_2, angle_2_3, angle_1_3, angle_2_4, angle_1_4, angle_1_5, angle_1_6, moves_1_1, there_2, code_1, angle_3_2, x1137, angle_3_3
-    row_1_1_4 = xp.where(moves_1_2, x1155, x1141)
-    x1157 = xp.where(x1131 < angle_3_4, angle_3_4, 3.141592653589793)
-    row_1_1_5 = xp.where(moves_1_2, x1157, x1145)
-    x1159 = xp.where(x1131 < angle_3_5, angle_3_5, 3.141592653589793)
-    row_1_1_6 = xp.where(moves_1_2, x1159, x1147)
-    x1161 = xp.where(x1131 < angle_3_6, angle_3_6, 3.141592653589793)
-    row_1_1_7 = xp.where(moves_1_2, x1161, x1149)
-    there_1_2 = moves_1_3 | (there_3 & (~moves_1_2))
-    row_1_2_0 = xp.where(moves_1_3, holes_3 - 1.0, holes_2)
-    row_1_2_1 = xp.where(moves_1_3, code_3, code_3)
-    row_1_2_2 = xp.where(moves_1_3, x1133, x1133)
-    x1166 = xp.where(x1131 < angle_4_2, angle_4_2, 3.141592653589793)
-    row_1_2_3 = xp.where(moves_1_3, x1166, x1153)
-    x1168 = xp.where(x1131 < angle_4_3, angle_4_3, 3.141592653589793)
-    row_1_2_4 = xp.where(moves_1_3, x1168, x1155)
-    x1170 = xp.where(x1131 < angle_4_4, angle_4_4, 3.141592653589793)
-    row_1_2_5 = xp.where(moves_1_3, x1170, x1157)
-    del x1141, angle_3_4, x1145, angle_3_5, x1147, angle_3_6, x1149, moves_1_2, there_3, holes_2, angle_4_2, x1153, angle_4_3, x1155, angle_4_4, x1157
-    row_1_2_6 = xp.where(moves_1_3, x1159, x1159)
-    row_1_2_7 = xp.where(moves_1_3, x1161, x1161)
-    there_1_3 = moves_1_4 | (there_4 & (~moves_1_3))
-    row_1_3_0 = xp.where(moves_1_4, holes_4 - 1.0, holes_3)
-    row_1_3_1 = xp.where(moves_1_4, code_5, code_3)
-    x1175 = xp.where(x1131 < angle_5_1, angle_5_1, 3.141592653589793)
-    row_1_3_2 = xp.where(moves_1_4, x1175, x1133)
-    x1177 = xp.where(x1131 < angle_5_2, angle_5_2, 3.141592653589793)
-    row_1_3_3 = xp.where(moves_1_4, x1177, x1166)
-    x1179 = xp.where(x1131 < angle_5_3, angle_5_3, 3.141592653589793)
-    row_1_3_4 = xp.where(moves_1_4, x1179, x1168)
-    x1181 = xp.where(x1131 < angle_5_4, angle_5_4, 3.141592653589793)
-    row_1_3_5 = xp.where(moves_1_4, x1181, x1170)
-    x1183 = xp.where(x1131 < angle_5_5, angle_5_5, 3.141592653589793)
-    row_1_3_6 = xp.where(moves_1_4, x1183, x1159)
-    x1185 = xp.where(x1131 < angle_5_6, angle_5_6, 3.141592653589793)
-    row_1_3_7 = xp.where(moves_1_4, x1185, x1161)
-    del moves_1_3, there_4, holes_3, code_3, angle_5_1, x1133, angle_5_2, x1166, angle_5_3, x1168, angle_5_4, x1170, angle_5_5, x1159, angle_5_6, x1161
-    there_1_4 = moves_1_5 | (there_5 & (~moves_1_4))
-    row_1_4_0 = xp.where(moves_1_5, holes_5 - 1.0, holes_4)
-    row_1_4_1 = xp.where(moves_1_5, code_5, code_5)
-    row_1_4_2 = xp.where(moves_1_5, x1175, x1175)
-    x1190 = xp.where(x1131 < angle_6_2, angle_6_2, 3.141592653589793)
-    row_1_4_3 = xp.where(moves_1_5, x1190, x1177)
-    x1192 = xp.where(x1131 < angle_6_3, angle_6_3, 3.141592653589793)
-    row_1_4_4 = xp.where(moves_1_5, x1192, x1179)
-    x1194 = xp.where(x1131 < angle_6_4, angle_6_4, 3.141592653589793)
-    row_1_4_5 = xp.where(moves_1_5, x1194, x1181)
-    row_1_4_6 = xp.where(moves_1_5, x1183, x1183)
-    row_1_4_7 = xp.where(moves_1_5, x1185, x1185)
-    there_1_5 = moves_1_6 | (there_6 & (~moves_1_5))
-    row_1_5_0 = xp.where(moves_1_6, holes_6 - 1.0, holes_5)
-    row_1_5_1 = xp.where(moves_1_6, code_7, code_5)
-    row_1_5_2 = xp.where(moves_1_6, x1175, x1175)
-    x1199 = xp.where(x1131 < angle_7_2, angle_7_2, 3.141592653589793)
-    row_1_5_3 = xp.where(moves_1_6, x1199, x1190)
-    x1201 = xp.where(x1131 < angle_7_3, angle_7_3, 3.141592653589793)
-    del moves_1_4, there_5, holes_4, angle_6_2, x1177, angle_6_3, x1179, angle_6_4, x1181, moves_1_5, there_6, holes_5, code_5, angle_7_2, x1190, angle_7_3
-    row_1_5_4 = xp.where(moves_1_6, x1201, x1192)
-    x1203 = xp.where(x1131 < angle_7_4, angle_7_4, 3.141592653589793)
-    row_1_5_5 = xp.where(moves_1_6, x1203, x1194)
-    x1205 = xp.where(x1131 < angle_7_5, angle_7_5, 3.141592653589793)
-    row_1_5_6 = xp.where(moves_1_6, x1205, x1183)
-    x1207 = xp.where(x1131 < angle_7_6, angle_7_6, 3.141592653589793)
-    row_1_5_7 = xp.where(moves_1_6, x1207, x1185)
-    there_1_6 = moves_1_7 | (there_7 & (~moves_1_6))
-    row_1_6_0 = xp.where(moves_1_7, holes_7 - 1.0, holes_6)
-    row_1_6_1 = xp.where(moves_1_7, code_7, code_7)
-    row_1_6_2 = xp.where(moves_1_7, x1175, x1175)
-    x1212 = xp.where(x1131 < angle_8_2, angle_8_2, 3.141592653589793)
-    row_1_6_3 = xp.where(moves_1_7, x1212, x1199)
-    x1214 = xp.where(x1131 < angle_8_3, angle_8_3, 3.141592653589793)
-    row_1_6_4 = xp.where(moves_1_7, x1214, x1201)
-    x1216 = xp.where(x1131 < angle_8_4, angle_8_4, 3.141592653589793)
-    del x1192, angle_7_4, x1194, angle_7_5, x1183, angle_7_6, x1185, moves_1_6, there_7, holes_6, angle_8_2, x1199, angle_8_3, x1201, angle_8_4, x1131
-    row_1_6_5 = xp.where(moves_1_7, x1216, x1203)
-    row_1_6_6 = xp.where(moves_1_7, x1205, x1205)
-    row_1_6_7 = xp.where(moves_1_7, x1207, x1207)
-    there_1_7 = there_8 & (~moves_1_7)
-    moves_2_2 = there_1_2 & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
-    moves_2_3 = there_1_3 & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
-    moves_2_4 = there_1_4 & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
-    moves_2_5 = there_1_5 & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
-    moves_2_6 = there_1_6 & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
-    moves_2_7 = there_1_7 & ((holes_7 == 2.0) | (holes_7 == 6.0))
-    there_2_0 = moves_2_2 | there_1_0
-    row_2_0_1 = xp.where(moves_2_2, row_1_2_1, row_1_0_1)
-    row_2_0_2 = xp.where(moves_2_2, row_1_2_2, row_1_0_2)
-    row_2_0_3 = xp.where(moves_2_2, row_1_2_3, row_1_0_3)
-    row_2_0_4 = xp.where(moves_2_2, row_1_2_4, row_1_0_4)
-    row_2_0_5 = xp.where(moves_2_2, row_1_2_5, row_1_0_5)
-    row_2_0_6 = xp.where(moves_2_2, row_1_2_6, row_1_0_6)
-    row_2_0_7 = xp.where(moves_2_2, row_1_2_7, row_1_0_7)
-    there_2_1 = moves_2_3 | there_1_1
-    row_2_1_1 = xp.where(moves_2_3, row_1_3_1, row_1_1_1)
-    row_2_1_2 = xp.where(moves_2_3, row_1_3_2, row_1_1_2)
-    del x1203, moves_1_7, there_8, row_1_2_0, row_1_3_0, there_1_0, row_1_0_1, row_1_0_2, row_1_0_3, row_1_0_4, row_1_0_5, row_1_0_6, row_1_0_7, there_1_1, row_1_1_1, row_1_1_2
-    row_2_1_3 = xp.where(moves_2_3, row_1_3_3, row_1_1_3)
-    row_2_1_4 = xp.where(moves_2_3, row_1_3_4, row_1_1_4)
-    row_2_1_5 = xp.where(moves_2_3, row_1_3_5, row_1_1_5)
-    row_2_1_6 = xp.where(moves_2_3, row_1_3_6, row_1_1_6)
-    row_2_1_7 = xp.where(moves_2_3, row_1_3_7, row_1_1_7)
-    there_2_2 = moves_2_4 | (there_1_2 & (~moves_2_2))
-    row_2_2_1 = xp.where(moves_2_4, row_1_4_1, row_1_2_1)
-    row_2_2_2 = xp.where(moves_2_4, row_1_4_2, row_1_2_2)
-    row_2_2_3 = xp.where(moves_2_4, row_1_4_3, row_1_2_3)
-    row_2_2_4 = xp.where(moves_2_4, row_1_4_4, row_1_2_4)
-    row_2_2_5 = xp.where(moves_2_4, row_1_4_5, row_1_2_5)
-    row_2_2_6 = xp.where(moves_2_4, row_1_4_6, row_1_2_6)
-    row_2_2_7 = xp.where(moves_2_4, row_1_4_7, row_1_2_7)
-    there_2_3 = moves_2_5 | (there_1_3 & (~moves_2_3))
-    del row_1_1_3, row_1_1_4, row_1_1_5, row_1_1_6, row_1_1_7, moves_2_2, there_1_2, row_1_2_1, row_1_2_2, row_1_2_3, row_1_2_4, row_1_2_5, row_1_2_6, row_1_2_7, moves_2_3, there_1_3
-    row_2_3_1 = xp.where(moves_2_5, row_1_5_1, row_1_3_1)
-    row_2_3_2 = xp.where(moves_2_5, row_1_5_2, row_1_3_2)
-    row_2_3_3 = xp.where(moves_2_5, row_1_5_3, row_1_3_3)
-    row_2_3_4 = xp.where(moves_2_5, row_1_5_4, row_1_3_4)
-    row_2_3_5 = xp.where(moves_2_5, row_1_5_5, row_1_3_5)
-    row_2_3_6 = xp.where(moves_2_5, row_1_5_6, row_1_3_6)
-    row_2_3_7 = xp.where(moves_2_5, row_1_5_7, row_1_3_7)
-    there_2_4 = moves_2_6 | (there_1_4 & (~moves_2_4))
-    row_2_4_0 = xp.where(moves_2_6, row_1_6_0 - 2.0, row_1_4_0)
-    row_2_4_1 = xp.where(moves_2_6, row_1_6_1, row_1_4_1)
-    row_2_4_2 = xp.where(moves_2_6, row_1_6_2, row_1_4_2)
-    row_2_4_3 = xp.where(moves_2_6, row_1_6_3, row_1_4_3)
-    row_2_4_4 = xp.where(moves_2_6, row_1_6_4, row_1_4_4)
-    row_2_4_5 = xp.where(moves_2_6, row_1_6_5, row_1_4_5)
-    row_2_4_6 = xp.where(moves_2_6, row_1_6_6, row_1_4_6)
-    del row_1_3_1, row_1_3_2, row_1_3_3, row_1_3_4, row_1_3_5, row_1_3_6, row_1_3_7, moves_2_4, there_1_4, row_1_4_0, row_1_4_1, row_1_4_2, row_1_4_3, row_1_4_4, row_1_4_5, row_1_4_6
-    row_2_4_7 = xp.where(moves_2_6, row_1_6_7, row_1_4_7)
-    there_2_5 = moves_2_7 | (there_1_5 & (~moves_2_5))
-    row_2_5_0 = xp.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
-    row_2_5_1 = xp.where(moves_2_7, code_7, row_1_5_1)
-    row_2_5_2 = xp.where(moves_2_7, x1175, row_1_5_2)
-    row_2_5_3 = xp.where(moves_2_7, x1212, row_1_5_3)
-    row_2_5_4 = xp.where(moves_2_7, x1214, row_1_5_4)
-    row_2_5_5 = xp.where(moves_2_7, x1216, row_1_5_5)
-    row_2_5_6 = xp.where(moves_2_7, x1205, row_1_5_6)
-    row_2_5_7 = xp.where(moves_2_7, x1207, row_1_5_7)
-    there_2_6 = there_1_6 & (~moves_2_6)
-    there_2_7 = there_1_7 & (~moves_2_7)
-    moves_4_4 = there_2_4 & (row_2_4_0 == 4.0)
-    del row_1_4_7, moves_2_5, there_1_5, row_1_5_0, row_1_5_1, row_1_5_2, row_1_5_3, row_1_5_4, row_1_5_5, row_1_5_6, row_1_5_7, moves_2_6, there_1_6, moves_2_7, there_1_7, row_2_4_0
-    moves_4_5 = there_2_5 & (row_2_5_0 == 4.0)
-    moves_4_6 = there_2_6 & (row_1_6_0 == 4.0)
-    moves_4_7 = there_2_7 & (holes_7 == 4.0)
-    there_4_0 = moves_4_4 | there_2_0
-    row_4_0_1 = xp.where(moves_4_4, row_2_4_1, row_2_0_1)
-    row_4_0_2 = xp.where(moves_4_4, row_2_4_2, row_2_0_2)
-    row_4_0_3 = xp.where(moves_4_4, row_2_4_3, row_2_0_3)
-    row_4_0_4 = xp.where(moves_4_4, row_2_4_4, row_2_0_4)
-    row_4_0_5 = xp.where(moves_4_4, row_2_4_5, row_2_0_5)
-    row_4_0_6 = xp.where(moves_4_4, row_2_4_6, row_2_0_6)
-    row_4_0_7 = xp.where(moves_4_4, row_2_4_7, row_2_0_7)
-    there_4_1 = moves_4_5 | there_2_1
-    row_4_1_1 = xp.where(moves_4_5, row_2_5_1, row_2_1_1)
-    row_4_1_2 = xp.where(moves_4_5, row_2_5_2, row_2_1_2)
-    row_4_1_3 = xp.where(moves_4_5, row_2_5_3, row_2_1_3)
-    row_4_1_4 = xp.where(moves_4_5, row_2_5_4, row_2_1_4)
-    del row_2_5_0, row_1_6_0, holes_7, there_2_0, row_2_0_1, row_2_0_2, row_2_0_3, row_2_0_4, row_2_0_5, row_2_0_6, row_2_0_7, there_2_1, row_2_1_1, row_2_1_2, row_2_1_3, row_2_1_4
-    row_4_1_5 = xp.where(moves_4_5, row_2_5_5, row_2_1_5)
-    row_4_1_6 = xp.where(moves_4_5, row_2_5_6, row_2_1_6)
-    row_4_1_7 = xp.where(moves_4_5, row_2_5_7, row_2_1_7)
-    there_4_2 = moves_4_6 | there_2_2
-    row_4_2_1 = xp.where(moves_4_6, row_1_6_1, row_2_2_1)
-    row_4_2_2 = xp.where(moves_4_6, row_1_6_2, row_2_2_2)
-    row_4_2_3 = xp.where(moves_4_6, row_1_6_3, row_2_2_3)
-    row_4_2_4 = xp.where(moves_4_6, row_1_6_4, row_2_2_4)
-    row_4_2_5 = xp.where(moves_4_6, row_1_6_5, row_2_2_5)
-    row_4_2_6 = xp.where(moves_4_6, row_1_6_6, row_2_2_6)
-    row_4_2_7 = xp.where(moves_4_6, row_1_6_7, row_2_2_7)
-    there_4_3 = moves_4_7 | there_2_3
-    row_4_3_1 = xp.where(moves_4_7, code_7, row_2_3_1)
-    row_4_3_2 = xp.where(moves_4_7, x1175, row_2_3_2)
-    row_4_3_3 = xp.where(moves_4_7, x1212, row_2_3_3)
-    row_4_3_4 = xp.where(moves_4_7, x1214, row_2_3_4)
-    del row_2_1_5, row_2_1_6, row_2_1_7, there_2_2, row_2_2_1, row_2_2_2, row_2_2_3, row_2_2_4, row_2_2_5, row_2_2_6, row_2_2_7, there_2_3, row_2_3_1, row_2_3_2, row_2_3_3, row_2_3_4
-    row_4_3_5 = xp.where(moves_4_7, x1216, row_2_3_5)
-    row_4_3_6 = xp.where(moves_4_7, x1205, row_2_3_6)
-    row_4_3_7 = xp.where(moves_4_7, x1207, row_2_3_7)
-    there_4_4 = there_2_4 & (~moves_4_4)
-    there_4_5 = there_2_5 & (~moves_4_5)
-    there_4_6 = there_2_6 & (~moves_4_6)
-    there_4_7 = there_2_7 & (~moves_4_7)
-    angles_1_1 = xp.where(there_4_0, row_4_0_2, xp.nan)
-    angles_1_2 = xp.where(there_4_0, row_4_0_3, xp.nan)
-    angles_1_3 = xp.where(there_4_0, row_4_0_4, xp.nan)
-    angles_1_4 = xp.where(there_4_0, row_4_0_5, xp.nan)
-    angles_1_5 = xp.where(there_4_0, row_4_0_6, xp.nan)
-    del row_2_3_5, row_2_3_6, row_2_3_7, moves_4_4, there_2_4, moves_4_5, there_2_5, moves_4_6, there_2_6, moves_4_7, there_2_7, row_4_0_2, row_4_0_3, row_4_0_4, row_4_0_5, row_4_0_6
-    angles_1_6 = xp.where(there_4_0, row_4_0_7, xp.nan)
-    angles_2_1 = xp.where(there_4_1, row_4_1_2, xp.nan)
-    angles_2_2 = xp.where(there_4_1, row_4_1_3, xp.nan)
-    angles_2_3 = xp.where(there_4_1, row_4_1_4, xp.nan)
-    angles_2_4 = xp.where(there_4_1, row_4_1_5, xp.nan)
-    angles_2_5 = xp.where(there_4_1, row_4_1_6, xp.nan)
-    angles_2_6 = xp.where(there_4_1, row_4_1_7, xp.nan)
-    angles_3_1 = xp.where(there_4_2, row_4_2_2, xp.nan)
-    angles_3_2 = xp.where(there_4_2, row_4_2_3, xp.nan)
-    angles_3_3 = xp.where(there_4_2, row_4_2_4, xp.nan)
-    angles_3_4 = xp.where(there_4_2, row_4_2_5, xp.nan)
-    angles_3_5 = xp.where(there_4_2, row_4_2_6, xp.nan)
-    angles_3_6 = xp.where(there_4_2, row_4_2_7, xp.nan)
-    angles_4_1 = xp.where(there_4_3, row_4_3_2, xp.nan)
-    angles_4_2 = xp.where(there_4_3, row_4_3_3, xp.nan)
-    angles_4_3 = xp.where(there_4_3, row_4_3_4, xp.nan)
-    del row_4_0_7, row_4_1_2, row_4_1_3, row_4_1_4, row_4_1_5, row_4_1_6, row_4_1_7, row_4_2_2, row_4_2_3, row_4_2_4, row_4_2_5, row_4_2_6, row_4_2_7, row_4_3_2, row_4_3_3, row_4_3_4
-    angles_4_4 = xp.where(there_4_3, row_4_3_5, xp.nan)
-    angles_4_5 = xp.where(there_4_3, row_4_3_6, xp.nan)
-    angles_4_6 = xp.where(there_4_3, row_4_3_7, xp.nan)
-    angles_5_1 = xp.where(there_4_4, row_2_4_2, xp.nan)
-    angles_5_2 = xp.where(there_4_4, row_2_4_3, xp.nan)
-    angles_5_3 = xp.where(there_4_4, row_2_4_4, xp.nan)
-    angles_5_4 = xp.where(there_4_4, row_2_4_5, xp.nan)
-    angles_5_5 = xp.where(there_4_4, row_2_4_6, xp.nan)
-    angles_5_6 = xp.where(there_4_4, row_2_4_7, xp.nan)
-    angles_6_1 = xp.where(there_4_5, row_2_5_2, xp.nan)
-    angles_6_2 = xp.where(there_4_5, row_2_5_3, xp.nan)
-    angles_6_3 = xp.where(there_4_5, row_2_5_4, xp.nan)
-    angles_6_4 = xp.where(there_4_5, row_2_5_5, xp.nan)
-    angles_6_5 = xp.where(there_4_5, row_2_5_6, xp.nan)
-    angles_6_6 = xp.where(there_4_5, row_2_5_7, xp.nan)
-    angles_7_1 = xp.where(there_4_6, row_1_6_2, xp.nan)
-    del row_4_3_5, row_4_3_6, row_4_3_7, row_2_4_2, row_2_4_3, row_2_4_4, row_2_4_5, row_2_4_6, row_2_4_7, row_2_5_2, row_2_5_3, row_2_5_4, row_2_5_5, row_2_5_6, row_2_5_7, row_1_6_2
-    angles_7_2 = xp.where(there_4_6, row_1_6_3, xp.nan)
-    angles_7_3 = xp.where(there_4_6, row_1_6_4, xp.nan)
-    angles_7_4 = xp.where(there_4_6, row_1_6_5, xp.nan)
-    angles_7_5 = xp.where(there_4_6, row_1_6_6, xp.nan)
-    angles_7_6 = xp.where(there_4_6, row_1_6_7, xp.nan)
-    angles_8_1 = xp.where(there_4_7, x1175, xp.nan)
-    angles_8_2 = xp.where(there_4_7, x1212, xp.nan)
-    angles_8_3 = xp.where(there_4_7, x1214, xp.nan)
-    angles_8_4 = xp.where(there_4_7, x1216, xp.nan)
-    angles_8_5 = xp.where(there_4_7, x1205, xp.nan)
-    angles_8_6 = xp.where(there_4_7, x1207, xp.nan)
-    x1258 = ~good
-    status_1 = xp.where(x1258, 5.0, xp.where(~there_4_0, 3.0, row_4_0_1))
-    status_2 = xp.where(x1258, 5.0, xp.where(~there_4_1, 3.0, row_4_1_1))
-    del row_1_6_3, row_1_6_4, row_1_6_5, row_1_6_6, row_1_6_7, x1175, x1212, x1214, x1216, x1205, x1207, good, row_4_0_1, there_4_0, row_4_1_1, there_4_1
-    status_3 = xp.where(x1258, 5.0, xp.where(~there_4_2, 3.0, row_4_2_1))
-    status_4 = xp.where(x1258, 5.0, xp.where(~there_4_3, 3.0, row_4_3_1))
-    status_5 = xp.where(x1258, 5.0, xp.where(~there_4_4, 3.0, row_2_4_1))
-    status_6 = xp.where(x1258, 5.0, xp.where(~there_4_5, 3.0, row_2_5_1))
-    status_7 = xp.where(x1258, 5.0, xp.where(~there_4_6, 3.0, row_1_6_1))
-    status_8 = xp.where(x1258, 5.0, xp.where(~there_4_7, 3.0, code_7))
+    angles_8_1 = xp.where(there_4_7, x1163, xp.nan)
+    angles_8_2 = xp.where(there_4_7, x1200, xp.nan)
+    angles_8_3 = xp.where(there_4_7, x1202, xp.nan)
+    angles_8_4 = xp.where(there_4_7, x1204, xp.nan)
+    angles_8_5 = xp.where(there_4_7, x1193, xp.nan)
+    angles_8_6 = xp.where(there_4_7, x1195, xp.nan)
+    x1246 = ~good
+    status_1 = xp.where(x1246, 5.0, xp.where(~there_4_0, 3.0, row_4_0_1))
+    status_2 = xp.where(x1246, 5.0, xp.where(~there_4_1, 3.0, row_4_1_1))
+    status_3 = xp.where(x1246, 5.0, xp.where(~there_4_2, 3.0, row_4_2_1))
+    status_4 = xp.where(x1246, 5.0, xp.where(~there_4_3, 3.0, row_4_3_1))
+    del row_1_6_6, row_1_6_7, x1163, x1200, x1202, x1204, x1193, x1195, good, row_4_0_1, there_4_0, row_4_1_1, there_4_1, row_4_2_1, there_4_2, row_4_3_1, there_4_3
+    status_5 = xp.where(x1246, 5.0, xp.where(~there_4_4, 3.0, row_2_4_1))
+    status_6 = xp.where(x1246, 5.0, xp.where(~there_4_5, 3.0, row_2_5_1))
+    status_7 = xp.where(x1246, 5.0, xp.where(~there_4_6, 3.0, row_1_6_1))
+    status_8 = xp.where(x1246, 5.0, xp.where(~there_4_7, 3.0, code_7))
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
@@ -2081,7 +2079,7 @@ def robot_pair_456(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_pair_456(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 18 add, 50 mul
+    # 18 add, 48 mul
     x4 = cosine_3*offset_4 + offset_3
     x14 = pose_1_4 - offset_6*pose_1_3
     x17 = pose_2_4 - offset_6*pose_2_3
@@ -2091,24 +2089,25 @@ def _robot_pair_456(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2
     equations_1_1_1 = x26 + offset_4*offset_4*(sine_3*sine_3) + x4*x4 - x14*x14 - x17*x17 - x22
     x31 = 2.0*a_3
     x33 = offset_4*sine_3
-    equations_1_1_2 = x31*a_2 - 2.0*offset_2*x33*sine_2
-    equations_1_1_3 = 2.0*a_2*x33 + x31*(offset_2*sine_2)
-    x41 = 2.0*a_1
-    equations_1_2_1 = x41*a_2
-    equations_1_2_2 = x41*a_3
-    equations_1_2_3 = x41*x33
-    x42 = sine_2*x4
-    equations_1_3_1 = x41*x42
+    x34 = 2.0*x33
+    x35 = offset_2*sine_2
+    equations_1_1_2 = x31*a_2 - x34*x35
+    equations_1_1_3 = x34*a_2 + x31*x35
+    x39 = 2.0*a_1
+    equations_1_2_1 = x39*a_2
+    equations_1_2_2 = x39*a_3
+    equations_1_2_3 = x39*x33
+    x40 = sine_2*x4
+    equations_1_3_1 = x39*x40
     equations_1_3_2 = equations_1_2_3*cosine_2
-    x43 = a_3*cosine_2
-    equations_1_3_3 = -x41*x43
+    equations_1_3_3 = -equations_1_2_2*cosine_2
     equations_2_1_1 = cosine_1*(cosine_2*x4) + cosine_1*offset_2 - x21
-    x49 = cosine_1*sine_2
-    equations_2_1_2 = -x49*x33
-    equations_2_1_3 = a_3*x49
-    equations_2_2_1 = -sine_1*x42
-    equations_2_2_2 = -cosine_2*sine_1*x33
-    equations_2_2_3 = x43*sine_1
+    x46 = cosine_1*sine_2
+    equations_2_1_2 = -x46*x33
+    equations_2_1_3 = a_3*x46
+    equations_2_2_1 = -sine_1*x40
+    equations_2_2_2 = -cosine_2*x33*sine_1
+    equations_2_2_3 = a_3*cosine_2*sine_1
     equations_2_3_1 = a_2*sine_1
     equations_2_3_2 = a_3*sine_1
     equations_2_3_3 = x33*sine_1
@@ -2156,14 +2155,13 @@ def robot_pair_234(pose, a, cosine, sine, offset, *, out=None):
 
 
 def _robot_pair_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 34 add, 69 mul
-    x2 = pose_2_3*pose_2_4
+    # 33 add, 68 mul
     x3 = cosine_1*offset_2
     x4 = offset_1 - pose_3_4
     x5 = x3 + x4
-    x7 = pose_3_3*x5 - pose_1_3*pose_1_4
+    x8 = pose_3_3*x5 - pose_1_3*pose_1_4 - pose_2_3*pose_2_4
     x11 = cosine_4*offset_4 + offset_5
-    equations_1_1_1 = x11 + cosine_5*(offset_6 + x7 - x2)
+    equations_1_1_1 = x11 + cosine_5*(offset_6 + x8)
     x16 = pose_3_2*x5 - pose_1_2*pose_1_4 - pose_2_2*pose_2_4
     equations_1_1_2 = sine_5*x16
     x21 = pose_3_1*x5 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4
@@ -2182,23 +2180,25 @@ def _robot_pair_234(xp, pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2
     x40 = a_1*pose_2_1 + x23*pose_1_1
     equations_1_3_3 = sine_5*x40
     x45 = offset_2*offset_2
-    x56 = 2.0*offset_6
+    x55 = 2.0*offset_6
     x50 = x45*(sine_1*sine_1)
     x54 = offset_6*offset_6
-    x66 = a_1*a_1 + a_5*a_5 + cosine_1*cosine_1*x45 + 2.0*x3*x4 + x50 + x54
-    x71 = x66 + x56*(x7 - x2) + pose_1_4*pose_1_4 + pose_2_4*pose_2_4 + x4*x4 - a_4*a_4
-    equations_2_1_1 = x71 - offset_4*offset_4*(sine_4*sine_4) - x11*x11
-    x73 = 2.0*a_5
-    equations_2_1_2 = x73*x21
-    equations_2_1_3 = -x73*x16
-    x75 = 2.0*a_1
-    equations_2_2_1 = 2.0*pose_2_4*x23 + x56*x25 - x75*pose_1_4
-    equations_2_2_2 = x73*x31
-    equations_2_2_3 = -x73*x28
-    del x5, x3, x45, x50, x54, x2, x4, x66, x7, x11, x71, x21, x16, x25, x31, x28
-    equations_2_3_1 = x56*x34 - x75*pose_2_4 - 2.0*pose_1_4*x23
-    equations_2_3_2 = x73*x40
-    equations_2_3_3 = -x73*x37
+    x65 = a_1*a_1 + a_5*a_5 + cosine_1*cosine_1*x45 + 2.0*x3*x4 + x50 + x54
+    x53 = offset_4*offset_4*(sine_4*sine_4)
+    x71 = x65 + x55*x8 + pose_1_4*pose_1_4 + pose_2_4*pose_2_4 + x4*x4 - a_4*a_4 - x53
+    equations_2_1_1 = x71 - x11*x11
+    x72 = 2.0*a_5
+    equations_2_1_2 = x72*x21
+    equations_2_1_3 = -x72*x16
+    x74 = 2.0*a_1
+    x76 = 2.0*x23
+    equations_2_2_1 = x76*pose_2_4 + x55*x25 - x74*pose_1_4
+    equations_2_2_2 = x72*x31
+    del x5, x3, x45, x50, x54, x4, x53, x65, x8, x11, x71, x21, x16, x23, x25, x31
+    equations_2_2_3 = -x72*x28
+    equations_2_3_1 = x55*x34 - x74*pose_2_4 - x76*pose_1_4
+    equations_2_3_2 = x72*x40
+    equations_2_3_3 = -x72*x37
     return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 

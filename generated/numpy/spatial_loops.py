@@ -211,7 +211,7 @@ def loop_rrrcc_pair(alpha, a, S, theta_5, *, out=None):
 
 
 def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, a_3, a_4, a_5, S_1, S_2, S_3, theta_5, eps, largest):
-    # 35 add, 80 mul, 6 cos, 6 sin
+    # 35 add, 76 mul, 6 cos, 6 sin
     cos_alpha_1 = xp.cos(alpha_1)
     cos_alpha_2 = xp.cos(alpha_2)
     cos_alpha_3 = xp.cos(alpha_3)
@@ -254,17 +254,14 @@ def _loop_rrrcc_pair(xp, alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, a_1, a_2, 
     pair_2_1_2 = -(Z0_5*x26 + x32*x29 + x34*x28)
     del cos_alpha_4, sin_theta_5, x1, x4, cos_alpha_5, cos_theta_5, sin_alpha_4, sin_alpha_5, x0, x9, cos_alpha_3, cos_alpha_1, Z_5, sin_alpha_3, Z0_5, x26, x32, x34
     pair_2_1_3 = S_2*x27
-    x44 = S_1*X_5
-    x49 = a_2*sin_alpha_1
-    pair_2_2_1 = x44*x28 + Y0_5*x28 + Y_5*a_1*x24 - x30*x49
-    x56 = a_1*sin_alpha_1
-    pair_2_2_2 = x44*x29 + S_2*pair_1_2_3 + Y0_5*x29 + Y_5*a_2*x24 - x30*x56
-    pair_2_2_3 = X0_5*sin_alpha_2 + X_5*cos_alpha_2*a_2 - S_1*x30 - S_2*Y_5*x29
-    x71 = S_1*Y_5
-    pair_2_3_1 = X0_5*x28 + X_5*a_1*x24 - x71*x28 - pair_1_2_3*x49
-    pair_2_3_2 = X0_5*x29 + X_5*a_2*x24 - x71*x29 - S_2*x30 - pair_1_2_3*x56
-    pair_2_3_3 = -(S_1*pair_1_2_3 + S_2*X_5*x29 + Y0_5*sin_alpha_2 + Y_5*cos_alpha_2*a_2)
-    del x27, sin_alpha_1, x44, x28, x49, X0_5, x24, x30, x56, x71, X_5, Y0_5, Y_5, cos_alpha_2, sin_alpha_2, x29
+    x48 = a_2*sin_alpha_1
+    pair_2_2_1 = S_1*pair_1_3_1 + Y0_5*x28 + Y_5*a_1*x24 - x30*x48
+    x55 = a_1*sin_alpha_1
+    pair_2_2_2 = S_1*pair_1_3_2 + S_2*pair_1_2_3 + Y0_5*x29 + Y_5*a_2*x24 - x30*x55
+    pair_2_2_3 = X0_5*sin_alpha_2 + X_5*cos_alpha_2*a_2 - S_1*x30 - S_2*pair_1_2_2
+    pair_2_3_1 = X0_5*x28 + X_5*a_1*x24 - S_1*pair_1_2_1 - pair_1_2_3*x48
+    pair_2_3_2 = X0_5*x29 + X_5*a_2*x24 - S_1*pair_1_2_2 - S_2*x30 - pair_1_2_3*x55
+    pair_2_3_3 = -(S_1*pair_1_2_3 + S_2*pair_1_3_2 + Y0_5*sin_alpha_2 + Y_5*cos_alpha_2*a_2)
     return (pair_1_1_1, pair_1_1_2, 0.0, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 
@@ -516,7 +513,7 @@ def loop_pair_23_23(rotation, vector, p, q, *, out=None):
 
 
 def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotation_1_2_1, rotation_1_2_2, rotation_1_2_3, rotation_1_3_1, rotation_1_3_2, rotation_1_3_3, rotation_2_1_1, rotation_2_1_2, rotation_2_1_3, rotation_2_2_1, rotation_2_2_2, rotation_2_2_3, rotation_2_3_1, rotation_2_3_2, rotation_2_3_3, rotation_3_1_1, rotation_3_1_2, rotation_3_1_3, rotation_3_2_1, rotation_3_2_2, rotation_3_2_3, rotation_3_3_1, rotation_3_3_2, rotation_3_3_3, rotation_4_1_1, rotation_4_1_2, rotation_4_1_3, rotation_4_2_1, rotation_4_2_2, rotation_4_2_3, rotation_4_3_1, rotation_4_3_2, rotation_4_3_3, vector_1_1, vector_1_2, vector_1_3, vector_2_1, vector_2_2, vector_2_3, vector_3_1, vector_3_2, vector_3_3, vector_4_1, vector_4_2, vector_4_3, p_1, p_2, p_3, q_1, q_2, q_3, eps, largest):
-    # 73 add, 134 mul, 1 div
+    # 73 add, 136 mul, 1 div
     square = rotation_4_1_3*rotation_4_1_3 + rotation_4_2_3*rotation_4_2_3
     x2 = 1.0/square
     x6 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2
@@ -535,29 +532,17 @@ def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x41 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3
     pair_1_1_3 = rotation_1_3_3*x41
     x42 = rotation_2_1_3*rotation_3_3_3
-    x43 = rotation_1_3_1*x42
     x44 = rotation_2_2_3*rotation_3_3_3
-    x45 = rotation_1_3_2*x44
-    pair_1_2_1 = x43 + x45
+    pair_1_2_1 = rotation_1_3_1*x42 + rotation_1_3_2*x44
     x48 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3
-    x49 = rotation_1_3_1*x48
     x52 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3
-    x53 = rotation_1_3_2*x52
-    pair_1_2_2 = x49 + x53
+    pair_1_2_2 = rotation_1_3_1*x48 + rotation_1_3_2*x52
     x56 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3
-    x57 = rotation_1_3_1*x56
     x60 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3
-    x61 = rotation_1_3_2*x60
-    pair_1_2_3 = x57 + x61
-    x62 = rotation_1_3_1*x44
-    x63 = rotation_1_3_2*x42
-    pair_1_3_1 = x63 - x62
-    x64 = rotation_1_3_1*x52
-    x65 = rotation_1_3_2*x48
-    pair_1_3_2 = x65 - x64
-    x66 = rotation_1_3_1*x60
-    x67 = rotation_1_3_2*x56
-    pair_1_3_3 = x67 - x66
+    pair_1_2_3 = rotation_1_3_1*x56 + rotation_1_3_2*x60
+    pair_1_3_1 = rotation_1_3_2*x42 - rotation_1_3_1*x44
+    pair_1_3_2 = rotation_1_3_2*x48 - rotation_1_3_1*x52
+    pair_1_3_3 = rotation_1_3_2*x56 - rotation_1_3_1*x60
     x70 = p_3*q_1 - p_1*q_3
     x71 = part_3*rotation_3_3_3
     x77 = p_2*q_3 - p_3*q_2
@@ -571,23 +556,24 @@ def _loop_pair_23_23(xp, rotation_1_1_1, rotation_1_1_2, rotation_1_1_3, rotatio
     x104 = x101*x77
     x119 = x104*x52 + x87*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x70*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2)
     pair_2_1_2 = x119 + x77*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) - x102*x48
-    del square, x6, x2, part_2, part_1, x44, x42, v_12_3, v_34_3, x89, x90, x97, x101, x52, x119, x48
     x136 = x104*x60 + x87*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x70*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2)
     pair_2_1_3 = x136 + x77*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) - x102*x56
+    del square, x6, x2, part_2, part_1, v_12_3, v_34_3, x89, x90, x97, x101, x119, x104, v_34_1, v_34_2, x102, x136
     x138 = part_3*x87
-    x143 = rotation_1_3_2*x77 - rotation_1_3_1*x70
-    x144 = x71*rotation_2_3_3
-    pair_2_2_1 = x138*x63 + v_12_1*x77 + v_12_2*x70 - x138*x62 - x144*x143
-    x153 = part_3*x143
-    pair_2_2_2 = x138*x65 - x138*x64 - x153*x38
-    pair_2_2_3 = x138*x67 - x138*x66 - x153*x41
-    del x104, x60, v_34_1, v_34_2, x102, x136, x56, x87, x71, x62, x63, x143, x64, x65, x153, x66, x67
-    x164 = rotation_1_3_1*x77 + rotation_1_3_2*x70
-    pair_2_3_1 = x144*x164 + v_12_2*x77 - x138*x43 - x138*x45 - v_12_1*x70
-    x173 = part_3*x164
-    pair_2_3_2 = x173*x38 - x138*x49 - x138*x53
-    pair_2_3_3 = x173*x41 - x138*x57 - x138*x61
-    del v_12_1, v_12_2, x144, x43, x45, x70, x77, part_3, x164, x38, x49, x53, x138, x173, x41, x57, x61
+    x139 = x138*rotation_1_3_1
+    x141 = x138*rotation_1_3_2
+    x145 = rotation_1_3_2*x77 - rotation_1_3_1*x70
+    x146 = x71*rotation_2_3_3
+    pair_2_2_1 = x141*x42 + v_12_1*x77 + v_12_2*x70 - x139*x44 - x146*x145
+    x155 = part_3*x145
+    pair_2_2_2 = x141*x48 - x139*x52 - x155*x38
+    pair_2_2_3 = x141*x56 - x139*x60 - x155*x41
+    x166 = rotation_1_3_1*x77 + rotation_1_3_2*x70
+    pair_2_3_1 = x146*x166 + v_12_2*x77 - x139*x42 - x141*x44 - v_12_1*x70
+    x175 = part_3*x166
+    pair_2_3_2 = x175*x38 - x139*x48 - x141*x52
+    del x87, x138, x71, x145, x155, v_12_1, v_12_2, x146, x42, x44, x70, x77, part_3, x166, x38, x48, x52
+    pair_2_3_3 = x175*x41 - x139*x56 - x141*x60
     return (pair_1_1_1, pair_1_1_2, pair_1_1_3, pair_1_2_1, pair_1_2_2, pair_1_2_3, pair_1_3_1, pair_1_3_2, pair_1_3_3, pair_2_1_1, pair_2_1_2, pair_2_1_3, pair_2_2_1, pair_2_2_2, pair_2_2_3, pair_2_3_1, pair_2_3_2, pair_2_3_3)
 
 

@@ -43,29 +43,30 @@ def sps_legs(matrix, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_legs(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
-    # 18 add, 27 mul, 3 sqrt
+    # 18 add, 25 mul, 3 sqrt
     x0 = 3.0**0.5
     x1 = 0.5*x0
     x2 = x1*base_radius
     x5 = 0.5*platform_radius
     x6 = x5*matrix_1_2
     span_1_1 = x1*(matrix_1_1*platform_radius) - x2 - x6
-    x10 = x5*(x0*matrix_2_1)
+    x9 = x5*x0
+    x10 = x9*matrix_2_1
     x12 = 0.5*base_radius - x5*matrix_2_2
     span_1_2 = x12 + x10
-    x14 = x5*(x0*matrix_3_1)
-    x16 = height - x5*matrix_3_2
-    span_1_3 = x16 + x14
+    x13 = x9*matrix_3_1
+    x15 = height - x5*matrix_3_2
+    span_1_3 = x15 + x13
     span_2_1 = matrix_1_2*platform_radius
     span_2_2 = matrix_2_2*platform_radius - base_radius
     span_2_3 = height + matrix_3_2*platform_radius
-    span_3_1 = x2 - x5*(x0*matrix_1_1) - x6
+    span_3_1 = x2 - x9*matrix_1_1 - x6
     span_3_2 = x12 - x10
-    span_3_3 = x16 - x14
+    span_3_3 = x15 - x13
     legs_1 = xp.sqrt(span_1_1*span_1_1 + span_1_2*span_1_2 + span_1_3*span_1_3)
     legs_2 = xp.sqrt(span_2_1*span_2_1 + span_2_2*span_2_2 + span_2_3*span_2_3)
+    del x1, x0, x5, x2, x6, x9, x10, x12, x13, x15, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3
     legs_3 = xp.sqrt(span_3_1*span_3_1 + span_3_2*span_3_2 + span_3_3*span_3_3)
-    del x1, x0, x2, x5, x6, x10, x12, x14, x16, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3, span_3_1, span_3_2, span_3_3
     return (legs_1, legs_2, legs_3)
 
 
@@ -106,7 +107,7 @@ def sps_legs_from_quaternion(quaternion, base_radius, platform_radius, height, *
 
 
 def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, base_radius, platform_radius, height, eps, largest):
-    # 29 add, 48 mul, 1 div, 4 sqrt
+    # 29 add, 46 mul, 1 div, 4 sqrt
     unit_length = xp.sqrt(quaternion_1*quaternion_1 + quaternion_2*quaternion_2 + quaternion_3*quaternion_3 + quaternion_4*quaternion_4)
     x7 = 1.0/unit_length
     unit_1 = quaternion_1*x7
@@ -131,22 +132,23 @@ def _sps_legs_from_quaternion(xp, quaternion_1, quaternion_2, quaternion_3, quat
     x28 = 0.5*platform_radius
     x29 = x28*matrix_1_2
     span_1_1 = x24*(matrix_1_1*platform_radius) - x25 - x29
-    x33 = x28*(x23*matrix_2_1)
+    x32 = x28*x23
+    x33 = x32*matrix_2_1
     x35 = 0.5*base_radius - x28*matrix_2_2
     span_1_2 = x35 + x33
-    x37 = x28*(x23*matrix_3_1)
-    x39 = height - x28*matrix_3_2
-    span_1_3 = x39 + x37
+    x36 = x32*matrix_3_1
+    del unit_length, x7, unit_1, x15, x17, x12, x13, x16, unit_2, unit_3, unit_4, x14, x24, x23, matrix_2_1, matrix_3_1
+    x38 = height - x28*matrix_3_2
+    span_1_3 = x38 + x36
     span_2_1 = matrix_1_2*platform_radius
-    del unit_length, x7, unit_1, x15, x17, x12, x13, x16, unit_2, unit_3, unit_4, x14, x24, matrix_2_1, matrix_3_1, matrix_1_2
     span_2_2 = matrix_2_2*platform_radius - base_radius
     span_2_3 = height + matrix_3_2*platform_radius
-    span_3_1 = x25 - x28*(x23*matrix_1_1) - x29
+    span_3_1 = x25 - x32*matrix_1_1 - x29
     span_3_2 = x35 - x33
-    span_3_3 = x39 - x37
+    span_3_3 = x38 - x36
     legs_1 = xp.sqrt(span_1_1*span_1_1 + span_1_2*span_1_2 + span_1_3*span_1_3)
     legs_2 = xp.sqrt(span_2_1*span_2_1 + span_2_2*span_2_2 + span_2_3*span_2_3)
-    del matrix_2_2, matrix_3_2, matrix_1_1, x23, x25, x28, x29, x33, x35, x37, x39, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3
+    del x28, matrix_1_2, matrix_2_2, matrix_3_2, matrix_1_1, x25, x29, x32, x33, x35, x36, x38, span_1_1, span_1_2, span_1_3, span_2_1, span_2_2, span_2_3
     legs_3 = xp.sqrt(span_3_1*span_3_1 + span_3_2*span_3_2 + span_3_3*span_3_3)
     return (legs_1, legs_2, legs_3)
 
@@ -190,63 +192,64 @@ def sps_jacobian(matrix, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_jacobian(xp, matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, base_radius, platform_radius, height, eps, largest):
-    # 30 add, 51 mul, 3 div, 3 sqrt
+    # 30 add, 47 mul, 3 div, 3 sqrt
     x1 = 0.5*3.0**0.5
     x2 = x1*base_radius
-    x4 = x1*(matrix_1_1*platform_radius)
+    x3 = x1*platform_radius
+    x4 = x3*matrix_1_1
     x5 = 0.5*platform_radius
     x6 = x5*matrix_1_2
     x7 = x4 - x2
     span_1_1 = x7 - x6
     x8 = 0.5*base_radius
-    x10 = x1*(matrix_2_1*platform_radius)
-    x11 = x5*matrix_2_2
-    x12 = x8 - x11
-    span_1_2 = x12 + x10
-    x14 = x1*(matrix_3_1*platform_radius)
-    x15 = x5*matrix_3_2
-    x16 = height - x15
-    span_1_3 = x16 + x14
+    x9 = x3*matrix_2_1
+    x10 = x5*matrix_2_2
+    x11 = x8 - x10
+    span_1_2 = x11 + x9
+    x12 = x3*matrix_3_1
+    x13 = x5*matrix_3_2
+    x14 = height - x13
+    span_1_3 = x14 + x12
     leg_1 = xp.sqrt(span_1_1*span_1_1 + span_1_2*span_1_2 + span_1_3*span_1_3)
     span_2_1 = matrix_1_2*platform_radius
-    x22 = matrix_2_2*platform_radius
-    span_2_2 = x22 - base_radius
-    x23 = matrix_3_2*platform_radius
-    span_2_3 = height + x23
+    x20 = matrix_2_2*platform_radius
+    span_2_2 = x20 - base_radius
+    x21 = matrix_3_2*platform_radius
+    span_2_3 = height + x21
     leg_2 = xp.sqrt(span_2_1*span_2_1 + span_2_2*span_2_2 + span_2_3*span_2_3)
     span_3_1 = -(x7 + x6)
-    span_3_2 = x12 - x10
-    span_3_3 = x16 - x14
+    span_3_2 = x11 - x9
+    span_3_3 = x14 - x12
     leg_3 = xp.sqrt(span_3_1*span_3_1 + span_3_2*span_3_2 + span_3_3*span_3_3)
-    x35 = x14 - x15
-    x37 = x10 - x11
-    row_1_1 = height*x37 - x8*x35
-    x41 = x4 - x6
-    row_1_2 = -(x1*(base_radius*x35) + height*x41)
-    row_1_3 = x8*x41 + x2*x37
-    row_2_1 = base_radius*x23 + height*x22
-    del x5, span_1_1, span_1_2, span_1_3, span_2_2, span_2_3, x7, x12, x16, span_3_1, span_3_2, span_3_3, x35, x37, x41, x22, x23
+    x33 = x12 - x13
+    x35 = x9 - x10
+    row_1_1 = height*x35 - x8*x33
+    x38 = x4 - x6
+    row_1_2 = -(x2*x33 + height*x38)
+    row_1_3 = x8*x38 + x2*x35
+    del x1, x3, x5, span_1_1, span_1_2, span_1_3, span_2_2, span_2_3, x7, x11, x14, span_3_1, span_3_2, span_3_3, x33, x35, x38
+    row_2_1 = base_radius*x21 + height*x20
     row_2_2 = -height*span_2_1
     row_2_3 = -base_radius*span_2_1
-    x50 = x14 + x15
-    x52 = x10 + x11
-    row_3_1 = x8*x50 - height*x52
-    x56 = x4 + x6
-    row_3_2 = height*x56 - x1*(base_radius*x50)
-    row_3_3 = x2*x52 - x8*x56
-    x60 = 1.0/leg_1
-    jacobian_1_1 = x60*row_1_1
-    jacobian_1_2 = x60*row_1_2
-    del span_2_1, x14, x15, x10, x11, x4, x6, x1, x50, x2, x52, x56, x8, leg_1, row_1_1, row_1_2
-    jacobian_1_3 = x60*row_1_3
-    x61 = 1.0/leg_2
-    jacobian_2_1 = x61*row_2_1
-    jacobian_2_2 = x61*row_2_2
-    jacobian_2_3 = x61*row_2_3
-    x62 = 1.0/leg_3
-    jacobian_3_1 = x62*row_3_1
-    jacobian_3_2 = x62*row_3_2
-    jacobian_3_3 = x62*row_3_3
+    x47 = x12 + x13
+    x49 = x9 + x10
+    row_3_1 = x8*x47 - height*x49
+    x52 = x4 + x6
+    row_3_2 = height*x52 - x2*x47
+    row_3_3 = x2*x49 - x8*x52
+    x56 = 1.0/leg_1
+    jacobian_1_1 = x56*row_1_1
+    del x20, x21, span_2_1, x12, x13, x10, x9, x4, x6, x47, x2, x49, x52, x8, leg_1, row_1_1
+    jacobian_1_2 = x56*row_1_2
+    jacobian_1_3 = x56*row_1_3
+    x57 = 1.0/leg_2
+    jacobian_2_1 = x57*row_2_1
+    jacobian_2_2 = x57*row_2_2
+    jacobian_2_3 = x57*row_2_3
+    x58 = 1.0/leg_3
+    jacobian_3_1 = x58*row_3_1
+    jacobian_3_2 = x58*row_3_2
+    jacobian_3_3 = x58*row_3_3
     return (jacobian_1_1, jacobian_1_2, jacobian_1_3, jacobian_2_1, jacobian_2_2, jacobian_2_3, jacobian_3_1, jacobian_3_2, jacobian_3_3)
 
 
@@ -361,7 +364,7 @@ def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 7 add, 17 mul, 6 div
+    # 7 add, 18 mul, 3 div
     x1 = 1.0/(base_radius*base_radius)
     square_1 = x1*(legs_1*legs_1)
     square_2 = x1*(legs_2*legs_2)
@@ -370,11 +373,11 @@ def _sps_invariants(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, he
     ratio = x5*platform_radius
     eta = x5*height
     K = eta*eta + ratio*ratio + 1.0
-    x9 = 1.0/ratio
-    x11 = square_1 + square_3
-    cos_sum_value = x9*(3.0*K - x11 - square_2)/3.0
-    Z_1 = x9*(2.0*square_2 - x11)/3.0
-    Z_2 = 3.0**0.5*x9*(square_1 - square_3)/3.0
+    x10 = 1.0/(3.0*ratio)
+    x12 = square_1 + square_3
+    cos_sum_value = x10*(3.0*K - x12 - square_2)
+    Z_1 = x10*(2.0*square_2 - x12)
+    Z_2 = 3.0**0.5*x10*(square_1 - square_3)
     return (cos_sum_value, Z_1, Z_2)
 
 
@@ -423,7 +426,7 @@ def sps_octic_scaled(legs, base_radius, platform_radius, height, *, out=None):
 
 
 def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 24 add, 71 mul, 9 div, 1 sqrt, 4 select, 2 compare
+    # 24 add, 72 mul, 6 div, 1 sqrt, 4 select, 2 compare
     x1 = 1.0/(base_radius*base_radius)
     square_1 = x1*(legs_1*legs_1)
     square_2 = x1*(legs_2*legs_2)
@@ -433,42 +436,42 @@ def _sps_octic_scaled(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, 
     eta = x5*height
     x6 = eta*eta
     K = x6 + ratio*ratio + 1.0
-    x10 = 1.0/ratio
-    x12 = square_1 + square_3
-    a = x10*(3.0*K - x12 - square_2)/3.0
-    Z_re = x10*(2.0*square_2 - x12)/3.0
-    Z_im = 3.0**0.5*x10*(square_1 - square_3)/3.0
+    x11 = 1.0/(3.0*ratio)
+    x13 = square_1 + square_3
+    a = x11*(3.0*K - x13 - square_2)
+    Z_re = x11*(2.0*square_2 - x13)
+    Z_im = 3.0**0.5*x11*(square_1 - square_3)
     size_value = xp.sqrt(Z_im*Z_im + Z_re*Z_re)
-    x26 = 0.0 < size_value
-    x28 = xp.where(x26, 1.0/size_value, 1.0)
-    cosine = xp.where(x26, Z_re*x28, 1.0)
-    sine = xp.where(x26, Z_im*x28, 0.0)
+    x24 = 0.0 < size_value
+    x26 = xp.where(x24, 1.0/size_value, 1.0)
+    cosine = xp.where(x24, Z_re*x26, 1.0)
+    sine = xp.where(x24, Z_im*x26, 0.0)
     c3 = cosine*(4.0*(cosine*cosine) - 3.0)
     phase_sine_value = sine*(3.0 - 4.0*(sine*sine))
-    del x1, x5, eta, ratio, K, square_2, x12, square_1, square_3, x10, Z_re, Z_im, x26, x28, cosine, sine
-    x37 = 4.0*x6
-    base = x37 + 1.0
-    x38 = 1.0/base
-    beta = x37*x38
-    mu = x38*size_value
+    del x1, x5, eta, ratio, K, square_2, x13, square_1, square_3, x11, Z_re, Z_im, x24, x26, cosine, sine
+    x35 = 4.0*x6
+    base = x35 + 1.0
+    x36 = 1.0/base
+    beta = x35*x36
+    mu = x36*size_value
     least = beta/10000000.0
     quartic_1 = size_value - 8.0*a*c3*x6
     quartic_2 = -12.0*beta
     quartic_3 = 4.0*size_value - 12.0*mu
     quartic_4 = 16.0*beta
     quartic_5 = 16.0*xp.where(least < mu, mu, least)
-    x50 = 1.0 - beta
-    x54 = x6*x6*(phase_sine_value*phase_sine_value)
-    octic_1 = quartic_1*quartic_1 - 64.0*x54*(4.0*(x50*x50) - a*a)
-    x57 = 2.0*quartic_1
-    octic_2 = x57*quartic_2 + 512.0*x54*mu*x50
-    octic_3 = x57*quartic_3 + quartic_2*quartic_2 - 256.0*x54*(mu*mu)
-    x69 = 2.0*quartic_2
-    octic_4 = x57*quartic_4 + x69*quartic_3
-    octic_5 = x57*quartic_5 + x69*quartic_4 + quartic_3*quartic_3
-    x76 = 2.0*quartic_3
-    octic_6 = x69*quartic_5 + x76*quartic_4
-    octic_7 = x76*quartic_5 + quartic_4*quartic_4
+    x48 = 1.0 - beta
+    x52 = x6*x6*(phase_sine_value*phase_sine_value)
+    octic_1 = quartic_1*quartic_1 - 64.0*x52*(4.0*(x48*x48) - a*a)
+    x55 = 2.0*quartic_1
+    octic_2 = x55*quartic_2 + 512.0*x52*mu*x48
+    octic_3 = x55*quartic_3 + quartic_2*quartic_2 - 256.0*x52*(mu*mu)
+    x67 = 2.0*quartic_2
+    octic_4 = x55*quartic_4 + x67*quartic_3
+    octic_5 = x55*quartic_5 + x67*quartic_4 + quartic_3*quartic_3
+    x74 = 2.0*quartic_3
+    octic_6 = x67*quartic_5 + x74*quartic_4
+    octic_7 = x74*quartic_5 + quartic_4*quartic_4
     octic_8 = 2.0*quartic_4*quartic_5
     octic_9 = quartic_5*quartic_5
     return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9, quartic_1, quartic_2, quartic_3, quartic_4, quartic_5, phase_sine_value, size_value)
@@ -517,7 +520,7 @@ def sps_mode(legs, base_radius, platform_radius, height, root, sign, *, out=None
 
 
 def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, root, sign, eps, largest):
-    # 19 add, 50 mul, 11 div, 6 sqrt, 15 select, 12 compare, 2 abs
+    # 19 add, 52 mul, 8 div, 6 sqrt, 15 select, 12 compare, 2 abs
     x1 = 1.0/(base_radius*base_radius)
     square_1 = x1*(legs_1*legs_1)
     square_2 = x1*(legs_2*legs_2)
@@ -525,53 +528,55 @@ def _sps_mode(xp, legs_1, legs_2, legs_3, base_radius, platform_radius, height, 
     x5 = 1.0/base_radius
     ratio = x5*platform_radius
     eta = x5*height
-    x6 = 1.0/ratio
-    Z_re = x6*(2.0*square_2 - square_1 - square_3)/3.0
-    Z_im = 3.0**0.5*x6*(square_1 - square_3)/3.0
+    x7 = 1.0/(3.0*ratio)
+    Z_re = x7*(2.0*square_2 - square_1 - square_3)
+    Z_im = 3.0**0.5*x7*(square_1 - square_3)
     z = xp.sqrt(Z_im*Z_im + Z_re*Z_re)
-    x18 = 0.0 < z
-    x20 = xp.where(x18, 1.0/z, 1.0)
-    cosine = xp.where(x18, Z_re*x20, 1.0)
-    sine = xp.where(x18, Z_im*x20, 0.0)
-    x24 = 4.0*(eta*eta)
-    base = x24 + 1.0
-    x25 = 1.0/base
-    beta = x24*x25
-    mu = x25*z
-    x27 = beta + mu*root
-    del x1, x5, ratio, square_2, square_1, square_3, x6, Z_re, Z_im, x18, x20, base, x24, x25, beta, mu
-    rho = xp.where(x27 < 0.0, 0.0, xp.where(1.0 < x27, 1.0, x27))
-    x32 = eps*eps < rho
-    x35 = 0.25*z
-    x40 = root + x35/rho
-    x44 = ~x32
-    x38 = root + xp.where(x32, x35*xp.where(x32, 1.0/rho, 1.0), 0.0)
-    x47 = xp.where((x32 & (1.0 < x40)) | (x44 & (1.0 < root)), 1.0, x38)
-    along = xp.where((x32 & (x40 < -1.0)) | (x44 & (root < -1.0)), -1.0, x47)
+    x17 = 0.0 < z
+    x19 = xp.where(x17, 1.0/z, 1.0)
+    cosine = xp.where(x17, Z_re*x19, 1.0)
+    sine = xp.where(x17, Z_im*x19, 0.0)
+    x23 = 4.0*(eta*eta)
+    base = x23 + 1.0
+    x24 = 1.0/base
+    beta = x23*x24
+    mu = x24*z
+    x26 = beta + mu*root
+    del x1, x5, ratio, square_2, square_1, square_3, x7, Z_re, Z_im, x17, x19, base, x23, x24, beta, mu
+    rho = xp.where(x26 < 0.0, 0.0, xp.where(1.0 < x26, 1.0, x26))
+    x31 = eps*eps < rho
+    x32 = 1.0/rho
+    x34 = 0.25*z
+    x39 = root + x34*x32
+    x43 = ~x31
+    x37 = root + xp.where(x31, x34*xp.where(x31, x32, 1.0), 0.0)
+    x46 = xp.where((x31 & (1.0 < x39)) | (x43 & (1.0 < root)), 1.0, x37)
+    along = xp.where((x31 & (x39 < -1.0)) | (x43 & (root < -1.0)), -1.0, x46)
     across = sign*xp.sqrt((1.0 - along)*(along + 1.0))
     W_re = along*cosine - across*sine
     W_im = across*cosine + along*sine
     w_outer = xp.sqrt(0.5*xp.abs(W_re) + 0.5)
     w_inner = 0.5*xp.abs(W_im)/w_outer
-    x66 = W_re < 0.0
-    w_re = xp.where(x66, w_inner, w_outer)
-    w_size = xp.where(x66, w_outer, w_inner)
+    x65 = W_re < 0.0
+    w_re = xp.where(x65, w_inner, w_outer)
+    w_size = xp.where(x65, w_outer, w_inner)
     w_im = xp.where(W_im < 0.0, -w_size, w_size)
-    x69 = 2.0*rho
-    lift_re = cosine*z - x69*W_re
-    lift_im = sine*z - x69*W_im
-    del x27, x35, x38, x32, x40, x44, x47, across, along, w_inner, w_outer, x66, w_size, W_re, cosine, W_im, sine, x69, z
+    x68 = 2.0*rho
+    lift_re = cosine*z - x68*W_re
+    del x26, x32, x34, x37, x31, x39, x43, x46, across, along, w_inner, w_outer, x65, w_size, W_re, cosine
+    lift_im = sine*z - x68*W_im
     v_re = lift_re*w_re - lift_im*w_im
     v_im = lift_im*w_re + lift_re*w_im
     v_length = xp.sqrt(v_im*v_im + v_re*v_re)
     known = 0.0 < v_length
-    x82 = xp.sqrt(1.0 - rho)
-    v_factor = x82*xp.where(eta < 0.0, -1.0, 1.0)*xp.where(known, 1.0/v_length, 1.0)
+    x81 = xp.sqrt(1.0 - rho)
+    v_factor = x81*xp.where(eta < 0.0, -1.0, 1.0)*xp.where(known, 1.0/v_length, 1.0)
     w_factor = xp.sqrt(rho)
-    quaternion_1 = xp.where(known, v_factor*v_re, x82)
+    quaternion_1 = xp.where(known, v_factor*v_re, x81)
     quaternion_2 = w_factor*w_re
     quaternion_3 = w_factor*w_im
     quaternion_4 = v_factor*v_im
+    del W_im, sine, x68, z, lift_im, lift_re, eta, v_length, rho, known, v_re, x81, w_re, w_factor, w_im, v_factor, v_im
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4)
 
 
@@ -620,7 +625,7 @@ def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *,
 
 
 def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 345 add, 581 mul, 18 div, 13 sqrt, 87 select, 24 compare, 4 abs
+    # 345 add, 567 mul, 18 div, 13 sqrt, 87 select, 24 compare, 4 abs
     x0 = 1.0/base_radius
     ratio = x0*platform_radius
     eta = x0*height
@@ -649,23 +654,24 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     matrix_0_3_1 = x34*start_4 - x32*start_3
     matrix_0_3_2 = x32*start_2 + 2.0*start_4*start_3
     x42 = 0.5*3.0**0.5
-    x44 = x42*(matrix_0_1_1*ratio)
+    x43 = x42*ratio
+    x44 = x43*matrix_0_1_1
     x45 = 0.5*ratio
     x46 = x45*matrix_0_1_2
     arm_0_1_1 = x44 - x46
-    x48 = x42*(matrix_0_2_1*ratio)
-    x49 = x45*matrix_0_2_2
-    arm_0_1_2 = x48 - x49
-    x51 = x42*(matrix_0_3_1*ratio)
-    x52 = x45*matrix_0_3_2
-    arm_0_1_3 = x51 - x52
+    x47 = x43*matrix_0_2_1
+    x48 = x45*matrix_0_2_2
+    arm_0_1_2 = x47 - x48
+    x49 = x43*matrix_0_3_1
+    x50 = x45*matrix_0_3_2
+    arm_0_1_3 = x49 - x50
     arm_0_2_1 = matrix_0_1_2*ratio
     arm_0_2_2 = matrix_0_2_2*ratio
     del x0, x2, scale, start_length, x25, x33, x35, x30, x31, x34, x32, matrix_0_1_1, matrix_0_2_1, matrix_0_3_1, matrix_0_1_2, matrix_0_2_2
     arm_0_2_3 = matrix_0_3_2*ratio
     arm_0_3_1 = -(x44 + x46)
-    arm_0_3_2 = -(x48 + x49)
-    arm_0_3_3 = -(x51 + x52)
+    arm_0_3_2 = -(x47 + x48)
+    arm_0_3_3 = -(x49 + x50)
     span_0_1_1 = arm_0_1_1 - x42
     span_0_1_2 = arm_0_1_2 + 0.5
     span_0_1_3 = arm_0_1_3 + eta
@@ -674,13 +680,13 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_0_3_1 = arm_0_3_1 + x42
     span_0_3_2 = arm_0_3_2 + 0.5
     span_0_3_3 = arm_0_3_3 + eta
-    x62 = 0.5*target_1
-    missing_0_1 = x62 - 0.5*(span_0_1_1*span_0_1_1) - 0.5*(span_0_1_2*span_0_1_2) - 0.5*(span_0_1_3*span_0_1_3)
-    x71 = 0.5*target_2
-    missing_0_2 = x71 - 0.5*(arm_0_2_1*arm_0_2_1) - 0.5*(span_0_2_2*span_0_2_2) - 0.5*(span_0_2_3*span_0_2_3)
-    x80 = 0.5*target_3
-    missing_0_3 = x80 - 0.5*(span_0_3_1*span_0_3_1) - 0.5*(span_0_3_2*span_0_3_2) - 0.5*(span_0_3_3*span_0_3_3)
-    del matrix_0_3_2, x44, x46, x48, x49, x51, x52, target_1, span_0_1_1, span_0_1_2, span_0_1_3, target_2, span_0_2_2, span_0_2_3, target_3, span_0_3_1, span_0_3_2, span_0_3_3
+    x60 = 0.5*target_1
+    missing_0_1 = x60 - 0.5*(span_0_1_1*span_0_1_1) - 0.5*(span_0_1_2*span_0_1_2) - 0.5*(span_0_1_3*span_0_1_3)
+    x69 = 0.5*target_2
+    missing_0_2 = x69 - 0.5*(arm_0_2_1*arm_0_2_1) - 0.5*(span_0_2_2*span_0_2_2) - 0.5*(span_0_2_3*span_0_2_3)
+    x78 = 0.5*target_3
+    missing_0_3 = x78 - 0.5*(span_0_3_1*span_0_3_1) - 0.5*(span_0_3_2*span_0_3_2) - 0.5*(span_0_3_3*span_0_3_3)
+    del matrix_0_3_2, x44, x46, x47, x48, x49, x50, target_1, span_0_1_1, span_0_1_2, span_0_1_3, target_2, span_0_2_2, span_0_2_3, target_3, span_0_3_1, span_0_3_2, span_0_3_3
     merit_0 = missing_0_1*missing_0_1 + missing_0_2*missing_0_2 + missing_0_3*missing_0_3
     row_1_1_1 = arm_0_1_2*eta - 0.5*arm_0_1_3
     row_1_1_2 = -(arm_0_1_1*eta + x42*arm_0_1_3)
@@ -707,55 +713,55 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     del row_1_3_3, row_1_3_1, row_1_3_2, row_1_2_3, row_1_2_1, row_1_2_2, row_1_1_1, row_1_1_2, row_1_1_3, cross_1_1_1, cross_1_2_1, cross_1_3_1, cross_1_1_2, cross_1_2_2, cross_1_3_2, cross_1_1_3, cross_1_2_3, cross_1_3_3
     solved_size_1 = xp.sqrt(solved_1_1*solved_1_1 + solved_1_2*solved_1_2 + solved_1_3*solved_1_3)
     far_1 = trust*xp.abs(determinant_1) < solved_size_1
-    x147 = 0.0 < solved_size_1
-    x144 = xp.where(far_1, 1.0, 1.0/determinant_1)
-    factor_1 = xp.where(far_1, trust*xp.where(determinant_1 < 0.0, -1.0, 1.0)*xp.where(x147, 1.0/solved_size_1, 1.0), x144)
-    x152 = xp.where(x147, factor_1, 0.0)
-    turn_1_1 = solved_1_1*x152
-    turn_1_2 = solved_1_2*x152
-    turn_1_3 = solved_1_3*x152
-    x153 = 0.5*turn_1_1
-    x155 = 0.5*turn_1_2
-    x157 = 0.5*turn_1_3
-    moved_1_1 = start_1 - x153*start_2 - x155*start_3 - x157*start_4
-    moved_1_2 = x153*start_1 + start_2 + x155*start_4 - x157*start_3
-    moved_1_3 = x155*start_1 + x157*start_2 + start_3 - x153*start_4
-    moved_1_4 = x157*start_1 + x153*start_3 + start_4 - x155*start_2
+    x145 = 0.0 < solved_size_1
+    x142 = xp.where(far_1, 1.0, 1.0/determinant_1)
+    factor_1 = xp.where(far_1, trust*xp.where(determinant_1 < 0.0, -1.0, 1.0)*xp.where(x145, 1.0/solved_size_1, 1.0), x142)
+    x150 = xp.where(x145, factor_1, 0.0)
+    turn_1_1 = solved_1_1*x150
+    turn_1_2 = solved_1_2*x150
+    turn_1_3 = solved_1_3*x150
+    x151 = 0.5*turn_1_1
+    x153 = 0.5*turn_1_2
+    x155 = 0.5*turn_1_3
+    moved_1_1 = start_1 - x151*start_2 - x153*start_3 - x155*start_4
+    moved_1_2 = x151*start_1 + start_2 + x153*start_4 - x155*start_3
+    moved_1_3 = x153*start_1 + x155*start_2 + start_3 - x151*start_4
+    moved_1_4 = x155*start_1 + x151*start_3 + start_4 - x153*start_2
     unit_1_length = xp.sqrt(moved_1_1*moved_1_1 + moved_1_2*moved_1_2 + moved_1_3*moved_1_3 + moved_1_4*moved_1_4)
-    x183 = 1.0/unit_1_length
-    unit_1_1 = moved_1_1*x183
-    unit_1_2 = moved_1_2*x183
-    del determinant_1, far_1, solved_size_1, x144, factor_1, x147, solved_1_1, solved_1_2, solved_1_3, x152, x153, x155, x157, unit_1_length, moved_1_1, moved_1_2
-    unit_1_3 = moved_1_3*x183
-    unit_1_4 = moved_1_4*x183
-    x188 = unit_1_1*unit_1_1 - unit_1_4*unit_1_4
-    x189 = unit_1_2*unit_1_2 - unit_1_3*unit_1_3
-    matrix_1_1_1 = x188 + x189
-    x190 = 2.0*unit_1_1
-    x191 = x190*unit_1_4
-    x192 = 2.0*unit_1_2
-    x193 = x192*unit_1_3
-    matrix_1_1_2 = x193 - x191
-    matrix_1_2_1 = x191 + x193
-    matrix_1_2_2 = x188 - x189
-    matrix_1_3_1 = x192*unit_1_4 - x190*unit_1_3
-    matrix_1_3_2 = x190*unit_1_2 + 2.0*unit_1_4*unit_1_3
-    x200 = x42*(matrix_1_1_1*ratio)
-    x201 = x45*matrix_1_1_2
-    arm_1_1_1 = x200 - x201
-    x203 = x42*(matrix_1_2_1*ratio)
-    x204 = x45*matrix_1_2_2
-    arm_1_1_2 = x203 - x204
-    x206 = x42*(matrix_1_3_1*ratio)
-    x207 = x45*matrix_1_3_2
-    arm_1_1_3 = x206 - x207
+    x181 = 1.0/unit_1_length
+    unit_1_1 = moved_1_1*x181
+    unit_1_2 = moved_1_2*x181
+    del determinant_1, far_1, solved_size_1, x142, factor_1, x145, solved_1_1, solved_1_2, solved_1_3, x150, x151, x153, x155, unit_1_length, moved_1_1, moved_1_2
+    unit_1_3 = moved_1_3*x181
+    unit_1_4 = moved_1_4*x181
+    x186 = unit_1_1*unit_1_1 - unit_1_4*unit_1_4
+    x187 = unit_1_2*unit_1_2 - unit_1_3*unit_1_3
+    matrix_1_1_1 = x186 + x187
+    x188 = 2.0*unit_1_1
+    x189 = x188*unit_1_4
+    x190 = 2.0*unit_1_2
+    x191 = x190*unit_1_3
+    matrix_1_1_2 = x191 - x189
+    matrix_1_2_1 = x189 + x191
+    matrix_1_2_2 = x186 - x187
+    matrix_1_3_1 = x190*unit_1_4 - x188*unit_1_3
+    matrix_1_3_2 = x188*unit_1_2 + 2.0*unit_1_4*unit_1_3
+    x197 = x43*matrix_1_1_1
+    x198 = x45*matrix_1_1_2
+    arm_1_1_1 = x197 - x198
+    x199 = x43*matrix_1_2_1
+    x200 = x45*matrix_1_2_2
+    arm_1_1_2 = x199 - x200
+    x201 = x43*matrix_1_3_1
+    x202 = x45*matrix_1_3_2
+    arm_1_1_3 = x201 - x202
     arm_1_2_1 = matrix_1_1_2*ratio
     arm_1_2_2 = matrix_1_2_2*ratio
     arm_1_2_3 = matrix_1_3_2*ratio
-    arm_1_3_1 = -(x200 + x201)
-    del moved_1_3, moved_1_4, x183, x191, x193, x188, x189, x192, x190, matrix_1_1_1, matrix_1_2_1, matrix_1_3_1, matrix_1_1_2, matrix_1_2_2, matrix_1_3_2, x200, x201
-    arm_1_3_2 = -(x203 + x204)
-    arm_1_3_3 = -(x206 + x207)
+    arm_1_3_1 = -(x197 + x198)
+    del moved_1_3, moved_1_4, x181, x189, x191, x186, x187, x190, x188, matrix_1_1_1, matrix_1_2_1, matrix_1_3_1, matrix_1_1_2, matrix_1_2_2, matrix_1_3_2, x197, x198
+    arm_1_3_2 = -(x199 + x200)
+    arm_1_3_3 = -(x201 + x202)
     span_1_1_1 = arm_1_1_1 - x42
     span_1_1_2 = arm_1_1_2 + 0.5
     span_1_1_3 = arm_1_1_3 + eta
@@ -764,15 +770,15 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_1_3_1 = arm_1_3_1 + x42
     span_1_3_2 = arm_1_3_2 + 0.5
     span_1_3_3 = arm_1_3_3 + eta
-    missing_1_1 = x62 - 0.5*(span_1_1_1*span_1_1_1) - 0.5*(span_1_1_2*span_1_1_2) - 0.5*(span_1_1_3*span_1_1_3)
-    missing_1_2 = x71 - 0.5*(arm_1_2_1*arm_1_2_1) - 0.5*(span_1_2_2*span_1_2_2) - 0.5*(span_1_2_3*span_1_2_3)
-    missing_1_3 = x80 - 0.5*(span_1_3_1*span_1_3_1) - 0.5*(span_1_3_2*span_1_3_2) - 0.5*(span_1_3_3*span_1_3_3)
+    missing_1_1 = x60 - 0.5*(span_1_1_1*span_1_1_1) - 0.5*(span_1_1_2*span_1_1_2) - 0.5*(span_1_1_3*span_1_1_3)
+    missing_1_2 = x69 - 0.5*(arm_1_2_1*arm_1_2_1) - 0.5*(span_1_2_2*span_1_2_2) - 0.5*(span_1_2_3*span_1_2_3)
+    missing_1_3 = x78 - 0.5*(span_1_3_1*span_1_3_1) - 0.5*(span_1_3_2*span_1_3_2) - 0.5*(span_1_3_3*span_1_3_3)
     merit_1 = missing_1_1*missing_1_1 + missing_1_2*missing_1_2 + missing_1_3*missing_1_3
     done_1 = merit_0 <= settled
     better_1 = (~done_1) & (merit_1 < merit_0)
     now_1_1 = xp.where(better_1, unit_1_1, start_1)
     now_1_2 = xp.where(better_1, unit_1_2, start_2)
-    del x203, x204, x206, x207, span_1_1_1, span_1_1_2, span_1_1_3, span_1_2_2, span_1_2_3, span_1_3_1, span_1_3_2, span_1_3_3, start_1, unit_1_1, start_2, unit_1_2
+    del x199, x200, x201, x202, span_1_1_1, span_1_1_2, span_1_1_3, span_1_2_2, span_1_2_3, span_1_3_1, span_1_3_2, span_1_3_3, start_1, unit_1_1, start_2, unit_1_2
     now_1_3 = xp.where(better_1, unit_1_3, start_3)
     now_1_4 = xp.where(better_1, unit_1_4, start_4)
     taken_1_1_1 = xp.where(better_1, arm_1_1_1, arm_0_1_1)
@@ -817,55 +823,55 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3
     solved_size_2 = xp.sqrt(solved_2_1*solved_2_1 + solved_2_2*solved_2_2 + solved_2_3*solved_2_3)
     far_2 = trust_1*xp.abs(determinant_2) < solved_size_2
-    x311 = 0.0 < solved_size_2
-    x308 = xp.where(far_2, 1.0, 1.0/determinant_2)
-    factor_2 = xp.where(far_2, trust_1*xp.where(determinant_2 < 0.0, -1.0, 1.0)*xp.where(x311, 1.0/solved_size_2, 1.0), x308)
-    x316 = xp.where(x311, factor_2, 0.0)
-    turn_2_1 = solved_2_1*x316
-    turn_2_2 = solved_2_2*x316
-    turn_2_3 = solved_2_3*x316
-    x317 = 0.5*turn_2_1
-    x319 = 0.5*turn_2_2
-    x321 = 0.5*turn_2_3
-    moved_2_1 = now_1_1 - x317*now_1_2 - x319*now_1_3 - x321*now_1_4
-    moved_2_2 = x317*now_1_1 + now_1_2 + x319*now_1_4 - x321*now_1_3
-    moved_2_3 = x319*now_1_1 + x321*now_1_2 + now_1_3 - x317*now_1_4
-    moved_2_4 = x321*now_1_1 + x317*now_1_3 + now_1_4 - x319*now_1_2
-    del cross_2_1_3, cross_2_2_3, cross_2_3_3, determinant_2, far_2, solved_size_2, x308, factor_2, x311, solved_2_1, solved_2_2, solved_2_3, x316, x317, x319, x321
+    x306 = 0.0 < solved_size_2
+    x303 = xp.where(far_2, 1.0, 1.0/determinant_2)
+    factor_2 = xp.where(far_2, trust_1*xp.where(determinant_2 < 0.0, -1.0, 1.0)*xp.where(x306, 1.0/solved_size_2, 1.0), x303)
+    x311 = xp.where(x306, factor_2, 0.0)
+    turn_2_1 = solved_2_1*x311
+    turn_2_2 = solved_2_2*x311
+    turn_2_3 = solved_2_3*x311
+    x312 = 0.5*turn_2_1
+    x314 = 0.5*turn_2_2
+    x316 = 0.5*turn_2_3
+    moved_2_1 = now_1_1 - x312*now_1_2 - x314*now_1_3 - x316*now_1_4
+    moved_2_2 = x312*now_1_1 + now_1_2 + x314*now_1_4 - x316*now_1_3
+    moved_2_3 = x314*now_1_1 + x316*now_1_2 + now_1_3 - x312*now_1_4
+    moved_2_4 = x316*now_1_1 + x312*now_1_3 + now_1_4 - x314*now_1_2
+    del cross_2_1_3, cross_2_2_3, cross_2_3_3, determinant_2, far_2, solved_size_2, x303, factor_2, x306, solved_2_1, solved_2_2, solved_2_3, x311, x312, x314, x316
     unit_2_length = xp.sqrt(moved_2_1*moved_2_1 + moved_2_2*moved_2_2 + moved_2_3*moved_2_3 + moved_2_4*moved_2_4)
-    x347 = 1.0/unit_2_length
-    unit_2_1 = moved_2_1*x347
-    unit_2_2 = moved_2_2*x347
-    unit_2_3 = moved_2_3*x347
-    unit_2_4 = moved_2_4*x347
-    x352 = unit_2_1*unit_2_1 - unit_2_4*unit_2_4
-    x353 = unit_2_2*unit_2_2 - unit_2_3*unit_2_3
-    matrix_2_1_1 = x352 + x353
-    x354 = 2.0*unit_2_1
-    x355 = x354*unit_2_4
-    x356 = 2.0*unit_2_2
-    x357 = x356*unit_2_3
-    matrix_2_1_2 = x357 - x355
-    matrix_2_2_1 = x355 + x357
-    matrix_2_2_2 = x352 - x353
-    matrix_2_3_1 = x356*unit_2_4 - x354*unit_2_3
-    matrix_2_3_2 = x354*unit_2_2 + 2.0*unit_2_4*unit_2_3
-    x364 = x42*(matrix_2_1_1*ratio)
-    x365 = x45*matrix_2_1_2
-    arm_2_1_1 = x364 - x365
-    x367 = x42*(matrix_2_2_1*ratio)
-    x368 = x45*matrix_2_2_2
-    arm_2_1_2 = x367 - x368
-    x370 = x42*(matrix_2_3_1*ratio)
-    x371 = x45*matrix_2_3_2
-    arm_2_1_3 = x370 - x371
+    x342 = 1.0/unit_2_length
+    unit_2_1 = moved_2_1*x342
+    unit_2_2 = moved_2_2*x342
+    unit_2_3 = moved_2_3*x342
+    unit_2_4 = moved_2_4*x342
+    x347 = unit_2_1*unit_2_1 - unit_2_4*unit_2_4
+    x348 = unit_2_2*unit_2_2 - unit_2_3*unit_2_3
+    matrix_2_1_1 = x347 + x348
+    x349 = 2.0*unit_2_1
+    x350 = x349*unit_2_4
+    x351 = 2.0*unit_2_2
+    x352 = x351*unit_2_3
+    matrix_2_1_2 = x352 - x350
+    matrix_2_2_1 = x350 + x352
+    matrix_2_2_2 = x347 - x348
+    matrix_2_3_1 = x351*unit_2_4 - x349*unit_2_3
+    matrix_2_3_2 = x349*unit_2_2 + 2.0*unit_2_4*unit_2_3
+    x358 = x43*matrix_2_1_1
+    x359 = x45*matrix_2_1_2
+    arm_2_1_1 = x358 - x359
+    x360 = x43*matrix_2_2_1
+    x361 = x45*matrix_2_2_2
+    arm_2_1_2 = x360 - x361
+    x362 = x43*matrix_2_3_1
+    x363 = x45*matrix_2_3_2
+    arm_2_1_3 = x362 - x363
     arm_2_2_1 = matrix_2_1_2*ratio
-    del unit_2_length, moved_2_1, moved_2_2, moved_2_3, moved_2_4, x347, x355, x357, x352, x353, x356, x354, matrix_2_1_1, matrix_2_2_1, matrix_2_3_1, matrix_2_1_2
+    del unit_2_length, moved_2_1, moved_2_2, moved_2_3, moved_2_4, x342, x350, x352, x347, x348, x351, x349, matrix_2_1_1, matrix_2_2_1, matrix_2_3_1, matrix_2_1_2
     arm_2_2_2 = matrix_2_2_2*ratio
     arm_2_2_3 = matrix_2_3_2*ratio
-    arm_2_3_1 = -(x364 + x365)
-    arm_2_3_2 = -(x367 + x368)
-    arm_2_3_3 = -(x370 + x371)
+    arm_2_3_1 = -(x358 + x359)
+    arm_2_3_2 = -(x360 + x361)
+    arm_2_3_3 = -(x362 + x363)
     span_2_1_1 = arm_2_1_1 - x42
     span_2_1_2 = arm_2_1_2 + 0.5
     span_2_1_3 = arm_2_1_3 + eta
@@ -874,10 +880,10 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_2_3_1 = arm_2_3_1 + x42
     span_2_3_2 = arm_2_3_2 + 0.5
     span_2_3_3 = arm_2_3_3 + eta
-    missing_2_1 = x62 - 0.5*(span_2_1_1*span_2_1_1) - 0.5*(span_2_1_2*span_2_1_2) - 0.5*(span_2_1_3*span_2_1_3)
-    missing_2_2 = x71 - 0.5*(arm_2_2_1*arm_2_2_1) - 0.5*(span_2_2_2*span_2_2_2) - 0.5*(span_2_2_3*span_2_2_3)
-    missing_2_3 = x80 - 0.5*(span_2_3_1*span_2_3_1) - 0.5*(span_2_3_2*span_2_3_2) - 0.5*(span_2_3_3*span_2_3_3)
-    del matrix_2_2_2, matrix_2_3_2, x364, x365, x367, x368, x370, x371, span_2_1_1, span_2_1_2, span_2_1_3, span_2_2_2, span_2_2_3, span_2_3_1, span_2_3_2, span_2_3_3
+    missing_2_1 = x60 - 0.5*(span_2_1_1*span_2_1_1) - 0.5*(span_2_1_2*span_2_1_2) - 0.5*(span_2_1_3*span_2_1_3)
+    missing_2_2 = x69 - 0.5*(arm_2_2_1*arm_2_2_1) - 0.5*(span_2_2_2*span_2_2_2) - 0.5*(span_2_2_3*span_2_2_3)
+    missing_2_3 = x78 - 0.5*(span_2_3_1*span_2_3_1) - 0.5*(span_2_3_2*span_2_3_2) - 0.5*(span_2_3_3*span_2_3_3)
+    del matrix_2_2_2, matrix_2_3_2, x358, x359, x360, x361, x362, x363, span_2_1_1, span_2_1_2, span_2_1_3, span_2_2_2, span_2_2_3, span_2_3_1, span_2_3_2, span_2_3_3
     merit_2 = missing_2_1*missing_2_1 + missing_2_2*missing_2_2 + missing_2_3*missing_2_3
     done_2 = merit_taken_1 <= settled
     better_2 = (~done_2) & (merit_2 < merit_taken_1)
@@ -927,55 +933,55 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3
     solved_size_3 = xp.sqrt(solved_3_1*solved_3_1 + solved_3_2*solved_3_2 + solved_3_3*solved_3_3)
     far_3 = trust_2*xp.abs(determinant_3) < solved_size_3
-    x475 = 0.0 < solved_size_3
-    x472 = xp.where(far_3, 1.0, 1.0/determinant_3)
-    factor_3 = xp.where(far_3, trust_2*xp.where(determinant_3 < 0.0, -1.0, 1.0)*xp.where(x475, 1.0/solved_size_3, 1.0), x472)
-    x480 = xp.where(x475, factor_3, 0.0)
-    turn_3_1 = solved_3_1*x480
-    del cross_3_1_1, cross_3_2_1, cross_3_3_1, cross_3_1_2, cross_3_2_2, cross_3_3_2, cross_3_1_3, cross_3_2_3, cross_3_3_3, determinant_3, far_3, solved_size_3, x472, factor_3, x475, solved_3_1
-    turn_3_2 = solved_3_2*x480
-    turn_3_3 = solved_3_3*x480
-    x481 = 0.5*turn_3_1
-    x483 = 0.5*turn_3_2
-    x485 = 0.5*turn_3_3
-    moved_3_1 = now_2_1 - x481*now_2_2 - x483*now_2_3 - x485*now_2_4
-    moved_3_2 = x481*now_2_1 + now_2_2 + x483*now_2_4 - x485*now_2_3
-    moved_3_3 = x483*now_2_1 + x485*now_2_2 + now_2_3 - x481*now_2_4
-    moved_3_4 = x485*now_2_1 + x481*now_2_3 + now_2_4 - x483*now_2_2
+    x467 = 0.0 < solved_size_3
+    x464 = xp.where(far_3, 1.0, 1.0/determinant_3)
+    factor_3 = xp.where(far_3, trust_2*xp.where(determinant_3 < 0.0, -1.0, 1.0)*xp.where(x467, 1.0/solved_size_3, 1.0), x464)
+    x472 = xp.where(x467, factor_3, 0.0)
+    turn_3_1 = solved_3_1*x472
+    del cross_3_1_1, cross_3_2_1, cross_3_3_1, cross_3_1_2, cross_3_2_2, cross_3_3_2, cross_3_1_3, cross_3_2_3, cross_3_3_3, determinant_3, far_3, solved_size_3, x464, factor_3, x467, solved_3_1
+    turn_3_2 = solved_3_2*x472
+    turn_3_3 = solved_3_3*x472
+    x473 = 0.5*turn_3_1
+    x475 = 0.5*turn_3_2
+    x477 = 0.5*turn_3_3
+    moved_3_1 = now_2_1 - x473*now_2_2 - x475*now_2_3 - x477*now_2_4
+    moved_3_2 = x473*now_2_1 + now_2_2 + x475*now_2_4 - x477*now_2_3
+    moved_3_3 = x475*now_2_1 + x477*now_2_2 + now_2_3 - x473*now_2_4
+    moved_3_4 = x477*now_2_1 + x473*now_2_3 + now_2_4 - x475*now_2_2
     unit_3_length = xp.sqrt(moved_3_1*moved_3_1 + moved_3_2*moved_3_2 + moved_3_3*moved_3_3 + moved_3_4*moved_3_4)
-    x511 = 1.0/unit_3_length
-    unit_3_1 = moved_3_1*x511
-    unit_3_2 = moved_3_2*x511
-    unit_3_3 = moved_3_3*x511
-    unit_3_4 = moved_3_4*x511
-    x516 = unit_3_1*unit_3_1 - unit_3_4*unit_3_4
-    x517 = unit_3_2*unit_3_2 - unit_3_3*unit_3_3
-    matrix_3_1_1 = x516 + x517
-    x518 = 2.0*unit_3_1
-    x519 = x518*unit_3_4
-    x520 = 2.0*unit_3_2
-    x521 = x520*unit_3_3
-    matrix_3_1_2 = x521 - x519
-    matrix_3_2_1 = x519 + x521
-    matrix_3_2_2 = x516 - x517
-    del solved_3_2, solved_3_3, x480, x481, x483, x485, unit_3_length, moved_3_1, moved_3_2, moved_3_3, moved_3_4, x511, x519, x521, x516, x517
-    matrix_3_3_1 = x520*unit_3_4 - x518*unit_3_3
-    matrix_3_3_2 = x518*unit_3_2 + 2.0*unit_3_4*unit_3_3
-    x528 = x42*(matrix_3_1_1*ratio)
-    x529 = x45*matrix_3_1_2
-    arm_3_1_1 = x528 - x529
-    x531 = x42*(matrix_3_2_1*ratio)
-    x532 = x45*matrix_3_2_2
-    arm_3_1_2 = x531 - x532
-    x534 = x42*(matrix_3_3_1*ratio)
-    x535 = x45*matrix_3_3_2
-    arm_3_1_3 = x534 - x535
+    x503 = 1.0/unit_3_length
+    unit_3_1 = moved_3_1*x503
+    unit_3_2 = moved_3_2*x503
+    unit_3_3 = moved_3_3*x503
+    unit_3_4 = moved_3_4*x503
+    x508 = unit_3_1*unit_3_1 - unit_3_4*unit_3_4
+    x509 = unit_3_2*unit_3_2 - unit_3_3*unit_3_3
+    matrix_3_1_1 = x508 + x509
+    x510 = 2.0*unit_3_1
+    x511 = x510*unit_3_4
+    x512 = 2.0*unit_3_2
+    x513 = x512*unit_3_3
+    matrix_3_1_2 = x513 - x511
+    matrix_3_2_1 = x511 + x513
+    matrix_3_2_2 = x508 - x509
+    del solved_3_2, solved_3_3, x472, x473, x475, x477, unit_3_length, moved_3_1, moved_3_2, moved_3_3, moved_3_4, x503, x511, x513, x508, x509
+    matrix_3_3_1 = x512*unit_3_4 - x510*unit_3_3
+    matrix_3_3_2 = x510*unit_3_2 + 2.0*unit_3_4*unit_3_3
+    x519 = x43*matrix_3_1_1
+    x520 = x45*matrix_3_1_2
+    arm_3_1_1 = x519 - x520
+    x521 = x43*matrix_3_2_1
+    x522 = x45*matrix_3_2_2
+    arm_3_1_2 = x521 - x522
+    x523 = x43*matrix_3_3_1
+    x524 = x45*matrix_3_3_2
+    arm_3_1_3 = x523 - x524
     arm_3_2_1 = matrix_3_1_2*ratio
     arm_3_2_2 = matrix_3_2_2*ratio
     arm_3_2_3 = matrix_3_3_2*ratio
-    arm_3_3_1 = -(x528 + x529)
-    arm_3_3_2 = -(x531 + x532)
-    arm_3_3_3 = -(x534 + x535)
+    arm_3_3_1 = -(x519 + x520)
+    arm_3_3_2 = -(x521 + x522)
+    arm_3_3_3 = -(x523 + x524)
     span_3_1_1 = arm_3_1_1 - x42
     span_3_1_2 = arm_3_1_2 + 0.5
     span_3_1_3 = arm_3_1_3 + eta
@@ -984,10 +990,10 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_3_3_1 = arm_3_3_1 + x42
     span_3_3_2 = arm_3_3_2 + 0.5
     span_3_3_3 = arm_3_3_3 + eta
-    missing_3_1 = x62 - 0.5*(span_3_1_1*span_3_1_1) - 0.5*(span_3_1_2*span_3_1_2) - 0.5*(span_3_1_3*span_3_1_3)
-    del x520, x518, matrix_3_1_1, matrix_3_2_1, matrix_3_3_1, matrix_3_1_2, matrix_3_2_2, matrix_3_3_2, x528, x529, x531, x532, x534, x535, span_3_1_1, span_3_1_2, span_3_1_3
-    missing_3_2 = x71 - 0.5*(arm_3_2_1*arm_3_2_1) - 0.5*(span_3_2_2*span_3_2_2) - 0.5*(span_3_2_3*span_3_2_3)
-    missing_3_3 = x80 - 0.5*(span_3_3_1*span_3_3_1) - 0.5*(span_3_3_2*span_3_3_2) - 0.5*(span_3_3_3*span_3_3_3)
+    missing_3_1 = x60 - 0.5*(span_3_1_1*span_3_1_1) - 0.5*(span_3_1_2*span_3_1_2) - 0.5*(span_3_1_3*span_3_1_3)
+    del x512, x510, matrix_3_1_1, matrix_3_2_1, matrix_3_3_1, matrix_3_1_2, matrix_3_2_2, matrix_3_3_2, x519, x520, x521, x522, x523, x524, span_3_1_1, span_3_1_2, span_3_1_3
+    missing_3_2 = x69 - 0.5*(arm_3_2_1*arm_3_2_1) - 0.5*(span_3_2_2*span_3_2_2) - 0.5*(span_3_2_3*span_3_2_3)
+    missing_3_3 = x78 - 0.5*(span_3_3_1*span_3_3_1) - 0.5*(span_3_3_2*span_3_3_2) - 0.5*(span_3_3_3*span_3_3_3)
     merit_3 = missing_3_1*missing_3_1 + missing_3_2*missing_3_2 + missing_3_3*missing_3_3
     done_3 = merit_taken_2 <= settled
     better_3 = (~done_3) & (merit_3 < merit_taken_2)
@@ -1038,56 +1044,56 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3
     solved_size_4 = xp.sqrt(solved_4_1*solved_4_1 + solved_4_2*solved_4_2 + solved_4_3*solved_4_3)
     far_4 = trust_3*xp.abs(determinant_4) < solved_size_4
-    x639 = 0.0 < solved_size_4
-    x636 = xp.where(far_4, 1.0, 1.0/determinant_4)
-    factor_4 = xp.where(far_4, trust_3*xp.where(determinant_4 < 0.0, -1.0, 1.0)*xp.where(x639, 1.0/solved_size_4, 1.0), x636)
-    x644 = xp.where(x639, factor_4, 0.0)
-    turn_4_1 = solved_4_1*x644
-    del cross_4_1_2, cross_4_2_2, cross_4_3_2, cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3, determinant_4, far_4, solved_size_4, x636, factor_4, x639, solved_4_1
-    turn_4_2 = solved_4_2*x644
-    turn_4_3 = solved_4_3*x644
-    x645 = 0.5*turn_4_1
-    x647 = 0.5*turn_4_2
-    x649 = 0.5*turn_4_3
-    moved_4_1 = now_3_1 - x645*now_3_2 - x647*now_3_3 - x649*now_3_4
-    moved_4_2 = x645*now_3_1 + now_3_2 + x647*now_3_4 - x649*now_3_3
-    moved_4_3 = x647*now_3_1 + x649*now_3_2 + now_3_3 - x645*now_3_4
-    moved_4_4 = x649*now_3_1 + x645*now_3_3 + now_3_4 - x647*now_3_2
+    x628 = 0.0 < solved_size_4
+    x625 = xp.where(far_4, 1.0, 1.0/determinant_4)
+    factor_4 = xp.where(far_4, trust_3*xp.where(determinant_4 < 0.0, -1.0, 1.0)*xp.where(x628, 1.0/solved_size_4, 1.0), x625)
+    x633 = xp.where(x628, factor_4, 0.0)
+    turn_4_1 = solved_4_1*x633
+    del cross_4_1_2, cross_4_2_2, cross_4_3_2, cross_4_1_3, cross_4_2_3, cross_4_3_3, left_3_1, left_3_2, left_3_3, determinant_4, far_4, solved_size_4, x625, factor_4, x628, solved_4_1
+    turn_4_2 = solved_4_2*x633
+    turn_4_3 = solved_4_3*x633
+    x634 = 0.5*turn_4_1
+    x636 = 0.5*turn_4_2
+    x638 = 0.5*turn_4_3
+    moved_4_1 = now_3_1 - x634*now_3_2 - x636*now_3_3 - x638*now_3_4
+    moved_4_2 = x634*now_3_1 + now_3_2 + x636*now_3_4 - x638*now_3_3
+    moved_4_3 = x636*now_3_1 + x638*now_3_2 + now_3_3 - x634*now_3_4
+    moved_4_4 = x638*now_3_1 + x634*now_3_3 + now_3_4 - x636*now_3_2
     unit_4_length = xp.sqrt(moved_4_1*moved_4_1 + moved_4_2*moved_4_2 + moved_4_3*moved_4_3 + moved_4_4*moved_4_4)
-    x675 = 1.0/unit_4_length
-    unit_4_1 = moved_4_1*x675
-    unit_4_2 = moved_4_2*x675
-    unit_4_3 = moved_4_3*x675
-    unit_4_4 = moved_4_4*x675
-    x680 = unit_4_1*unit_4_1 - unit_4_4*unit_4_4
-    x681 = unit_4_2*unit_4_2 - unit_4_3*unit_4_3
-    matrix_4_1_1 = x680 + x681
-    x682 = 2.0*unit_4_1
-    x683 = x682*unit_4_4
-    x684 = 2.0*unit_4_2
-    x685 = x684*unit_4_3
-    matrix_4_1_2 = x685 - x683
-    matrix_4_2_1 = x683 + x685
-    matrix_4_2_2 = x680 - x681
-    del solved_4_2, solved_4_3, x644, x645, x647, x649, unit_4_length, moved_4_1, moved_4_2, moved_4_3, moved_4_4, x675, x683, x685, x680, x681
-    matrix_4_3_1 = x684*unit_4_4 - x682*unit_4_3
-    matrix_4_3_2 = x682*unit_4_2 + 2.0*unit_4_4*unit_4_3
-    x692 = x42*(matrix_4_1_1*ratio)
-    x693 = x45*matrix_4_1_2
-    arm_4_1_1 = x692 - x693
-    x695 = x42*(matrix_4_2_1*ratio)
-    x696 = x45*matrix_4_2_2
-    arm_4_1_2 = x695 - x696
-    x698 = x42*(matrix_4_3_1*ratio)
-    x699 = x45*matrix_4_3_2
-    arm_4_1_3 = x698 - x699
+    x664 = 1.0/unit_4_length
+    unit_4_1 = moved_4_1*x664
+    unit_4_2 = moved_4_2*x664
+    unit_4_3 = moved_4_3*x664
+    unit_4_4 = moved_4_4*x664
+    x669 = unit_4_1*unit_4_1 - unit_4_4*unit_4_4
+    x670 = unit_4_2*unit_4_2 - unit_4_3*unit_4_3
+    matrix_4_1_1 = x669 + x670
+    x671 = 2.0*unit_4_1
+    x672 = x671*unit_4_4
+    x673 = 2.0*unit_4_2
+    x674 = x673*unit_4_3
+    matrix_4_1_2 = x674 - x672
+    matrix_4_2_1 = x672 + x674
+    matrix_4_2_2 = x669 - x670
+    del solved_4_2, solved_4_3, x633, x634, x636, x638, unit_4_length, moved_4_1, moved_4_2, moved_4_3, moved_4_4, x664, x672, x674, x669, x670
+    matrix_4_3_1 = x673*unit_4_4 - x671*unit_4_3
+    matrix_4_3_2 = x671*unit_4_2 + 2.0*unit_4_4*unit_4_3
+    x680 = x43*matrix_4_1_1
+    x681 = x45*matrix_4_1_2
+    arm_4_1_1 = x680 - x681
+    x682 = x43*matrix_4_2_1
+    x683 = x45*matrix_4_2_2
+    arm_4_1_2 = x682 - x683
+    x684 = x43*matrix_4_3_1
+    x685 = x45*matrix_4_3_2
+    arm_4_1_3 = x684 - x685
     arm_4_2_1 = matrix_4_1_2*ratio
     arm_4_2_2 = matrix_4_2_2*ratio
     arm_4_2_3 = matrix_4_3_2*ratio
-    arm_4_3_1 = -(x692 + x693)
-    arm_4_3_2 = -(x695 + x696)
-    arm_4_3_3 = -(x698 + x699)
-    del x684, x682, matrix_4_1_1, matrix_4_2_1, matrix_4_3_1, x45, matrix_4_1_2, matrix_4_2_2, matrix_4_3_2, ratio, x692, x693, x695, x696, x698, x699
+    arm_4_3_1 = -(x680 + x681)
+    arm_4_3_2 = -(x682 + x683)
+    arm_4_3_3 = -(x684 + x685)
+    del x673, x671, matrix_4_1_1, matrix_4_2_1, matrix_4_3_1, x43, x45, matrix_4_1_2, matrix_4_2_2, matrix_4_3_2, ratio, x680, x681, x682, x683, x684, x685
     span_4_1_1 = arm_4_1_1 - x42
     span_4_1_2 = arm_4_1_2 + 0.5
     span_4_1_3 = arm_4_1_3 + eta
@@ -1096,17 +1102,17 @@ def _sps_polish(xp, quaternion_1, quaternion_2, quaternion_3, quaternion_4, trus
     span_4_3_1 = arm_4_3_1 + x42
     span_4_3_2 = arm_4_3_2 + 0.5
     span_4_3_3 = arm_4_3_3 + eta
-    missing_4_1 = x62 - 0.5*(span_4_1_1*span_4_1_1) - 0.5*(span_4_1_2*span_4_1_2) - 0.5*(span_4_1_3*span_4_1_3)
-    missing_4_2 = x71 - 0.5*(arm_4_2_1*arm_4_2_1) - 0.5*(span_4_2_2*span_4_2_2) - 0.5*(span_4_2_3*span_4_2_3)
-    del arm_4_1_1, arm_4_1_2, arm_4_1_3, arm_4_2_2, arm_4_2_3, arm_4_3_1, x42, arm_4_3_2, arm_4_3_3, eta, span_4_1_1, span_4_1_2, span_4_1_3, x62, arm_4_2_1, span_4_2_2, span_4_2_3, x71
-    missing_4_3 = x80 - 0.5*(span_4_3_1*span_4_3_1) - 0.5*(span_4_3_2*span_4_3_2) - 0.5*(span_4_3_3*span_4_3_3)
+    missing_4_1 = x60 - 0.5*(span_4_1_1*span_4_1_1) - 0.5*(span_4_1_2*span_4_1_2) - 0.5*(span_4_1_3*span_4_1_3)
+    missing_4_2 = x69 - 0.5*(arm_4_2_1*arm_4_2_1) - 0.5*(span_4_2_2*span_4_2_2) - 0.5*(span_4_2_3*span_4_2_3)
+    del arm_4_1_1, arm_4_1_2, arm_4_1_3, arm_4_2_2, arm_4_2_3, arm_4_3_1, x42, arm_4_3_2, arm_4_3_3, eta, span_4_1_1, span_4_1_2, span_4_1_3, x60, arm_4_2_1, span_4_2_2, span_4_2_3, x69
+    missing_4_3 = x78 - 0.5*(span_4_3_1*span_4_3_1) - 0.5*(span_4_3_2*span_4_3_2) - 0.5*(span_4_3_3*span_4_3_3)
     merit_4 = missing_4_1*missing_4_1 + missing_4_2*missing_4_2 + missing_4_3*missing_4_3
     done_4 = merit_taken_3 <= settled
     better_4 = (~done_4) & (merit_4 < merit_taken_3)
     polished_1 = xp.where(better_4, unit_4_1, now_3_1)
     polished_2 = xp.where(better_4, unit_4_2, now_3_2)
     polished_3 = xp.where(better_4, unit_4_3, now_3_3)
-    del span_4_3_1, span_4_3_2, span_4_3_3, x80, missing_4_1, missing_4_2, missing_4_3, settled, merit_4, merit_taken_3, now_3_1, unit_4_1, now_3_2, unit_4_2, now_3_3, unit_4_3
+    del span_4_3_1, span_4_3_2, span_4_3_3, x78, missing_4_1, missing_4_2, missing_4_3, settled, merit_4, merit_taken_3, now_3_1, unit_4_1, now_3_2, unit_4_2, now_3_3, unit_4_3
     polished_4 = xp.where(better_4, unit_4_4, now_3_4)
     turned_by_4 = xp.sqrt(turn_4_1*turn_4_1 + turn_4_2*turn_4_2 + turn_4_3*turn_4_3)
     radius_value = xp.where(better_4, 2.0*trust_3, xp.where(done_4, trust_3, 0.25*xp.where(turned_by_4 < trust_3, turned_by_4, trust_3)))

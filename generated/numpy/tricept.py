@@ -122,7 +122,7 @@ def tricept_legs(pose, r, R, *, out=None):
 
 
 def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
-    # 21 add, 29 mul, 3 sqrt, 2 cos, 2 sin
+    # 21 add, 28 mul, 3 sqrt, 2 cos, 2 sin
     sa = xp.sin(pose_1)
     ca = xp.cos(pose_1)
     sb = xp.sin(pose_2)
@@ -135,19 +135,20 @@ def _tricept_legs(xp, pose_1, pose_2, pose_3, r, R, eps, largest):
     rod_a_3 = x4 - r*sb
     x7 = 0.5*cb
     x9 = 0.5*3.0**0.5
-    x11 = x9*(sa*sb)
+    x10 = x9*sa
+    x11 = x10*sb
     x14 = 0.5*R + x1
     rod_b_1 = x14 - r*(x7 + x11)
-    x18 = x9*(ca*r) - x9*R
+    x18 = x9*ca*r - x9*R
     rod_b_2 = x18 + rod_a_2
-    x20 = x9*(cb*sa)
-    x21 = 0.5*sb
-    rod_b_3 = x4 + r*(x21 - x20)
+    x19 = x10*cb
+    x20 = 0.5*sb
+    rod_b_3 = x4 + r*(x20 - x19)
     rod_c_1 = x14 + r*(x11 - x7)
     rod_c_2 = rod_a_2 - x18
-    rod_c_3 = x4 + r*(x20 + x21)
+    rod_c_3 = x4 + r*(x19 + x20)
     legs_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
-    del x0, x1, ca, cb, sa, x9, sb, x11, x14, x7, x18, x20, x21, x4, rod_a_1, rod_a_2, rod_a_3
+    del x0, sa, x1, ca, x9, cb, x10, sb, x11, x14, x7, x18, x19, x20, x4, rod_a_1, rod_a_2, rod_a_3
     legs_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
     legs_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
     return (legs_1, legs_2, legs_3)
@@ -204,7 +205,7 @@ def tricept_inverse(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
 
 
 def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
-    # 107 add, 125 mul, 2 div, 15 sqrt, 53 select, 37 compare, 8 abs, 4 atan2
+    # 107 add, 118 mul, 2 div, 15 sqrt, 53 select, 37 compare, 8 abs, 4 atan2
     level_squared = point_1*point_1 + point_3*point_3
     level = xp.sqrt(level_squared)
     x2 = xp.abs(q_x)
@@ -259,86 +260,89 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     x82 = 0.5*R
     x83 = 0.5*cb_plus
     x85 = 0.5*3.0**0.5
-    x87 = x85*(sa_plus*sb_plus)
+    x86 = x85*sa_plus
+    x87 = x86*sb_plus
     x90 = x82 + x77
     rod_ay_1 = x90 - r*(x83 + x87)
     x91 = x85*R
-    x94 = x85*(ca_plus*r) - x91
+    x92 = x85*r
+    x94 = x92*ca_plus - x91
     rod_ay_2 = x94 + rod_ax_2
-    x96 = x85*(cb_plus*sa_plus)
-    x97 = 0.5*sb_plus
-    rod_ay_3 = x80 + r*(x97 - x96)
+    x95 = x86*cb_plus
+    x96 = 0.5*sb_plus
+    rod_ay_3 = x80 + r*(x96 - x95)
     rod_az_1 = x90 + r*(x87 - x83)
     rod_az_2 = rod_ax_2 - x94
-    rod_az_3 = x80 + r*(x96 + x97)
+    rod_az_3 = x80 + r*(x95 + x96)
     rods_a_length_1 = xp.sqrt(rod_ax_1*rod_ax_1 + rod_ax_2*rod_ax_2 + rod_ax_3*rod_ax_3)
     rods_a_length_2 = xp.sqrt(rod_ay_1*rod_ay_1 + rod_ay_2*rod_ay_2 + rod_ay_3*rod_ay_3)
-    del g, x64, x65, by_whole, x68, x69, x76, x77, x87, x90, x80, x96, rod_ax_1, rod_ax_2, rod_ax_3, rod_ay_1, rod_ay_2, rod_ay_3
+    del g, x64, x65, by_whole, x68, x69, x76, x77, x87, x90, x80, x95, rod_ax_1, rod_ax_2, rod_ax_3, rod_ay_1, rod_ay_2, rod_ay_3
     rods_a_length_3 = xp.sqrt(rod_az_1*rod_az_1 + rod_az_2*rod_az_2 + rod_az_3*rod_az_3)
-    x119 = ca_minus*z_a
-    x120 = x119*sb_minus
-    x122 = cb_minus*r - R
-    rod_bx_1 = x120 + x122
+    x118 = ca_minus*z_a
+    x119 = x118*sb_minus
+    x121 = cb_minus*r - R
+    rod_bx_1 = x119 + x121
     rod_bx_2 = sa_minus*z_a
-    x123 = x119*cb_minus
-    x124 = r*sb_minus
-    rod_bx_3 = x123 - x124
-    x125 = 0.5*cb_minus
-    x127 = x85*(sa_minus*sb_minus)
-    x130 = x82 + x120
-    rod_by_1 = x130 - r*(x125 + x127)
-    x133 = x85*(ca_minus*r) - x91
-    rod_by_2 = x133 + rod_bx_2
-    x135 = x85*(cb_minus*sa_minus)
-    x136 = 0.5*sb_minus
-    rod_by_3 = x123 + r*(x136 - x135)
-    rod_bz_1 = x130 + r*(x127 - x125)
-    rod_bz_2 = rod_bx_2 - x133
-    rod_bz_3 = x123 + r*(x135 + x136)
+    x122 = x118*cb_minus
+    x123 = r*sb_minus
+    rod_bx_3 = x122 - x123
+    x124 = 0.5*cb_minus
+    x125 = x85*sa_minus
+    x126 = x125*sb_minus
+    x129 = x82 + x119
+    rod_by_1 = x129 - r*(x124 + x126)
+    x131 = x92*ca_minus - x91
+    rod_by_2 = x131 + rod_bx_2
+    x132 = x125*cb_minus
+    x133 = 0.5*sb_minus
+    rod_by_3 = x122 + r*(x133 - x132)
+    rod_bz_1 = x129 + r*(x126 - x124)
+    rod_bz_2 = rod_bx_2 - x131
+    rod_bz_3 = x122 + r*(x132 + x133)
     rods_b_length_1 = xp.sqrt(rod_bx_1*rod_bx_1 + rod_bx_2*rod_bx_2 + rod_bx_3*rod_bx_3)
     rods_b_length_2 = xp.sqrt(rod_by_1*rod_by_1 + rod_by_2*rod_by_2 + rod_by_3*rod_by_3)
-    del rod_az_1, rod_az_2, rod_az_3, x119, x120, x91, x127, x130, x123, x135, rod_bx_1, rod_bx_2, rod_bx_3, rod_by_1, rod_by_2, rod_by_3
+    del rod_az_1, rod_az_2, rod_az_3, x118, x85, x119, x91, x92, x126, x129, x122, x132, rod_bx_1, rod_bx_2, rod_bx_3, rod_by_1, rod_by_2, rod_by_3
     rods_b_length_3 = xp.sqrt(rod_bz_1*rod_bz_1 + rod_bz_2*rod_bz_2 + rod_bz_3*rod_bz_3)
     z_c = -(q_z + u)
-    x159 = ca_minus*z_c
-    x160 = x159*sb_plus
-    rod_cx_1 = x160 + x79
-    x161 = sa_minus*z_c
-    rod_cx_2 = -x161
-    x162 = x159*cb_plus
-    rod_cx_3 = x162 - x81
-    x164 = x85*(sa_minus*sb_plus)
-    x167 = x82 + x160
-    rod_cy_1 = x167 + r*(x164 - x83)
-    rod_cy_2 = x133 - x161
-    x169 = x85*(cb_plus*sa_minus)
-    rod_cy_3 = x162 + r*(x169 + x97)
-    rod_cz_1 = x167 - r*(x83 + x164)
-    rod_cz_2 = -(x133 + x161)
-    del rod_bz_1, rod_bz_2, rod_bz_3, u, ca_minus, x79, x159, x81, sb_plus, x160, cb_plus, sa_minus, x164, x167, x83, x133, x161
-    rod_cz_3 = x162 + r*(x97 - x169)
+    x156 = ca_minus*z_c
+    x157 = x156*sb_plus
+    rod_cx_1 = x157 + x79
+    x158 = sa_minus*z_c
+    rod_cx_2 = -x158
+    x159 = x156*cb_plus
+    rod_cx_3 = x159 - x81
+    x160 = x125*sb_plus
+    x163 = x82 + x157
+    rod_cy_1 = x163 + r*(x160 - x83)
+    rod_cy_2 = x131 - x158
+    x164 = x125*cb_plus
+    rod_cy_3 = x159 + r*(x164 + x96)
+    rod_cz_1 = x163 - r*(x83 + x160)
+    del rod_bz_1, rod_bz_2, rod_bz_3, u, ca_minus, x79, sa_minus, x156, x81, sb_plus, x157, cb_plus, x125, x160, x163, x83
+    rod_cz_2 = -(x131 + x158)
+    rod_cz_3 = x159 + r*(x96 - x164)
     rods_c_length_1 = xp.sqrt(rod_cx_1*rod_cx_1 + rod_cx_2*rod_cx_2 + rod_cx_3*rod_cx_3)
     rods_c_length_2 = xp.sqrt(rod_cy_1*rod_cy_1 + rod_cy_2*rod_cy_2 + rod_cy_3*rod_cy_3)
     rods_c_length_3 = xp.sqrt(rod_cz_1*rod_cz_1 + rod_cz_2*rod_cz_2 + rod_cz_3*rod_cz_3)
-    x192 = ca_plus*z_c
-    x193 = x192*sb_minus
-    rod_dx_1 = x193 + x122
-    x194 = sa_plus*z_c
-    rod_dx_2 = -x194
-    x195 = x192*cb_minus
-    rod_dx_3 = x195 - x124
-    del x162, x169, x97, rod_cx_1, rod_cx_2, rod_cx_3, rod_cy_1, rod_cy_2, rod_cy_3, rod_cz_1, rod_cz_2, rod_cz_3, ca_plus, x122, x192, x124
-    x197 = x85*(sa_plus*sb_minus)
-    x200 = x82 + x193
-    rod_dy_1 = x200 + r*(x197 - x125)
-    rod_dy_2 = x94 - x194
-    x202 = x85*(cb_minus*sa_plus)
-    rod_dy_3 = x195 + r*(x202 + x136)
-    rod_dz_1 = x200 - r*(x125 + x197)
-    rod_dz_2 = -(x94 + x194)
-    rod_dz_3 = x195 + r*(x136 - x202)
+    x187 = ca_plus*z_c
+    x188 = x187*sb_minus
+    rod_dx_1 = x188 + x121
+    del x131, x158, x159, x164, x96, rod_cx_1, rod_cx_2, rod_cx_3, rod_cy_1, rod_cy_2, rod_cy_3, rod_cz_1, rod_cz_2, rod_cz_3, ca_plus, x121
+    x189 = sa_plus*z_c
+    rod_dx_2 = -x189
+    x190 = x187*cb_minus
+    rod_dx_3 = x190 - x123
+    x191 = x86*sb_minus
+    x194 = x82 + x188
+    rod_dy_1 = x194 + r*(x191 - x124)
+    rod_dy_2 = x94 - x189
+    x195 = x86*cb_minus
+    rod_dy_3 = x190 + r*(x195 + x133)
+    rod_dz_1 = x194 - r*(x124 + x191)
+    rod_dz_2 = -(x94 + x189)
+    rod_dz_3 = x190 + r*(x133 - x195)
+    del sa_plus, x187, x123, sb_minus, x188, x82, cb_minus, x86, x124, x191, x194, x189, x94, x133, x190, x195
     rods_d_length_1 = xp.sqrt(rod_dx_1*rod_dx_1 + rod_dx_2*rod_dx_2 + rod_dx_3*rod_dx_3)
-    del sb_minus, x193, x82, cb_minus, sa_plus, x85, x125, x197, x200, x194, x94, x136, x195, x202, rod_dx_1, rod_dx_2, rod_dx_3
     rods_d_length_2 = xp.sqrt(rod_dy_1*rod_dy_1 + rod_dy_2*rod_dy_2 + rod_dy_3*rod_dy_3)
     rods_d_length_3 = xp.sqrt(rod_dz_1*rod_dz_1 + rod_dz_2*rod_dz_2 + rod_dz_3*rod_dz_3)
     there = valid & (~no_root)
@@ -362,18 +366,18 @@ def _tricept_inverse(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortes
     legs_4_1 = xp.where(there, rods_d_length_1, xp.nan)
     legs_4_2 = xp.where(there, rods_d_length_2, xp.nan)
     legs_4_3 = xp.where(there, rods_d_length_3, xp.nan)
-    x238 = (longest < rods_a_length_1) | (longest < rods_a_length_2) | (longest < rods_a_length_3) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest)
-    del rod_dy_1, rod_dy_2, rod_dy_3, rod_dz_1, rod_dz_2, rod_dz_3, beta_plus, z_a, beta_minus, alpha_minus, z_c, alpha_plus, there, rods_a_length_1, rods_a_length_2, rods_a_length_3
-    x241 = free_alpha | free_beta
-    x244 = ~valid
-    status_1 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x238, 1.0, 0.0)))))
-    x255 = (longest < rods_b_length_1) | (longest < rods_b_length_2) | (longest < rods_b_length_3) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest)
-    status_2 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x255, 1.0, 0.0)))))
-    x270 = (longest < rods_c_length_1) | (longest < rods_c_length_2) | (longest < rods_c_length_3) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest)
-    status_3 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x270, 1.0, 0.0)))))
-    x285 = (longest < rods_d_length_1) | (longest < rods_d_length_2) | (longest < rods_d_length_3) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest)
-    status_4 = xp.where(x244, 7.0, xp.where(no_root, 4.0, xp.where(x241, 3.0, xp.where(double_root, 2.0, xp.where(x285, 1.0, 0.0)))))
-    del free_alpha, free_beta, valid, x238, rods_b_length_1, rods_b_length_2, rods_b_length_3, x255, rods_c_length_1, rods_c_length_2, rods_c_length_3, x270, rods_d_length_1, rods_d_length_2, rods_d_length_3, double_root, no_root, x241, x244, x285
+    del rod_dx_1, rod_dx_2, rod_dx_3, rod_dy_1, rod_dy_2, rod_dy_3, rod_dz_1, rod_dz_2, rod_dz_3, beta_plus, z_a, beta_minus, alpha_minus, z_c, alpha_plus, there
+    x231 = (longest < rods_a_length_1) | (longest < rods_a_length_2) | (longest < rods_a_length_3) | (rods_a_length_1 < shortest) | (rods_a_length_2 < shortest) | (rods_a_length_3 < shortest)
+    x234 = free_alpha | free_beta
+    x237 = ~valid
+    status_1 = xp.where(x237, 7.0, xp.where(no_root, 4.0, xp.where(x234, 3.0, xp.where(double_root, 2.0, xp.where(x231, 1.0, 0.0)))))
+    x248 = (longest < rods_b_length_1) | (longest < rods_b_length_2) | (longest < rods_b_length_3) | (rods_b_length_1 < shortest) | (rods_b_length_2 < shortest) | (rods_b_length_3 < shortest)
+    status_2 = xp.where(x237, 7.0, xp.where(no_root, 4.0, xp.where(x234, 3.0, xp.where(double_root, 2.0, xp.where(x248, 1.0, 0.0)))))
+    x263 = (longest < rods_c_length_1) | (longest < rods_c_length_2) | (longest < rods_c_length_3) | (rods_c_length_1 < shortest) | (rods_c_length_2 < shortest) | (rods_c_length_3 < shortest)
+    status_3 = xp.where(x237, 7.0, xp.where(no_root, 4.0, xp.where(x234, 3.0, xp.where(double_root, 2.0, xp.where(x263, 1.0, 0.0)))))
+    x278 = (longest < rods_d_length_1) | (longest < rods_d_length_2) | (longest < rods_d_length_3) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest)
+    del rods_a_length_1, rods_a_length_2, rods_a_length_3, free_alpha, free_beta, valid, x231, rods_b_length_1, rods_b_length_2, rods_b_length_3, x248, rods_c_length_1, rods_c_length_2, rods_c_length_3, x263, rods_d_length_1, rods_d_length_2, rods_d_length_3
+    status_4 = xp.where(x237, 7.0, xp.where(no_root, 4.0, xp.where(x234, 3.0, xp.where(double_root, 2.0, xp.where(x278, 1.0, 0.0)))))
     return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_1_3, poses_3_1, poses_1_2, poses_3_3, poses_4_1, poses_2_2, poses_3_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
 
 
@@ -428,7 +432,7 @@ def tricept_pose(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
 
 
 def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
-    # 43 add, 52 mul, 2 div, 6 sqrt, 20 select, 19 compare, 8 abs, 2 atan2
+    # 43 add, 51 mul, 2 div, 6 sqrt, 20 select, 19 compare, 8 abs, 2 atan2
     level_squared = point_1*point_1 + point_3*point_3
     level = xp.sqrt(level_squared)
     x2 = xp.abs(q_x)
@@ -464,20 +468,21 @@ def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, 
     rod_a_3 = x71 - r*sb_plus
     x74 = 0.5*cb_plus
     x76 = 0.5*3.0**0.5
-    x78 = x76*(sa_plus*sb_plus)
+    x77 = x76*sa_plus
+    x78 = x77*sb_plus
     x81 = 0.5*R + x68
     rod_b_1 = x81 - r*(x74 + x78)
-    x85 = x76*(ca_plus*r) - x76*R
+    x85 = x76*ca_plus*r - x76*R
     rod_b_2 = x85 + rod_a_2
-    x87 = x76*(cb_plus*sa_plus)
-    x88 = 0.5*sb_plus
-    rod_b_3 = x71 + r*(x88 - x87)
+    x86 = x77*cb_plus
+    x87 = 0.5*sb_plus
+    rod_b_3 = x71 + r*(x87 - x86)
     rod_c_1 = x81 + r*(x78 - x74)
     rod_c_2 = rod_a_2 - x85
-    rod_c_3 = x71 + r*(x87 + x88)
+    rod_c_3 = x71 + r*(x86 + x87)
     rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
     rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
-    del x67, x68, x76, x74, x78, x81, x85, x71, x87, x88, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
+    del x67, x68, x76, x77, x74, x78, x81, x85, x71, x86, x87, rod_a_1, rod_a_2, rod_a_3, rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
     there = valid & (~no_root)
     pose_1 = xp.where(there, xp.atan2(sa_plus, ca_plus), xp.nan)
@@ -486,9 +491,9 @@ def _tricept_pose(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, 
     legs_1 = xp.where(there, rod_length_1, xp.nan)
     legs_2 = xp.where(there, rod_length_2, xp.nan)
     legs_3 = xp.where(there, rod_length_3, xp.nan)
-    x123 = (longest < rod_length_1) | (longest < rod_length_2) | (longest < rod_length_3) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest)
-    status_value = xp.where(~valid, 7.0, xp.where(no_root, 4.0, xp.where(free_alpha | free_beta, 3.0, xp.where(double_root, 2.0, xp.where(x123, 1.0, 0.0)))))
-    del rod_c_1, rod_c_2, rod_c_3, ca_plus, sa_plus, cb_plus, sb_plus, z, there, rod_length_1, rod_length_2, rod_length_3, double_root, free_alpha, free_beta, no_root, valid, x123
+    x122 = (longest < rod_length_1) | (longest < rod_length_2) | (longest < rod_length_3) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest)
+    status_value = xp.where(~valid, 7.0, xp.where(no_root, 4.0, xp.where(free_alpha | free_beta, 3.0, xp.where(double_root, 2.0, xp.where(x122, 1.0, 0.0)))))
+    del rod_c_1, rod_c_2, rod_c_3, ca_plus, sa_plus, cb_plus, sb_plus, z, there, rod_length_1, rod_length_2, rod_length_3, double_root, free_alpha, free_beta, no_root, valid, x122
     return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status_value)
 
 
@@ -562,8 +567,8 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x52 = x51 + W1_1_3
     x53 = R*start_sa
     L1_2 = x53*x52 + c2
-    x57 = start_ca*start_sb
-    L1_3 = R*(r*(start_cb - start_ca) + W1_1_3*x57) + c3
+    x57 = W1_1_3*start_ca
+    L1_3 = R*(r*(start_cb - start_ca) + x57*start_sb) + c3
     W1_1_1 = x20*start_sa
     W1_1_2 = x20*start_sb
     W1_2_1 = R*start_ca*x52
@@ -571,9 +576,9 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x62 = 2.0*R
     W1_2_3 = x62*start_sa
     W1_3_1 = x53*(r - W1_1_3*start_sb)
-    W1_3_2 = R*(W1_1_3*start_ca*start_cb - x51)
-    del square_a, square_b, square_c, x5, start_squared, start_height, first_sa, x28, x29, first_sb, x23, x24, tilted_squared, x52, x53, x51
-    W1_3_3 = x62*x57
+    W1_3_2 = R*(x57*start_cb - x51)
+    del square_a, square_b, square_c, x5, start_squared, start_height, first_sa, x28, x29, first_sb, x23, x24, tilted_squared, x52, x53, x51, x57
+    W1_3_3 = x62*(start_ca*start_sb)
     adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2
     adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3
     adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2
@@ -587,7 +592,7 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     inverse1 = xp.where(determinant1 == 0.0, 1.0, 1.0/determinant1)
     move1_1 = -inverse1*(L1_1*adjugate1_1_1 + L1_2*adjugate1_1_2 + L1_3*adjugate1_1_3)
     move1_2 = -inverse1*(L1_1*adjugate1_2_1 + L1_2*adjugate1_2_2 + L1_3*adjugate1_2_3)
-    del x57, W1_3_3, W1_2_3, W1_3_1, W1_3_2, W1_2_1, W1_2_2, W1_1_1, W1_1_2, W1_1_3, determinant1, adjugate1_1_1, adjugate1_1_2, adjugate1_1_3, adjugate1_2_1, adjugate1_2_2, adjugate1_2_3
+    del W1_3_3, W1_2_3, W1_3_1, W1_3_2, W1_2_1, W1_2_2, W1_1_1, W1_1_2, W1_1_3, determinant1, adjugate1_1_1, adjugate1_1_2, adjugate1_1_3, adjugate1_2_1, adjugate1_2_2, adjugate1_2_3
     move1_3 = -inverse1*(L1_1*adjugate1_3_1 + L1_2*adjugate1_3_2 + L1_3*adjugate1_3_3)
     half_a1 = xp.where(xp.abs(move1_1) <= 1.0, 0.5*move1_1, 0.5*xp.where(0.0 < move1_1, 1.0, -1.0))
     half_b1 = xp.where(xp.abs(move1_2) <= 1.0, 0.5*move1_2, 0.5*xp.where(0.0 < move1_2, 1.0, -1.0))
@@ -612,16 +617,16 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x151 = x150 + W2_1_3
     x152 = R*sa1
     L2_2 = x152*x151 + c2
-    x154 = ca1*sb1
-    L2_3 = R*(W2_1_3*x154 + r*(cb1 - ca1)) + c3
+    x154 = W2_1_3*ca1
+    L2_3 = R*(x154*sb1 + r*(cb1 - ca1)) + c3
     W2_1_1 = x20*sa1
     W2_1_2 = x20*sb1
     W2_2_1 = R*ca1*x151
     W2_2_2 = W2_1_1*cb1
     W2_2_3 = x62*sa1
     W2_3_1 = x152*(r - W2_1_3*sb1)
-    W2_3_2 = R*(W2_1_3*ca1*cb1 - x150)
-    W2_3_3 = x62*x154
+    W2_3_2 = R*(x154*cb1 - x150)
+    W2_3_3 = x62*(ca1*sb1)
     adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2
     adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3
     adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2
@@ -661,16 +666,16 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x249 = x248 + W3_1_3
     x250 = R*sa2
     L3_2 = x250*x249 + c2
-    x252 = ca2*sb2
-    L3_3 = R*(W3_1_3*x252 + r*(cb2 - ca2)) + c3
+    x252 = W3_1_3*ca2
+    L3_3 = R*(x252*sb2 + r*(cb2 - ca2)) + c3
     W3_1_1 = x20*sa2
     W3_1_2 = x20*sb2
     W3_2_1 = R*ca2*x249
     W3_2_2 = W3_1_1*cb2
     W3_2_3 = x62*sa2
     W3_3_1 = x250*(r - W3_1_3*sb2)
-    W3_3_2 = R*(W3_1_3*ca2*cb2 - x248)
-    W3_3_3 = x62*x252
+    W3_3_2 = R*(x252*cb2 - x248)
+    W3_3_3 = x62*(ca2*sb2)
     adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2
     adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3
     adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2
@@ -709,8 +714,8 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x347 = x346 + W4_1_3
     x348 = R*sa3
     L4_2 = x348*x347 + c2
-    x350 = ca3*sb3
-    L4_3 = R*(W4_1_3*x350 + r*(cb3 - ca3)) + c3
+    x350 = W4_1_3*ca3
+    L4_3 = R*(x350*sb3 + r*(cb3 - ca3)) + c3
     W4_1_1 = x20*sa3
     W4_1_2 = x20*sb3
     W4_2_1 = R*ca3*x347
@@ -718,8 +723,8 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     W4_2_2 = W4_1_1*cb3
     W4_2_3 = x62*sa3
     W4_3_1 = x348*(r - W4_1_3*sb3)
-    W4_3_2 = R*(W4_1_3*ca3*cb3 - x346)
-    W4_3_3 = x62*x350
+    W4_3_2 = R*(x350*cb3 - x346)
+    W4_3_3 = x62*(ca3*sb3)
     adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2
     adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3
     adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2
@@ -758,17 +763,17 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x445 = x444 + W5_1_3
     x446 = R*sa4
     L5_2 = x446*x445 + c2
-    x448 = ca4*sb4
-    L5_3 = R*(W5_1_3*x448 + r*(cb4 - ca4)) + c3
+    x448 = W5_1_3*ca4
+    L5_3 = R*(x448*sb4 + r*(cb4 - ca4)) + c3
     W5_1_1 = x20*sa4
     W5_1_2 = x20*sb4
     W5_2_1 = R*ca4*x445
     W5_2_2 = W5_1_1*cb4
     W5_2_3 = x62*sa4
     W5_3_1 = x446*(r - W5_1_3*sb4)
-    W5_3_2 = R*(W5_1_3*ca4*cb4 - x444)
-    W5_3_3 = x62*x448
+    W5_3_2 = R*(x448*cb4 - x444)
     del ca3, sa3, turn_a4, x423, x429, by_b4, cb3, half_b4, sb3, turn_b4, down4, z3, x445, x446, x444, x448
+    W5_3_3 = x62*(ca4*sb4)
     adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2
     adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3
     adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2
@@ -807,17 +812,17 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x543 = x542 + W6_1_3
     x544 = R*sa5
     L6_2 = x544*x543 + c2
-    x546 = ca5*sb5
-    L6_3 = R*(W6_1_3*x546 + r*(cb5 - ca5)) + c3
+    x546 = W6_1_3*ca5
+    L6_3 = R*(x546*sb5 + r*(cb5 - ca5)) + c3
     W6_1_1 = x20*sa5
     W6_1_2 = x20*sb5
     W6_2_1 = R*ca5*x543
     W6_2_2 = W6_1_1*cb5
     W6_2_3 = x62*sa5
     W6_3_1 = x544*(r - W6_1_3*sb5)
-    W6_3_2 = R*(W6_1_3*ca5*cb5 - x542)
-    W6_3_3 = x62*x546
-    del x527, by_b5, cb4, half_b5, sb4, turn_b5, down5, z4, c1, c2, c3, x20, x543, x544, x542, x546, x62
+    W6_3_2 = R*(x546*cb5 - x542)
+    del x527, by_b5, cb4, half_b5, sb4, turn_b5, down5, z4, c1, c2, c3, x20, x543, x544, x542, x546
+    W6_3_3 = x62*(ca5*sb5)
     adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2
     adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3
     adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2
@@ -834,8 +839,8 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     inverse6 = xp.where(determinant6 == 0.0, 1.0, 1.0/determinant6)
     move6_1 = -inverse6*(L6_1*adjugate6_1_1 + L6_2*adjugate6_1_2 + L6_3*adjugate6_1_3)
     move6_2 = -inverse6*(L6_1*adjugate6_2_1 + L6_2*adjugate6_2_2 + L6_3*adjugate6_2_3)
+    del x62, W6_3_3, W6_2_3, W6_3_1, W6_3_2, W6_2_1, W6_2_2, W6_1_1, W6_1_2, W6_1_3, adjugate6_1_1, adjugate6_1_2, adjugate6_1_3, adjugate6_2_1, adjugate6_2_2, adjugate6_2_3
     move6_3 = -inverse6*(L6_1*adjugate6_3_1 + L6_2*adjugate6_3_2 + L6_3*adjugate6_3_3)
-    del W6_3_3, W6_2_3, W6_3_1, W6_3_2, W6_2_1, W6_2_2, W6_1_1, W6_1_2, W6_1_3, adjugate6_1_1, adjugate6_1_2, adjugate6_1_3, adjugate6_2_1, adjugate6_2_2, adjugate6_2_3, L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6
     x603 = xp.abs(move6_1)
     half_a6 = xp.where(x603 <= 1.0, 0.5*move6_1, 0.5*xp.where(0.0 < move6_1, 1.0, -1.0))
     x609 = xp.abs(move6_2)
@@ -848,23 +853,23 @@ def _tricept_direct(xp, legs_1, legs_2, legs_3, r, R, eps, largest):
     x619 = by_a6*half_a6
     sa6 = 2.0*ca5*x619 + sa5*turn_a6
     ca6 = ca5*turn_a6 - 2.0*sa5*x619
+    del L6_1, L6_2, L6_3, adjugate6_3_1, adjugate6_3_2, adjugate6_3_3, inverse6, move6_1, move6_2, x613, x615, by_a6, half_a6, ca5, sa5, turn_a6, x619
     x625 = half_b6*half_b6
     by_b6 = 1.0/(x625 + 1.0)
     turn_b6 = by_b6*(1.0 - x625)
     sb6 = 2.0*by_b6*cb5*half_b6 + sb5*turn_b6
     cb6 = cb5*turn_b6 - 2.0*sb5*(by_b6*half_b6)
-    del move6_1, move6_2, x613, x615, by_a6, half_a6, ca5, sa5, turn_a6, x619, x625, by_b6, cb5, half_b6, sb5, turn_b6
     z6 = down6 + z5
     x653 = (third_of_sum <= largest) & (xp.abs(R) + xp.abs(legs_1) + xp.abs(legs_2) + xp.abs(legs_3) + x22 <= largest) & (0.0 < R) & (0.0 < legs_1)
     valid = x653 & (0.0 < legs_2) & (0.0 < legs_3) & (0.0 < r)
     x657 = 4.0*eps**0.5
     x670 = valid & (x603 <= x657) & (x609 <= x657) & (xp.abs(move6_3) <= x657*z6) & (0.0 < ca6) & (0.0 < cb6)
     there = x670 & (0.0 < z6)
+    del x625, by_b6, cb5, half_b6, sb5, turn_b6, down6, z5, third_of_sum, x22, x653, move6_3, x603, x609, x657, x670
     pose_1 = xp.where(there, xp.atan2(sa6, ca6), xp.nan)
     pose_2 = xp.where(there, xp.atan2(sb6, cb6), xp.nan)
     pose_3 = xp.where(there, z6, xp.nan)
     status_value = xp.where(~valid, 7.0, xp.where(~there, 4.0, xp.where(xp.abs(determinant6) <= 16.0*eps*(xp.abs(x576) + xp.abs(x577) + xp.abs(x578)), 5.0, 0.0)))
-    del down6, z5, third_of_sum, x22, x653, move6_3, x603, x609, x657, x670, ca6, sa6, cb6, sb6, z6, determinant6, there, valid, x576, x577, x578
     return (pose_1, pose_2, pose_3, status_value)
 
 
@@ -917,7 +922,7 @@ def tricept_matrices(pose, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 111 add, 230 mul, 7 div, 3 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
+    # 111 add, 228 mul, 6 div, 3 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
     M33_2_3 = xp.sin(pose_1)
     ca = xp.cos(pose_1)
     sb = xp.sin(pose_2)
@@ -935,48 +940,49 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     x6 = 0.5*cb
     x7 = 3.0**0.5
     x8 = 0.5*x7
-    x10 = x8*(M33_2_3*sb)
+    x9 = x8*M33_2_3
+    x10 = x9*sb
     x11 = x6 + x10
     x13 = x5 + x0
     rod_b_1 = x13 - r*x11
     x14 = x8*R
-    x16 = x8*(ca*r)
+    x15 = x8*ca
+    x16 = x15*r
     x17 = x16 + rod_a_2
     rod_b_2 = x17 - x14
-    x19 = x8*(cb*M33_2_3)
-    x20 = 0.5*sb
-    x21 = x20 - x19
-    rod_b_3 = x3 + r*x21
-    x23 = x10 - x6
-    rod_c_1 = x13 + r*x23
+    x18 = x9*cb
+    x19 = 0.5*sb
+    x20 = x19 - x18
+    rod_b_3 = x3 + r*x20
+    x22 = x10 - x6
+    rod_c_1 = x13 + r*x22
     rod_c_2 = x14 - x16 + rod_a_2
-    x26 = x19 + x20
-    rod_c_3 = x3 + r*x26
+    x25 = x18 + x19
+    rod_c_3 = x3 + r*x25
     rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
     rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
     rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
-    x43 = R*M33_2_3
-    x44 = pose_3*sb
-    P_1_1 = x43*x44
+    x42 = R*M33_2_3
+    x43 = pose_3*sb
+    P_1_1 = x42*x43
     P_1_2 = -R*rod_a_3
     P_1_3 = M33_3_3*rod_a_3 + M33_1_3*rod_a_1 + pose_3*(M33_2_3*M33_2_3)
-    x52 = ca*pose_3
-    x54 = x8*(r*M33_2_3)
-    P_2_1 = R*(x8*(x54 - x52) - x20*x17)
+    x51 = ca*pose_3
+    x52 = x9*r
+    P_2_1 = R*(x8*(x52 - x51) - x19*x17)
     P_2_2 = x5*rod_b_3
     P_2_3 = M33_3_3*rod_b_3 + M33_1_3*rod_b_1 + M33_2_3*rod_b_2
-    P_3_1 = R*(x8*(x52 + x54) - x20*(rod_a_2 - x16))
+    P_3_1 = R*(x8*(x51 + x52) - x19*(rod_a_2 - x16))
     P_3_2 = x5*rod_c_3
     P_3_3 = M33_3_3*rod_c_3 + M33_1_3*rod_c_1 + M33_2_3*rod_c_2
     by_r_1 = cb*rod_a_1 - sb*rod_a_3
-    x73 = x8*ca
-    by_r_2 = x73*rod_b_2 + x21*rod_b_3 - x11*rod_b_1
-    del x10, x6, x13, x14, x19, x3, x17, rod_a_2, x16, x20, x52, x54, x5, rod_a_3, rod_b_1, rod_b_3, x21
-    by_r_3 = x23*rod_c_1 + x26*rod_c_3 - x73*rod_c_2
-    x84 = 0.5*r
-    x87 = 0.25*R + 0.5*x0
-    by_R_2 = x84*x11 + x8*rod_b_2 - x87
-    by_R_3 = -(x87 + x84*x23 + x8*rod_c_2)
+    by_r_2 = x15*rod_b_2 + x20*rod_b_3 - x11*rod_b_1
+    del x10, x6, x13, x14, x18, x3, x9, x17, rod_a_2, x16, x19, x51, x52, x5, rod_a_3, rod_b_1, rod_b_3, x20
+    by_r_3 = x22*rod_c_1 + x25*rod_c_3 - x15*rod_c_2
+    x81 = 0.5*r
+    x84 = 0.25*R + 0.5*x0
+    by_R_2 = x81*x11 + x8*rod_b_2 - x84
+    by_R_3 = -(x84 + x81*x22 + x8*rod_c_2)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
@@ -985,48 +991,47 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del rod_c_1, rod_c_3, x26, x73, x0, rod_b_2, x11, rod_c_2, x23, x8, x84, x87, P_3_3, P_2_3, P_3_1, P_3_2
+    del rod_c_1, rod_c_3, x15, x25, x0, rod_b_2, x11, rod_c_2, x22, x8, x81, x84, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    x111 = P_1_1*adjugate_1_1
-    x112 = P_1_2*adjugate_2_1
-    x113 = P_1_3*adjugate_3_1
-    determinant = x111 + x112 + x113
-    determinant_size = xp.abs(x111) + xp.abs(x112) + xp.abs(x113)
+    x108 = P_1_1*adjugate_1_1
+    x109 = P_1_2*adjugate_2_1
+    x110 = P_1_3*adjugate_3_1
+    determinant = x108 + x109 + x110
+    determinant_size = xp.abs(x108) + xp.abs(x109) + xp.abs(x110)
     singular = xp.abs(determinant) <= 16.0*determinant_size*eps
-    W33_1_1 = x43*r
+    W33_1_1 = x42*r
     W33_1_2 = R*x4
     W33_1_3 = 2.0*pose_3
-    x122 = W33_1_3 + x4
-    W33_2_1 = R*ca*x122
-    W33_2_2 = x43*x1
-    W33_2_3 = 2.0*x43
-    x125 = r - 2.0*x44
-    W33_3_1 = x43*x125
+    x119 = W33_1_3 + x4
+    W33_2_1 = R*ca*x119
+    W33_2_2 = W33_1_1*cb
+    W33_2_3 = 2.0*x42
+    x122 = r - 2.0*x43
+    W33_3_1 = x42*x122
     W33_3_2 = R*(W33_1_3*M33_3_3 - x4)
-    x128 = 2.0*R
-    W33_3_3 = x128*M33_1_3
+    x125 = 2.0*R
+    W33_3_3 = x125*M33_1_3
     W35_1_1 = -2.0*rod_length_1/3.0
-    x131 = 2.0*rod_length_2
-    W35_1_2 = -x131/3.0
-    x133 = 2.0*rod_length_3
-    W35_1_3 = -x133/3.0
-    x135 = ca + cb
-    W35_1_4 = 2.0*r - R*x135
-    W35_1_5 = x128 - r*x135
-    W35_2_2 = x131*x7/3.0
-    W35_2_3 = -x133*x7/3.0
-    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x111, x112, x113, determinant_size, x44, x4, x128, x135, x131, x133, x7
-    W35_2_4 = x43*sb
-    W35_2_5 = M33_2_3*x122
+    W35_1_2 = -2.0*rod_length_2/3.0
+    W35_1_3 = -2.0*rod_length_3/3.0
+    x132 = ca + cb
+    W35_1_4 = 2.0*r - R*x132
+    W35_1_5 = x125 - r*x132
+    x137 = 2.0*x7/3.0
+    W35_2_2 = x137*rod_length_2
+    W35_2_3 = -x137*rod_length_3
+    W35_2_4 = x42*sb
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x108, x109, x110, determinant_size, x43, x4, x125, x132, x7, x137, x42
+    W35_2_5 = M33_2_3*x119
     W35_3_1 = 4.0*rod_length_1/3.0
     W35_3_4 = R*(cb - ca)
-    W35_3_5 = x1 - ca*x125
-    x146 = pose_3 + q_z
-    x148 = ca*q_y + M33_2_3*x146
-    M33_1_1 = -sb*x148
-    M33_2_1 = ca*x146 - q_y*M33_2_3
+    W35_3_5 = x1 - ca*x122
+    x143 = pose_3 + q_z
+    x145 = ca*q_y + M33_2_3*x143
+    M33_1_1 = -sb*x145
+    M33_2_1 = ca*x143 - q_y*M33_2_3
     M33_1_2 = cb*M33_2_1 - q_x*sb
-    M33_3_1 = -cb*x148
+    M33_3_1 = -cb*x145
     M33_3_2 = -(cb*q_x + sb*M33_2_1)
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
@@ -1048,31 +1053,31 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     A_2_3 = point_by_P_2_3*rod_length_3
     A_2_4 = -(by_r_1*point_by_P_2_1 + by_r_2*point_by_P_2_2 + by_r_3*point_by_P_2_3)
     A_2_5 = rod_a_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3
-    del x43, x122, x1, x125, ca, x146, x148, cb, sb, determinant, point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3
     A_3_1 = point_by_P_3_1*rod_length_1
     A_3_2 = point_by_P_3_2*rod_length_2
     A_3_3 = point_by_P_3_3*rod_length_3
     A_3_4 = -(by_r_1*point_by_P_3_1 + by_r_2*point_by_P_3_2 + by_r_3*point_by_P_3_3)
     A_3_5 = rod_a_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    x231 = inverse_determinant*rod_length_1
-    M35_1_1 = xp.where(singular, xp.nan, adjugate_1_1*x231)
-    x233 = inverse_determinant*rod_length_2
-    M35_1_2 = xp.where(singular, xp.nan, adjugate_1_2*x233)
-    x235 = inverse_determinant*rod_length_3
-    M35_1_3 = xp.where(singular, xp.nan, adjugate_1_3*x235)
+    del x119, x1, x122, ca, x143, x145, cb, sb, determinant, point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
+    x228 = inverse_determinant*rod_length_1
+    M35_1_1 = xp.where(singular, xp.nan, adjugate_1_1*x228)
+    x230 = inverse_determinant*rod_length_2
+    M35_1_2 = xp.where(singular, xp.nan, adjugate_1_2*x230)
+    x232 = inverse_determinant*rod_length_3
+    M35_1_3 = xp.where(singular, xp.nan, adjugate_1_3*x232)
     M35_1_4 = xp.where(singular, xp.nan, -inverse_determinant*(adjugate_1_1*by_r_1 + adjugate_1_2*by_r_2 + adjugate_1_3*by_r_3))
     M35_1_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_1_1*rod_a_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3))
-    M35_2_1 = xp.where(singular, xp.nan, adjugate_2_1*x231)
-    M35_2_2 = xp.where(singular, xp.nan, adjugate_2_2*x233)
-    M35_2_3 = xp.where(singular, xp.nan, adjugate_2_3*x235)
+    M35_2_1 = xp.where(singular, xp.nan, adjugate_2_1*x228)
+    M35_2_2 = xp.where(singular, xp.nan, adjugate_2_2*x230)
+    M35_2_3 = xp.where(singular, xp.nan, adjugate_2_3*x232)
     M35_2_4 = xp.where(singular, xp.nan, -inverse_determinant*(adjugate_2_1*by_r_1 + adjugate_2_2*by_r_2 + adjugate_2_3*by_r_3))
     M35_2_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_2_1*rod_a_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3))
-    M35_3_1 = xp.where(singular, xp.nan, adjugate_3_1*x231)
-    M35_3_2 = xp.where(singular, xp.nan, adjugate_3_2*x233)
-    M35_3_3 = xp.where(singular, xp.nan, adjugate_3_3*x235)
+    M35_3_1 = xp.where(singular, xp.nan, adjugate_3_1*x228)
+    M35_3_2 = xp.where(singular, xp.nan, adjugate_3_2*x230)
+    M35_3_3 = xp.where(singular, xp.nan, adjugate_3_3*x232)
     M35_3_4 = xp.where(singular, xp.nan, -inverse_determinant*(adjugate_3_1*by_r_1 + adjugate_3_2*by_r_2 + adjugate_3_3*by_r_3))
-    del point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, rod_length_1, rod_length_2, rod_length_3, adjugate_1_1, adjugate_1_2, adjugate_1_3, adjugate_2_1, adjugate_2_2, adjugate_2_3, x231, x233, x235, by_r_1, by_r_2, by_r_3
     M35_3_5 = xp.where(singular, xp.nan, inverse_determinant*(adjugate_3_1*rod_a_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3))
+    del rod_length_1, rod_length_2, rod_length_3, adjugate_1_1, adjugate_1_2, adjugate_1_3, adjugate_2_1, adjugate_2_2, adjugate_2_3, x228, x230, x232, by_r_1, by_r_2, by_r_3, adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_2, by_R_3, inverse_determinant, rod_a_1
     A35_1_1 = xp.where(singular, xp.nan, A_1_1)
     A35_1_2 = xp.where(singular, xp.nan, A_1_2)
     A35_1_3 = xp.where(singular, xp.nan, A_1_3)
@@ -1082,13 +1087,13 @@ def _tricept_matrices(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, larg
     A35_2_2 = xp.where(singular, xp.nan, A_2_2)
     A35_2_3 = xp.where(singular, xp.nan, A_2_3)
     A35_2_4 = xp.where(singular, xp.nan, A_2_4)
-    del adjugate_3_1, adjugate_3_2, adjugate_3_3, by_R_2, by_R_3, inverse_determinant, rod_a_1, A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4
     A35_2_5 = xp.where(singular, xp.nan, A_2_5)
     A35_3_1 = xp.where(singular, xp.nan, A_3_1)
     A35_3_2 = xp.where(singular, xp.nan, A_3_2)
     A35_3_3 = xp.where(singular, xp.nan, A_3_3)
     A35_3_4 = xp.where(singular, xp.nan, A_3_4)
     A35_3_5 = xp.where(singular, xp.nan, A_3_5)
+    del A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, A_2_1, A_2_2, A_2_3, A_2_4, A_2_5, A_3_1, A_3_2, A_3_3, A_3_4, A_3_5, singular
     return (W33_1_1, W33_1_2, W33_1_3, W33_2_1, W33_2_2, W33_2_3, W33_3_1, W33_3_2, W33_3_3, W35_1_1, W35_1_2, W35_1_3, W35_1_4, W35_1_5, 0.0, W35_2_2, W35_2_3, W35_2_4, W35_2_5, W35_3_1, W35_1_2, W35_1_3, W35_3_4, W35_3_5, M33_1_1, M33_1_2, M33_1_3, M33_2_1, 0.0, M33_2_3, M33_3_1, M33_3_2, M33_3_3, M35_1_1, M35_1_2, M35_1_3, M35_1_4, M35_1_5, M35_2_1, M35_2_2, M35_2_3, M35_2_4, M35_2_5, M35_3_1, M35_3_2, M35_3_3, M35_3_4, M35_3_5, A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5)
 
 
@@ -1133,7 +1138,7 @@ def tricept_sensitivity(pose, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 91 add, 166 mul, 1 div, 3 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
+    # 91 add, 163 mul, 1 div, 3 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
     sa = xp.sin(pose_1)
     ca = xp.cos(pose_1)
     sb = xp.sin(pose_2)
@@ -1148,47 +1153,47 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     x5 = 0.5*R
     x6 = 0.5*cb
     x8 = 0.5*3.0**0.5
-    x9 = sa*sb
-    x10 = x8*x9
+    x9 = x8*sa
+    x10 = x9*sb
     x11 = x6 + x10
     x13 = x5 + x0
     rod_b_1 = x13 - r*x11
     x14 = x8*R
-    x16 = x8*(ca*r)
+    x15 = x8*ca
+    x16 = x15*r
     x17 = x16 + rod_a_2
     rod_b_2 = x17 - x14
-    x19 = x8*(cb*sa)
-    x20 = 0.5*sb
-    x21 = x20 - x19
-    rod_b_3 = x3 + r*x21
-    x23 = x10 - x6
-    rod_c_1 = x13 + r*x23
+    x18 = x9*cb
+    x19 = 0.5*sb
+    x20 = x19 - x18
+    rod_b_3 = x3 + r*x20
+    x22 = x10 - x6
+    rod_c_1 = x13 + r*x22
     rod_c_2 = x14 - x16 + rod_a_2
-    x26 = x19 + x20
-    rod_c_3 = x3 + r*x26
+    x25 = x18 + x19
+    rod_c_3 = x3 + r*x25
     rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
     rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
     rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
-    P_1_1 = R*pose_3*x9
+    P_1_1 = R*rod_a_2*sb
     P_1_2 = -R*rod_a_3
     P_1_3 = M33_3_3*rod_a_3 + M33_1_3*rod_a_1 + pose_3*(sa*sa)
-    x51 = ca*pose_3
-    x53 = x8*(r*sa)
-    P_2_1 = R*(x8*(x53 - x51) - x20*x17)
+    x50 = ca*pose_3
+    x51 = x9*r
+    P_2_1 = R*(x8*(x51 - x50) - x19*x17)
     P_2_2 = x5*rod_b_3
     P_2_3 = M33_3_3*rod_b_3 + M33_1_3*rod_b_1 + sa*rod_b_2
-    P_3_1 = R*(x8*(x51 + x53) - x20*(rod_a_2 - x16))
+    P_3_1 = R*(x8*(x50 + x51) - x19*(rod_a_2 - x16))
     P_3_2 = x5*rod_c_3
     P_3_3 = M33_3_3*rod_c_3 + M33_1_3*rod_c_1 + sa*rod_c_2
     by_r_1 = cb*rod_a_1 - sb*rod_a_3
-    x72 = x8*ca
-    by_r_2 = x72*rod_b_2 + x21*rod_b_3 - x11*rod_b_1
-    del x0, x10, x6, x13, x14, x19, x3, x9, x17, rod_a_2, x16, x53, x5, rod_a_3, rod_b_1, rod_b_3, x21
-    by_r_3 = x23*rod_c_1 + x26*rod_c_3 - x72*rod_c_2
-    x83 = 0.5*r
-    x86 = 0.25*R + x20*x51
-    by_R_2 = x83*x11 + x8*rod_b_2 - x86
-    by_R_3 = -(x86 + x83*x23 + x8*rod_c_2)
+    by_r_2 = x15*rod_b_2 + x20*rod_b_3 - x11*rod_b_1
+    del x0, x10, x6, x13, x14, x18, x3, x9, x17, rod_a_2, x16, x51, x5, rod_a_3, rod_b_1, rod_b_3, x20
+    by_r_3 = x22*rod_c_1 + x25*rod_c_3 - x15*rod_c_2
+    x80 = 0.5*r
+    x83 = 0.25*R + x19*x50
+    by_R_2 = x80*x11 + x8*rod_b_2 - x83
+    by_R_3 = -(x83 + x80*x22 + x8*rod_c_2)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
@@ -1197,26 +1202,26 @@ def _tricept_sensitivity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del rod_c_1, rod_c_3, x26, x72, x20, x51, rod_b_2, x11, rod_c_2, x23, x8, x83, x86, P_3_3, P_2_3, P_3_1, P_3_2
+    del rod_c_1, rod_c_3, x15, x25, x19, x50, rod_b_2, x11, rod_c_2, x22, x8, x80, x83, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    x110 = P_1_1*adjugate_1_1
-    x111 = P_1_2*adjugate_2_1
-    x112 = P_1_3*adjugate_3_1
-    determinant = x110 + x111 + x112
-    determinant_size = xp.abs(x110) + xp.abs(x111) + xp.abs(x112)
+    x107 = P_1_1*adjugate_1_1
+    x108 = P_1_2*adjugate_2_1
+    x109 = P_1_3*adjugate_3_1
+    determinant = x107 + x108 + x109
+    determinant_size = xp.abs(x107) + xp.abs(x108) + xp.abs(x109)
     singular = xp.abs(determinant) <= 16.0*determinant_size*eps
-    x122 = pose_3 + q_z
-    x124 = ca*q_y + sa*x122
-    M33_1_1 = -sb*x124
-    M33_2_1 = ca*x122 - q_y*sa
+    x119 = pose_3 + q_z
+    x121 = ca*q_y + sa*x119
+    M33_1_1 = -sb*x121
+    M33_2_1 = ca*x119 - q_y*sa
     M33_1_2 = cb*M33_2_1 - q_x*sb
-    M33_3_1 = -cb*x124
+    M33_3_1 = -cb*x121
     M33_3_2 = -(cb*q_x + sb*M33_2_1)
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
     point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3)
-    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x110, x111, x112, determinant_size, ca, x122, x124, cb, sb, determinant, M33_1_1, M33_1_2, M33_1_3
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x107, x108, x109, determinant_size, ca, x119, x121, cb, sb, determinant, M33_1_1, M33_1_2, M33_1_3
     point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + 0.0*adjugate_2_1 + sa*adjugate_3_1)
     point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + 0.0*adjugate_2_2 + sa*adjugate_3_2)
     point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + 0.0*adjugate_2_3 + sa*adjugate_3_3)
@@ -1303,7 +1308,7 @@ def tricept_at_point(point, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 83 add, 161 mul, 15 div, 9 sqrt
+    # 83 add, 161 mul, 13 div, 9 sqrt
     level_squared = point_1*point_1 + point_3*point_3
     x4 = level_squared - q_x*q_x
     whole_squared = x4 + point_2*point_2
@@ -1384,8 +1389,8 @@ def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, l
     x123 = 2.0*N_1_1/3.0
     x127 = inverse_determinant*legs_1
     A35_1_1 = x127*(x123 - 4.0*N_1_3/3.0)
-    x128 = 2.0*x28
-    x130 = x128*N_1_2/3.0
+    x129 = 2.0*x28/3.0
+    x130 = x129*N_1_2
     x133 = x123 + 2.0*N_1_3/3.0
     x135 = inverse_determinant*legs_2
     A35_1_2 = x135*(x133 - x130)
@@ -1395,22 +1400,22 @@ def _tricept_at_point(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, eps, l
     A35_1_5 = -inverse_determinant*(N_1_1*W35_radii_1_2 + N_1_2*W35_radii_2_2 + N_1_3*W35_radii_3_2)
     x151 = 2.0*N_2_1/3.0
     A35_2_1 = x127*(x151 - 4.0*N_2_3/3.0)
-    x156 = x128*N_2_2/3.0
-    x159 = x151 + 2.0*N_2_3/3.0
-    A35_2_2 = x135*(x159 - x156)
-    A35_2_3 = x137*(x159 + x156)
+    x155 = x129*N_2_2
+    x158 = x151 + 2.0*N_2_3/3.0
+    A35_2_2 = x135*(x158 - x155)
+    A35_2_3 = x137*(x158 + x155)
     A35_2_4 = -inverse_determinant*(N_2_1*W35_radii_1_1 + N_2_2*W35_radii_2_1 + N_2_3*W35_radii_3_1)
     A35_2_5 = -inverse_determinant*(N_2_1*W35_radii_1_2 + N_2_2*W35_radii_2_2 + N_2_3*W35_radii_3_2)
-    del ca, x26, x52, x28, x123, x130, x133, N_1_1, N_1_2, N_1_3, x151, x156, x159, N_2_1, N_2_2, N_2_3
-    x175 = 2.0*N_3_1/3.0
-    A35_3_1 = x127*(x175 - 4.0*N_3_3/3.0)
-    x180 = x128*N_3_2/3.0
-    x183 = x175 + 2.0*N_3_3/3.0
-    A35_3_2 = x135*(x183 - x180)
-    A35_3_3 = x137*(x183 + x180)
+    del ca, x26, x52, x28, x123, x130, x133, N_1_1, N_1_2, N_1_3, x151, x155, x158, N_2_1, N_2_2, N_2_3
+    x174 = 2.0*N_3_1/3.0
+    A35_3_1 = x127*(x174 - 4.0*N_3_3/3.0)
+    x178 = x129*N_3_2
+    x181 = x174 + 2.0*N_3_3/3.0
+    A35_3_2 = x135*(x181 - x178)
+    A35_3_3 = x137*(x181 + x178)
     A35_3_4 = -inverse_determinant*(N_3_1*W35_radii_1_1 + N_3_2*W35_radii_2_1 + N_3_3*W35_radii_3_1)
     A35_3_5 = -inverse_determinant*(N_3_1*W35_radii_1_2 + N_3_2*W35_radii_2_2 + N_3_3*W35_radii_3_2)
-    del x127, x128, x175, x135, x137, x180, x183, W35_radii_1_1, W35_radii_2_1, W35_radii_3_1, N_3_1, N_3_2, N_3_3, W35_radii_1_2, W35_radii_2_2, W35_radii_3_2, inverse_determinant
+    del x127, x129, x174, x135, x137, x178, x181, W35_radii_1_1, W35_radii_2_1, W35_radii_3_1, N_3_1, N_3_2, N_3_3, W35_radii_1_2, W35_radii_2_2, W35_radii_3_2, inverse_determinant
     return (A35_1_1, A35_1_2, A35_1_3, A35_1_4, A35_1_5, A35_2_1, A35_2_2, A35_2_3, A35_2_4, A35_2_5, A35_3_1, A35_3_2, A35_3_3, A35_3_4, A35_3_5, legs_1, legs_2, legs_3)
 
 
@@ -1463,7 +1468,7 @@ def tricept_propagate(point, r, R, q_x, q_y, q_z, shortest, longest, U_x, *, out
 
 
 def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
-    # 227 add, 361 mul, 13 div, 11 sqrt, 37 select, 64 compare, 22 abs, 1 pow
+    # 227 add, 358 mul, 13 div, 11 sqrt, 37 select, 64 compare, 22 abs, 1 pow
     level_squared = point_1*point_1 + point_3*point_3
     level = xp.sqrt(level_squared)
     x2 = xp.abs(q_x)
@@ -1500,48 +1505,48 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     x72 = 0.5*R
     x73 = 0.5*cb_plus
     x75 = 0.5*3.0**0.5
-    x76 = sa_plus*sb_plus
-    x77 = x75*x76
+    x76 = x75*sa_plus
+    x77 = x76*sb_plus
     x78 = x73 + x77
     x80 = x72 + x67
     del level, g_band, u_band, g_squared, x11, u_squared, x13, level_squared, x2, whole, x45, by_whole, by_level, g, u, x67
     rod_b_1 = x80 - r*x78
     x81 = x75*R
-    x83 = x75*(ca_plus*r)
+    x82 = x75*ca_plus
+    x83 = x82*r
     x84 = x83 + rod_a_2
     rod_b_2 = x84 - x81
-    x86 = x75*(cb_plus*sa_plus)
-    x87 = 0.5*sb_plus
-    x88 = x87 - x86
-    rod_b_3 = x70 + r*x88
-    x90 = x77 - x73
-    rod_c_1 = x80 + r*x90
+    x85 = x76*cb_plus
+    x86 = 0.5*sb_plus
+    x87 = x86 - x85
+    rod_b_3 = x70 + r*x87
+    x89 = x77 - x73
+    rod_c_1 = x80 + r*x89
     rod_c_2 = x81 - x83 + rod_a_2
-    x93 = x86 + x87
-    rod_c_3 = x70 + r*x93
+    x92 = x85 + x86
+    rod_c_3 = x70 + r*x92
     rod_length_1 = xp.sqrt(rod_a_1*rod_a_1 + rod_a_2*rod_a_2 + rod_a_3*rod_a_3)
     rod_length_2 = xp.sqrt(rod_b_1*rod_b_1 + rod_b_2*rod_b_2 + rod_b_3*rod_b_3)
     rod_length_3 = xp.sqrt(rod_c_1*rod_c_1 + rod_c_2*rod_c_2 + rod_c_3*rod_c_3)
-    P_1_1 = R*x76*z
+    P_1_1 = R*rod_a_2*sb_plus
     P_1_2 = -R*rod_a_3
     P_1_3 = M33_3_3*rod_a_3 + M33_1_3*rod_a_1 + sa_plus*sa_plus*z
-    x118 = ca_plus*z
-    x120 = x75*(r*sa_plus)
-    P_2_1 = R*(x75*(x120 - x118) - x87*x84)
+    x117 = ca_plus*z
+    x118 = x76*r
+    P_2_1 = R*(x75*(x118 - x117) - x86*x84)
     P_2_2 = x72*rod_b_3
     P_2_3 = M33_3_3*rod_b_3 + M33_1_3*rod_b_1 + sa_plus*rod_b_2
-    P_3_1 = R*(x75*(x118 + x120) - x87*(rod_a_2 - x83))
+    P_3_1 = R*(x75*(x117 + x118) - x86*(rod_a_2 - x83))
     P_3_2 = x72*rod_c_3
     P_3_3 = M33_3_3*rod_c_3 + M33_1_3*rod_c_1 + sa_plus*rod_c_2
     by_r_1 = cb_plus*rod_a_1 - sb_plus*rod_a_3
-    x139 = x75*ca_plus
-    by_r_2 = x139*rod_b_2 + x88*rod_b_3 - x78*rod_b_1
-    del x73, x77, x80, x81, x86, x70, x76, x84, rod_a_2, x120, x83, x72, rod_a_3, rod_b_1, rod_b_3, x88
-    by_r_3 = x90*rod_c_1 + x93*rod_c_3 - x139*rod_c_2
-    x150 = 0.5*r
-    x153 = 0.25*R + x87*x118
-    by_R_2 = x150*x78 + x75*rod_b_2 - x153
-    by_R_3 = -(x153 + x150*x90 + x75*rod_c_2)
+    by_r_2 = x82*rod_b_2 + x87*rod_b_3 - x78*rod_b_1
+    del x73, x77, x80, x81, x85, x70, x76, x84, rod_a_2, x118, x83, x72, rod_a_3, rod_b_1, rod_b_3, x87
+    by_r_3 = x89*rod_c_1 + x92*rod_c_3 - x82*rod_c_2
+    x147 = 0.5*r
+    x150 = 0.25*R + x86*x117
+    by_R_2 = x147*x78 + x75*rod_b_2 - x150
+    by_R_3 = -(x150 + x147*x89 + x75*rod_c_2)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3
     adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2
@@ -1550,22 +1555,22 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2
-    del rod_c_1, rod_c_3, x139, x93, x118, x87, rod_b_2, x78, rod_c_2, x150, x153, x75, x90, P_3_3, P_2_3, P_3_1, P_3_2
+    del rod_c_1, rod_c_3, x82, x92, x117, x86, rod_b_2, x78, rod_c_2, x147, x150, x75, x89, P_3_3, P_2_3, P_3_1, P_3_2
     adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1
-    x177 = P_1_1*adjugate_1_1
-    x178 = P_1_2*adjugate_2_1
-    x179 = P_1_3*adjugate_3_1
-    determinant = x177 + x178 + x179
-    determinant_size = xp.abs(x177) + xp.abs(x178) + xp.abs(x179)
+    x174 = P_1_1*adjugate_1_1
+    x175 = P_1_2*adjugate_2_1
+    x176 = P_1_3*adjugate_3_1
+    determinant = x174 + x175 + x176
+    determinant_size = xp.abs(x174) + xp.abs(x175) + xp.abs(x176)
     singular = xp.abs(determinant) <= x7*determinant_size
-    x188 = q_z + z
-    x190 = ca_plus*q_y + sa_plus*x188
-    M33_1_1 = -sb_plus*x190
-    M33_2_1 = ca_plus*x188 - q_y*sa_plus
+    x185 = q_z + z
+    x187 = ca_plus*q_y + sa_plus*x185
+    M33_1_1 = -sb_plus*x187
+    M33_2_1 = ca_plus*x185 - q_y*sa_plus
     M33_1_2 = cb_plus*M33_2_1 - q_x*sb_plus
-    M33_3_1 = -cb_plus*x190
+    M33_3_1 = -cb_plus*x187
     M33_3_2 = -(cb_plus*q_x + sb_plus*M33_2_1)
-    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x177, x178, x179, determinant_size, x7, z, ca_plus, x188, x190, cb_plus, sb_plus
+    del P_2_1, P_2_2, P_1_1, P_1_2, P_1_3, x174, x175, x176, determinant_size, x7, z, ca_plus, x185, x187, cb_plus, sb_plus
     inverse_determinant = xp.where(singular, 1.0, 1.0/determinant)
     point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1)
     point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2)
@@ -1592,111 +1597,111 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     A_3_3 = point_by_P_3_3*rod_length_3
     A_3_4 = -(by_r_1*point_by_P_3_1 + by_r_2*point_by_P_3_2 + by_r_3*point_by_P_3_3)
     A_3_5 = rod_a_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
-    x274 = 1.0/eps**2.5
-    x275 = 0.0 < U_x_1_1
-    correlation_scale_1 = xp.where(x275, 1.0/xp.sqrt(U_x_1_1), x274)
-    x278 = 0.0 < U_x_2_2
-    correlation_scale_2 = xp.where(x278, 1.0/xp.sqrt(U_x_2_2), x274)
-    x281 = 0.0 < U_x_3_3
-    correlation_scale_3 = xp.where(x281, 1.0/xp.sqrt(U_x_3_3), x274)
-    x284 = 0.0 < U_x_4_4
-    correlation_scale_4 = xp.where(x284, 1.0/xp.sqrt(U_x_4_4), x274)
-    x287 = 0.0 < U_x_5_5
-    correlation_scale_5 = xp.where(x287, 1.0/xp.sqrt(U_x_5_5), x274)
-    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, by_r_1, by_r_2, by_r_3, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, rod_a_1, x274
-    correlation_00 = xp.where(x275, 1.0, 0.0)
-    correlation_11 = xp.where(x278, 1.0, 0.0)
-    x290 = correlation_scale_1*correlation_scale_2
-    correlation_10 = U_x_2_1*x290
-    correlation_22 = xp.where(x281, 1.0, 0.0)
-    x291 = correlation_scale_1*correlation_scale_3
-    correlation_20 = U_x_3_1*x291
-    x292 = correlation_scale_2*correlation_scale_3
-    correlation_21 = U_x_3_2*x292
-    correlation_33 = xp.where(x284, 1.0, 0.0)
-    x293 = correlation_scale_1*correlation_scale_4
-    correlation_30 = U_x_4_1*x293
-    x294 = correlation_scale_2*correlation_scale_4
-    correlation_31 = U_x_4_2*x294
-    x295 = correlation_scale_3*correlation_scale_4
-    correlation_32 = U_x_4_3*x295
-    correlation_44 = xp.where(x287, 1.0, 0.0)
-    x296 = correlation_scale_1*correlation_scale_5
-    correlation_40 = U_x_5_1*x296
-    x297 = correlation_scale_2*correlation_scale_5
-    correlation_41 = U_x_5_2*x297
-    x298 = correlation_scale_3*correlation_scale_5
-    correlation_42 = U_x_5_3*x298
-    x299 = correlation_scale_4*correlation_scale_5
-    correlation_43 = U_x_5_4*x299
-    x300 = 256.0*eps
-    pivot_0 = x300 < correlation_00
+    x271 = 1.0/eps**2.5
+    x272 = 0.0 < U_x_1_1
+    correlation_scale_1 = xp.where(x272, 1.0/xp.sqrt(U_x_1_1), x271)
+    x275 = 0.0 < U_x_2_2
+    correlation_scale_2 = xp.where(x275, 1.0/xp.sqrt(U_x_2_2), x271)
+    x278 = 0.0 < U_x_3_3
+    correlation_scale_3 = xp.where(x278, 1.0/xp.sqrt(U_x_3_3), x271)
+    x281 = 0.0 < U_x_4_4
+    correlation_scale_4 = xp.where(x281, 1.0/xp.sqrt(U_x_4_4), x271)
+    x284 = 0.0 < U_x_5_5
+    correlation_scale_5 = xp.where(x284, 1.0/xp.sqrt(U_x_5_5), x271)
+    del point_by_P_1_1, point_by_P_1_2, point_by_P_1_3, point_by_P_2_1, point_by_P_2_2, point_by_P_2_3, by_r_1, by_r_2, by_r_3, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3, rod_a_1, x271
+    correlation_00 = xp.where(x272, 1.0, 0.0)
+    correlation_11 = xp.where(x275, 1.0, 0.0)
+    x287 = correlation_scale_1*correlation_scale_2
+    correlation_10 = U_x_2_1*x287
+    correlation_22 = xp.where(x278, 1.0, 0.0)
+    x288 = correlation_scale_1*correlation_scale_3
+    correlation_20 = U_x_3_1*x288
+    x289 = correlation_scale_2*correlation_scale_3
+    correlation_21 = U_x_3_2*x289
+    correlation_33 = xp.where(x281, 1.0, 0.0)
+    x290 = correlation_scale_1*correlation_scale_4
+    correlation_30 = U_x_4_1*x290
+    x291 = correlation_scale_2*correlation_scale_4
+    correlation_31 = U_x_4_2*x291
+    x292 = correlation_scale_3*correlation_scale_4
+    correlation_32 = U_x_4_3*x292
+    correlation_44 = xp.where(x284, 1.0, 0.0)
+    x293 = correlation_scale_1*correlation_scale_5
+    correlation_40 = U_x_5_1*x293
+    x294 = correlation_scale_2*correlation_scale_5
+    correlation_41 = U_x_5_2*x294
+    x295 = correlation_scale_3*correlation_scale_5
+    correlation_42 = U_x_5_3*x295
+    x296 = correlation_scale_4*correlation_scale_5
+    correlation_43 = U_x_5_4*x296
+    x297 = 256.0*eps
+    pivot_0 = x297 < correlation_00
     pivot_0_inverse = xp.where(pivot_0, 1.0/correlation_00, 0.0)
-    x302 = correlation_10*correlation_10
-    left_0_11 = correlation_11 - x302*pivot_0_inverse
-    x304 = correlation_10*pivot_0_inverse
-    left_0_21 = correlation_21 - x304*correlation_20
-    x306 = correlation_20*correlation_20
-    left_0_22 = correlation_22 - x306*pivot_0_inverse
-    left_0_31 = correlation_31 - x304*correlation_30
-    x309 = correlation_20*pivot_0_inverse
-    left_0_32 = correlation_32 - x309*correlation_30
-    x311 = correlation_30*correlation_30
-    left_0_33 = correlation_33 - x311*pivot_0_inverse
-    left_0_41 = correlation_41 - x304*correlation_40
-    left_0_42 = correlation_42 - x309*correlation_40
+    x299 = correlation_10*correlation_10
+    left_0_11 = correlation_11 - x299*pivot_0_inverse
+    x301 = correlation_10*pivot_0_inverse
+    left_0_21 = correlation_21 - x301*correlation_20
+    x303 = correlation_20*correlation_20
+    left_0_22 = correlation_22 - x303*pivot_0_inverse
+    left_0_31 = correlation_31 - x301*correlation_30
+    x306 = correlation_20*pivot_0_inverse
+    left_0_32 = correlation_32 - x306*correlation_30
+    x308 = correlation_30*correlation_30
+    left_0_33 = correlation_33 - x308*pivot_0_inverse
+    left_0_41 = correlation_41 - x301*correlation_40
+    left_0_42 = correlation_42 - x306*correlation_40
     left_0_43 = correlation_43 - correlation_30*pivot_0_inverse*correlation_40
-    x317 = correlation_40*correlation_40
-    left_0_44 = correlation_44 - x317*pivot_0_inverse
-    del x275, x278, x281, x284, x287, correlation_scale_1, correlation_scale_2, correlation_scale_3, correlation_scale_4, correlation_scale_5, correlation_11, correlation_22, correlation_33, x304, x309, correlation_44, pivot_0_inverse
-    pivot_1 = x300 < left_0_11
+    x314 = correlation_40*correlation_40
+    left_0_44 = correlation_44 - x314*pivot_0_inverse
+    del x272, x275, x278, x281, x284, correlation_scale_1, correlation_scale_2, correlation_scale_3, correlation_scale_4, correlation_scale_5, correlation_11, correlation_22, correlation_33, x301, x306, correlation_44, pivot_0_inverse
+    pivot_1 = x297 < left_0_11
     pivot_1_inverse = xp.where(pivot_1, 1.0/left_0_11, 0.0)
-    x320 = left_0_21*left_0_21
-    left_1_22 = left_0_22 - x320*pivot_1_inverse
-    x322 = left_0_21*pivot_1_inverse
-    left_1_32 = left_0_32 - x322*left_0_31
-    x324 = left_0_31*left_0_31
-    left_1_33 = left_0_33 - x324*pivot_1_inverse
-    left_1_42 = left_0_42 - x322*left_0_41
+    x317 = left_0_21*left_0_21
+    left_1_22 = left_0_22 - x317*pivot_1_inverse
+    x319 = left_0_21*pivot_1_inverse
+    left_1_32 = left_0_32 - x319*left_0_31
+    x321 = left_0_31*left_0_31
+    left_1_33 = left_0_33 - x321*pivot_1_inverse
+    left_1_42 = left_0_42 - x319*left_0_41
     left_1_43 = left_0_43 - left_0_31*pivot_1_inverse*left_0_41
-    x329 = left_0_41*left_0_41
-    left_1_44 = left_0_44 - x329*pivot_1_inverse
-    pivot_2 = x300 < left_1_22
+    x326 = left_0_41*left_0_41
+    left_1_44 = left_0_44 - x326*pivot_1_inverse
+    pivot_2 = x297 < left_1_22
     pivot_2_inverse = xp.where(pivot_2, 1.0/left_1_22, 0.0)
-    x332 = left_1_32*left_1_32
-    left_2_33 = left_1_33 - x332*pivot_2_inverse
+    x329 = left_1_32*left_1_32
+    left_2_33 = left_1_33 - x329*pivot_2_inverse
     left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse
-    x336 = left_1_42*left_1_42
-    left_2_44 = left_1_44 - x336*pivot_2_inverse
-    del left_0_22, left_0_21, left_0_32, left_0_33, left_0_42, x322, left_0_31, left_0_43, left_0_41, left_0_44, pivot_1_inverse, left_1_33, left_1_32, left_1_43, left_1_42, left_1_44, pivot_2_inverse
-    pivot_3 = x300 < left_2_33
+    x333 = left_1_42*left_1_42
+    left_2_44 = left_1_44 - x333*pivot_2_inverse
+    del left_0_22, left_0_21, left_0_32, left_0_33, left_0_42, x319, left_0_31, left_0_43, left_0_41, left_0_44, pivot_1_inverse, left_1_33, left_1_32, left_1_43, left_1_42, left_1_44, pivot_2_inverse
+    pivot_3 = x297 < left_2_33
     pivot_3_inverse = xp.where(pivot_3, 1.0/left_2_33, 0.0)
-    x339 = left_2_43*left_2_43
-    left_3_44 = left_2_44 - x339*pivot_3_inverse
-    x341 = ~pivot_0
-    x342 = 512.0*eps
-    x351 = ~pivot_1
-    x358 = ~pivot_2
-    x426 = -x300
-    x434 = (x341 & (x342 < x302)) | (x341 & (x342 < x306)) | (x341 & (x342 < x311)) | (x341 & (x342 < x317))
-    x360 = x358 & (x342 < x332)
-    x362 = x358 & (x342 < x336)
-    x439 = x434 | (x351 & (x342 < x320)) | (x351 & (x342 < x324)) | (x351 & (x342 < x329)) | x360 | x362
-    del left_2_43, left_2_44, pivot_3_inverse, pivot_0, pivot_1, pivot_2, x302, x306, x311, x317, x341, x332, x336, x358, x320, x324, x329, x351, x360, x362, x434
-    x442 = x439 | ((~pivot_3) & (x342 < x339)) | (~((0.0 <= U_x_1_1) & (U_x_1_1 <= largest))) | (~((0.0 <= U_x_2_2) & (U_x_2_2 <= largest)))
-    x385 = ~((0.0 <= U_x_5_5) & (U_x_5_5 <= largest))
-    x389 = x300 < xp.abs(U_x_1_2*x290 - correlation_10)
-    x393 = x300 < xp.abs(U_x_1_3*x291 - correlation_20)
-    x447 = x442 | (~((0.0 <= U_x_3_3) & (U_x_3_3 <= largest))) | (~((0.0 <= U_x_4_4) & (U_x_4_4 <= largest))) | x385 | x389 | x393
-    x405 = x300 < xp.abs(U_x_2_3*x292 - correlation_21)
-    x409 = x300 < xp.abs(U_x_2_4*x294 - correlation_31)
-    del pivot_3, x339, x342, x439, correlation_10, x290, correlation_20, x291, x385, x389, x393, x442, correlation_21, x292, correlation_31, x294
-    x413 = x300 < xp.abs(U_x_2_5*x297 - correlation_41)
-    x452 = x447 | (x300 < xp.abs(U_x_1_4*x293 - correlation_30)) | (x300 < xp.abs(U_x_1_5*x296 - correlation_40)) | x405 | x409 | x413
-    x425 = x300 < xp.abs(U_x_4_5*x299 - correlation_43)
-    x456 = x452 | (x300 < xp.abs(U_x_3_4*x295 - correlation_32)) | (x300 < xp.abs(U_x_3_5*x298 - correlation_42)) | x425 | (correlation_00 < x426)
-    del correlation_41, x297, correlation_30, correlation_40, x293, x296, x405, x409, x413, x447, correlation_43, x299, correlation_00, correlation_32, correlation_42, x295, x298, x300, x425, x452
-    no_covariance = x456 | (left_0_11 < x426) | (left_1_22 < x426) | (left_2_33 < x426) | (left_3_44 < x426)
+    x336 = left_2_43*left_2_43
+    left_3_44 = left_2_44 - x336*pivot_3_inverse
+    x338 = ~pivot_0
+    x339 = 512.0*eps
+    x348 = ~pivot_1
+    x355 = ~pivot_2
+    x423 = -x297
+    x431 = (x338 & (x339 < x299)) | (x338 & (x339 < x303)) | (x338 & (x339 < x308)) | (x338 & (x339 < x314))
+    x357 = x355 & (x339 < x329)
+    x359 = x355 & (x339 < x333)
+    x436 = x431 | (x348 & (x339 < x317)) | (x348 & (x339 < x321)) | (x348 & (x339 < x326)) | x357 | x359
+    del left_2_43, left_2_44, pivot_3_inverse, pivot_0, pivot_1, pivot_2, x299, x303, x308, x314, x338, x329, x333, x355, x317, x321, x326, x348, x357, x359, x431
+    x439 = x436 | ((~pivot_3) & (x339 < x336)) | (~((0.0 <= U_x_1_1) & (U_x_1_1 <= largest))) | (~((0.0 <= U_x_2_2) & (U_x_2_2 <= largest)))
+    x382 = ~((0.0 <= U_x_5_5) & (U_x_5_5 <= largest))
+    x386 = x297 < xp.abs(U_x_1_2*x287 - correlation_10)
+    x390 = x297 < xp.abs(U_x_1_3*x288 - correlation_20)
+    x444 = x439 | (~((0.0 <= U_x_3_3) & (U_x_3_3 <= largest))) | (~((0.0 <= U_x_4_4) & (U_x_4_4 <= largest))) | x382 | x386 | x390
+    x402 = x297 < xp.abs(U_x_2_3*x289 - correlation_21)
+    x406 = x297 < xp.abs(U_x_2_4*x291 - correlation_31)
+    del pivot_3, x336, x339, x436, correlation_10, x287, correlation_20, x288, x382, x386, x390, x439, correlation_21, x289, correlation_31, x291
+    x410 = x297 < xp.abs(U_x_2_5*x294 - correlation_41)
+    x449 = x444 | (x297 < xp.abs(U_x_1_4*x290 - correlation_30)) | (x297 < xp.abs(U_x_1_5*x293 - correlation_40)) | x402 | x406 | x410
+    x422 = x297 < xp.abs(U_x_4_5*x296 - correlation_43)
+    x453 = x449 | (x297 < xp.abs(U_x_3_4*x292 - correlation_32)) | (x297 < xp.abs(U_x_3_5*x295 - correlation_42)) | x422 | (correlation_00 < x423)
+    del correlation_41, x294, correlation_30, correlation_40, x290, x293, x402, x406, x410, x444, correlation_43, x296, correlation_00, correlation_32, correlation_42, x292, x295, x297, x422, x449
+    no_covariance = x453 | (left_0_11 < x423) | (left_1_22 < x423) | (left_2_33 < x423) | (left_3_44 < x423)
     half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1
     half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2
     half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3
@@ -1715,7 +1720,7 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     covariance_00 = A_1_1*half_1_1 + A_1_2*half_1_2 + A_1_3*half_1_3 + A_1_4*half_1_4 + A_1_5*half_1_5
     covariance_01 = A_2_1*half_1_1 + A_2_2*half_1_2 + A_2_3*half_1_3 + A_2_4*half_1_4 + A_2_5*half_1_5
     covariance_02 = A_3_1*half_1_1 + A_3_2*half_1_2 + A_3_3*half_1_3 + A_3_4*half_1_4 + A_3_5*half_1_5
-    del left_0_11, left_1_22, left_2_33, left_3_44, x426, x456, A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, half_1_1, half_1_2, half_1_3, half_1_4, half_1_5
+    del left_0_11, left_1_22, left_2_33, left_3_44, x423, x453, A_1_1, A_1_2, A_1_3, A_1_4, A_1_5, half_1_1, half_1_2, half_1_3, half_1_4, half_1_5
     covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5
     covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5
     covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5
@@ -1727,10 +1732,10 @@ def _tricept_propagate(xp, point_1, point_2, point_3, r, R, q_x, q_y, q_z, short
     U_y_2_2 = xp.where(there, covariance_11, xp.nan)
     U_y_2_3 = xp.where(there, covariance_12, xp.nan)
     U_y_3_3 = xp.where(there, covariance_22, xp.nan)
-    x643 = (longest < rod_length_1) | (longest < rod_length_2) | (longest < rod_length_3) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest)
-    x649 = xp.where(no_root, 4.0, xp.where(singular, 5.0, xp.where(free_alpha | free_beta, 3.0, xp.where(double_root, 2.0, xp.where(x643, 1.0, 0.0)))))
-    del covariance_00, covariance_01, covariance_02, covariance_11, covariance_12, covariance_22, there, rod_length_1, rod_length_2, rod_length_3, double_root, free_alpha, free_beta, no_root, singular, x643
-    status_value = xp.where(~valid, 7.0, xp.where(no_covariance, 6.0, x649))
+    x640 = (longest < rod_length_1) | (longest < rod_length_2) | (longest < rod_length_3) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest)
+    x646 = xp.where(no_root, 4.0, xp.where(singular, 5.0, xp.where(free_alpha | free_beta, 3.0, xp.where(double_root, 2.0, xp.where(x640, 1.0, 0.0)))))
+    del covariance_00, covariance_01, covariance_02, covariance_11, covariance_12, covariance_22, there, rod_length_1, rod_length_2, rod_length_3, double_root, free_alpha, free_beta, no_root, singular, x640
+    status_value = xp.where(~valid, 7.0, xp.where(no_covariance, 6.0, x646))
     return (U_y_1_1, U_y_1_2, U_y_1_3, U_y_1_2, U_y_2_2, U_y_2_3, U_y_1_3, U_y_2_3, U_y_3_3, status_value)
 
 
@@ -1779,13 +1784,12 @@ def tricept_singularity(pose, r, R, q_x, q_y, q_z, *, out=None):
 
 
 def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, largest):
-    # 33 add, 65 mul, 2 div, 2 cos, 2 sin
+    # 33 add, 64 mul, 2 div, 2 cos, 2 sin
     sa = xp.sin(pose_1)
     ca = xp.cos(pose_1)
     sb = xp.sin(pose_2)
     cb = xp.cos(pose_2)
-    x0 = sa*sb
-    P_1_1 = R*pose_3*x0
+    P_1_1 = R*pose_3*(sa*sb)
     x2 = ca*cb
     x3 = x2*pose_3
     x5 = x3 - r*sb
@@ -1795,33 +1799,34 @@ def _tricept_singularity(xp, pose_1, pose_2, pose_3, r, R, q_x, q_y, q_z, eps, l
     P_1_3 = x2*x5 + x8*(x9 + cb*r - R) + pose_3*(sa*sa)
     x17 = 3.0**0.5
     x18 = 0.5*x17
-    x20 = x18*(ca*r)
+    x20 = x18*r*ca
     x21 = pose_3*sa
     x22 = x20 + x21
     x23 = 0.5*sb
     x25 = ca*pose_3
-    x27 = x18*(r*sa)
+    x26 = x18*sa
+    x27 = x26*r
     P_2_1 = R*(x18*(x27 - x25) - x23*x22)
-    x32 = x18*(cb*sa)
-    x35 = x3 + r*(x23 - x32)
-    x36 = 0.5*R
-    P_2_2 = x36*x35
-    x38 = 0.5*cb
-    x39 = x18*x0
-    x42 = x36 + x9
-    x45 = x18*R
-    P_2_3 = x2*x35 + x8*(x42 - r*(x38 + x39)) + sa*(x22 - x45)
-    x49 = x21 - x20
-    P_3_1 = R*(x18*(x25 + x27) - x23*x49)
-    x56 = x3 + r*(x32 + x23)
-    P_3_2 = x36*x56
-    del x5, sb, cb, x0, x9, x22, x35, x20, x21, x18, x25, x27, x23, x3, x32, x36
-    P_3_3 = x2*x56 + x8*(x42 + r*(x39 - x38)) + sa*(x45 + x49)
+    x31 = x26*cb
+    x34 = x3 + r*(x23 - x31)
+    x35 = 0.5*R
+    P_2_2 = x35*x34
+    x37 = 0.5*cb
+    x38 = x26*sb
+    x41 = x35 + x9
+    x44 = x18*R
+    P_2_3 = x2*x34 + x8*(x41 - r*(x37 + x38)) + sa*(x22 - x44)
+    x48 = x21 - x20
+    P_3_1 = R*(x18*(x25 + x27) - x23*x48)
+    x55 = x3 + r*(x31 + x23)
+    P_3_2 = x35*x55
+    del x5, cb, sb, x26, x9, x22, x34, x20, x21, x18, x25, x27, x23, x3, x31, x35
+    P_3_3 = x2*x55 + x8*(x41 + r*(x38 - x37)) + sa*(x44 + x48)
     adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2
     adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3
     adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1
     determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1
-    del x2, x38, x39, x42, x45, x49, x56, x8, P_2_3, P_3_3, P_2_1, P_2_2, P_3_1, P_3_2, P_1_1, P_1_2, P_1_3, adjugate_1_1, adjugate_2_1, adjugate_3_1
+    del x2, x37, x38, x41, x44, x48, x55, x8, P_2_3, P_3_3, P_2_1, P_2_2, P_3_1, P_3_2, P_1_1, P_1_2, P_1_3, adjugate_1_1, adjugate_2_1, adjugate_3_1
     h = pose_3 + q_z
     det_W33_value = -16.0*x17*determinant/9.0
     ratio_value = 0.125*det_W33_value/(R*R*(pose_3*pose_3*pose_3))

@@ -2,8 +2,8 @@
 
 Operations are done in the order in which a sum or product is read, and each once: what was computed before is found
 again on the tape. Of the parts of a sum or product, those two are taken first that stand together most often in all of
-them; so the expressions are walked twice, and counted first. What is divided by twice is inverted once. Nothing
-is done with the numbers themselves: a named step is computed as it stands.
+them; so the expressions are walked three times, each with what the walk before counted. What is divided by twice is
+inverted once. Nothing is done with the numbers themselves: a named step is computed as it stands.
 """
 
 from __future__ import annotations
@@ -60,9 +60,10 @@ def program_of(
     Named steps are names of the program; the machine epsilon and the largest number are two more inputs.
     """
     counted = Counter[Any]()
-    _Walk(inputs, counted, counts=True).through(steps)
-    walk = _Walk(inputs, counted)
-    walk.through(steps)
+    for _ in range(3):
+        walk = _Walk(inputs, counted)
+        walk.through(steps)
+        counted = walk.seen
     shapes = {port.name: port.shape for port in inputs} | {EPS.name: (), LARGEST.name: ()}
     results = {port.name: (port.shape, [walk.known[s] for s in port.symbols]) for port in outputs}
     return walk.tape.program(name, shapes, results)
@@ -78,8 +79,8 @@ def check_expression(value: sp.Basic) -> None:
 class _Walk:
     """Expressions as operations on a tape."""
 
-    def __init__(self, inputs: Sequence[Port], counted: Counter[Any], *, counts: bool = False) -> None:
-        self.tape, self.counted, self.counts = Tape(), counted, counts
+    def __init__(self, inputs: Sequence[Port], counted: Counter[Any]) -> None:
+        self.tape, self.counted, self.seen = Tape(), counted, Counter[Any]()
         self.known: dict[sp.Basic, Operand] = {}
         for port in inputs:
             self.known.update(zip(port.symbols, self.tape.inputs(port.name, port.size), strict=True))
@@ -118,6 +119,7 @@ class _Walk:
             return self.product(value)
         if isinstance(value, sp.Pow):
             if value.exp.is_negative:
+                self.seen[value] += 1
                 negative, x = self.signed(value.base**-value.exp)
                 return negative, self.tape.number("div", 1.0, x)
             return self.power(value.base, value.exp)
@@ -190,44 +192,53 @@ class _Walk:
         return negative and exponent == 3, higher[int(exponent)]
 
     def product(self, value: sp.Mul) -> tuple[bool, Operand]:
-        """Return a product; what several products divide by is inverted once."""
-        negative = False
-        above, below = list[_Part](), list[_Part]()
-        for factor in value.as_ordered_factors():
-            if isinstance(factor, sp.Pow) and factor.exp.is_negative:
-                divisor = factor.base**-factor.exp
-                sign, x = self.signed(divisor)
-                if self.counts:
-                    self.counted[factor] += 1
-                if self.counted[factor] > 1:
-                    above.append(_Part(False, self.tape.number("div", 1.0, x), factor))
+        """Return a product; what several products divide by is inverted once.
+
+        A fraction goes with the factor that it stands with most often: the two together are computed once.
+        """
+        number = self.tape.number
+        coefficient, rest = value.as_coeff_Mul(rational=True)
+        factors, negative = rest.as_ordered_factors(), bool(coefficient.p < 0)
+        p, q = Fraction(abs(int(coefficient.p))), Fraction(int(coefficient.q))
+        if not q.numerator & (q.numerator - 1):  # a float
+            p, q = p / q, Fraction(1)
+        pairs = [(p, q, factor) for factor in factors if q != 1]
+        self.seen.update([*filter(_divides, factors), *pairs])
+        together = max(pairs, key=lambda pair: self.counted[pair], default=None)
+        if self.counted[together] < 2:
+            together = None
+        above, below = (
+            [_Part(False, self.constant(x), x)] if x != 1 and together is None else [] for x in (p, q)
+        )
+        for factor in factors:
+            divides = _divides(factor)
+            sign, x = self.signed(factor.base**-factor.exp if divides else factor)
+            negative ^= sign
+            if (p, q, factor) == together:
+                top, bottom = self.constant(p), self.constant(q)
+                if divides:
+                    bottom = number("mul", bottom, x)
                 else:
-                    below.append(_Part(False, x, divisor))
-            elif isinstance(factor, sp.Rational):
-                sign, (p, q) = factor.p < 0, (abs(int(factor.p)), int(factor.q))
-                if q & (q - 1):
-                    below.append(_Part(False, self.constant(Fraction(q)), q))
-                    q = 1
-                if p != q:
-                    above.append(_Part(False, self.constant(Fraction(p, q)), Fraction(p, q)))
-            else:
-                sign, x = self.signed(factor)
-                above.append(_Part(False, x, factor))
-            negative ^= bool(sign)
+                    top = number("mul", top, x) if p != 1 else x
+                x, divides = number("div", top, bottom), False
+            elif divides and self.counted[factor] > 1:
+                x, divides = number("div", 1.0, x), False
+            (below if divides else above).append(_Part(False, x, factor))
         found = self.joined("mul", above).value if above else 1.0
         if below:
-            found = self.tape.number("div", found, self.joined("mul", below).value)
+            found = number("div", found, self.joined("mul", below).value)
         return negative, found
 
     def joined(self, op: str, parts: list[_Part]) -> _Part:
         """Return the sum or product of parts, or what conditions say together."""
-        if self.counts:
-            self.counted.update(_pair(op, a, b) for a, b in combinations(parts, 2))
+        self.seen.update(_pair(op, a, b) for a, b in combinations(parts, 2))
         while len(parts) > 1:
             i, j = max(
                 combinations(range(len(parts)), 2), key=lambda at: self.worth(op, *(parts[k] for k in at))
             )
-            parts = [*parts[:i], self.two(op, parts[i], parts[j]), *parts[i + 1 : j], *parts[j + 1 :]]
+            both, rest = self.two(op, parts[i], parts[j]), [*parts[i + 1 : j], *parts[j + 1 :]]
+            self.seen.update(_pair(op, both, other) for other in [*parts[:i], *rest])
+            parts = [*parts[:i], both, *rest]
         return parts[0]
 
     def worth(self, op: str, a: _Part, b: _Part) -> float:
@@ -240,6 +251,10 @@ class _Walk:
         ways = _ways(op, a, b)
         negative, key = next((way for way in ways if self.tape.has(*way[1])), ways[0])
         return _Part(negative, self.tape.number(*key), _pair(op, a, b))
+
+
+def _divides(factor: sp.Expr) -> bool:
+    return isinstance(factor, sp.Pow) and bool(factor.exp.is_negative)
 
 
 def _pair(op: str, a: _Part, b: _Part) -> Any:
