@@ -43,6 +43,20 @@ _text = re.sub(
 _lines = [line.strip() for line in _text.splitlines()[1:]]
 BEFORE, *STEPS, RESULTS = re.split(r"\n(?=L\d_1 = |valid = |.*xp\.abs\(move\d_1\))", "\n".join(_lines))
 """The pieces of the program; those of a step are its equations and the turn by what they give."""
+CARRIED = ("sa", "ca", "sb", "cb", "z")
+"""What a step hands to the next."""
+_once = [
+    line
+    for piece in STEPS[:-2]
+    for line in piece.splitlines()
+    if re.match(r"x\d+ = [\d.]+\*r$", line, re.IGNORECASE)
+]
+BEFORE = "\n".join((BEFORE, *_once))  # what all steps share stands where the first of them needs it
+
+
+def begins(step: int) -> list[str]:
+    """Return the names of what a step, from 1 on, begins with."""
+    return [f"{name}{step - 1}" if step > 1 else f"start_{name}" for name in CARRIED]
 
 
 class Decided(BallFunctions):
@@ -91,29 +105,35 @@ def begun(r: float, R: float, zeros: tuple[arb, ...]) -> Callable[..., list[Numb
 
 
 def run(
-    box: Box, off: Sequence[arb], stretched: float, radii: tuple[float, float], pieces: Sequence[str]
+    box: Box, off: Sequence[arb], stretched: float, radii: tuple[float, float], step: int = 0
 ) -> dict[str, Any]:
-    """Return the variables of the program's text after some pieces; a step begins with `sa5` to `z5`."""
+    """Return the variables of the program's text after the equations of a step; without one, before the first.
+
+    The sines, cosines and z of the pose and what it is off by are `begin_sa` to `begin_z`.
+    """
     tape = Tape()
     sides = [*box, *((float(x.lower()) - upper(x) * 1e-9, float(x.upper()) + upper(x) * 1e-9) for x in off)]
     *rods, sa, ca, sb, cb, z = tape.inputs(sides, begun(*radii, (arb(0),) * len(sides)))
     sa, ca = tape.rounded((sa, ca), stretched / U)
     sb, cb = tape.rounded((sb, cb), stretched / U)
     names = {f"legs_{n}": rod for n, rod in enumerate(rods, 1)}
-    names |= {"sa5": sa, "ca5": ca, "sb5": sb, "cb5": cb, "z5": z}
+    begin = dict(zip(CARRIED, (sa, ca, sb, cb, z), strict=True))
+    names |= {f"begin_{name}": x for name, x in begin.items()}
     names |= dict(zip("rR", (tape.input(arb(x)) for x in radii), strict=True))
     variables = {**names, "xp": Decided(tape), "eps": EPS, "largest": 1e308}
-    for piece in pieces:
-        exec(piece, variables)
+    exec(BEFORE, variables)
+    if step:
+        variables |= zip(begins(step), begin.values(), strict=True)
+        exec(STEPS[2 * step - 2], variables)
     return variables
 
 
 def start(box: Box, radii: tuple[float, float]) -> list[arb]:
     """Return how far the start is from the pose: less than a right angle, as the start's angles are at most 62°."""
-    got = run(box, [arb(0)] * 3, 0.0, radii, [BEFORE])
+    got = run(box, [arb(0)] * 3, 0.0, radii)
     got["xp"].tape.exact = True
-    turns = [got[f"start_s{n}"] * got[f"c{n}5"] - got[f"start_c{n}"] * got[f"s{n}5"] for n in "ab"]
-    return [*(x.value.asin() for x in turns), (got["start_z"] - got["z5"]).value]
+    turns = [got[f"start_s{n}"] * got[f"begin_c{n}"] - got[f"start_c{n}"] * got[f"begin_s{n}"] for n in "ab"]
+    return [*(x.value.asin() for x in turns), (got["start_z"] - got["begin_z"]).value]
 
 
 def newton_box(box: Box, radii: tuple[float, float]) -> float:
@@ -123,29 +143,30 @@ def newton_box(box: Box, radii: tuple[float, float]) -> float:
     """
     pose = [ball(*side) for side in box]
     off, stretched = start(box, radii), 4 * EPS  # of sqrt(1 - sine²), in which three roundings are
-    for _ in STEPS[::2]:
-        got = run(box, off, stretched, radii, (BEFORE, STEPS[-2]))
+    for step in range(1, len(STEPS) // 2 + 1):
+        got = run(box, off, stretched, radii, step)
         tape, e = got["xp"].tape, arb_mat([[x] for x in off])
         between = [x + each * ball(0, 1) for x, each in zip(pose, off, strict=True)]
         half = arb_mat([[(e.transpose() * arb_mat(h) * e)[0, 0] / 2] for h in SECOND(*between, *radii)])
-        W = arb_mat([[got[f"W6_{i}_{j}"].value for j in (1, 2, 3)] for i in (1, 2, 3)])
+        W = arb_mat([[got[f"W{step}_{i}_{j}"].value for j in (1, 2, 3)] for i in (1, 2, 3)])
         try:
             exact = (W.inv() * half).entries()
         except ZeroDivisionError as error:
             raise UndecidedError from error
         moves = [end - begin for end, begin in zip(exact, off, strict=True)]
-        for name, move in zip(("move6_1", "move6_2", "move6_3"), moves, strict=True):
+        for name, move in zip((f"move{step}_{n}" for n in (1, 2, 3)), moves, strict=True):
             got[name] = replace(got[name], value=got[name].value.intersection(move + arb(0, got[name].off)))
-        exec(STEPS[-1], got)
-        ends = [*(got["xp"].atan2(got[f"s{n}6"], got[f"c{n}6"]) for n in "ab"), got["z6"]]
+        exec(STEPS[2 * step - 1], got)
+        ends = [*(got["xp"].atan2(got[f"s{n}{step}"], got[f"c{n}{step}"]) for n in "ab"), got[f"z{step}"]]
         tape.exact = True
-        ends += [got[f"s{n}6"] * got[f"s{n}6"] + got[f"c{n}6"] * got[f"c{n}6"] for n in "ab"]
+        for sine, cosine in ((got[f"s{n}{step}"], got[f"c{n}{step}"]) for n in "ab"):
+            ends.append(sine * sine + cosine * cosine)
         tape.exact = False
         *rounded, a, b = (EPS * x for x in bounds(tape, [[x] for x in ends]))
         arcs = [upper(move) ** 3 / 12 for move in moves[:2]]
         off = [x + arb(0, sum(more) * ROOM) for x, *more in zip(exact, rounded, [*arcs, 0.0], strict=True)]
         stretched = max(a, b) / 2  # squares of lengths near 1
     exec(RESULTS, got)
-    if got["status"] != 0.0:
+    if got["status_value"] != 0.0:
         raise UndecidedError
     return max(upper(off[0]), upper(off[1]), upper(off[2]) / float(pose[2].abs_lower()) * ROOM) / EPS
