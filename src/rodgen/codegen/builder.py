@@ -189,6 +189,8 @@ class KernelBuilder:
         )
 
     def _output(self, name: str, value: Any, unit: str, doc: str, enum: type[IntEnum] | None) -> None:
+        if isinstance(value, list | tuple):
+            raise KernelError(f"kernel {self._name}: {name} is a list; expected an expression or a matrix")
         shape = _shape(value)
         symbols = port_symbols(name, shape)
         self._claim(name, symbols)

@@ -12,7 +12,8 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import combinations
+from heapq import heapify, heappop, heappush
+from itertools import combinations, count
 from typing import Any, NamedTuple, TypeAlias
 
 import sympy as sp
@@ -121,6 +122,8 @@ class _Walk:
             if value.exp.is_negative:
                 self.seen[value] += 1
                 negative, x = self.signed(value.base**-value.exp)
+                if x == 0:
+                    raise KernelError(f"a kernel divides by zero: {value}")
                 return negative, self.tape.number("div", 1.0, x)
             return self.power(value.base, value.exp)
         return False, self.unsigned(value)
@@ -169,7 +172,12 @@ class _Walk:
 
     def constant(self, x: Fraction) -> Operand:
         """Return an exact constant, which may be a quotient or sum of floats."""
-        nearest = float(x)
+        try:
+            nearest = float(x)
+        except OverflowError:
+            raise KernelError(
+                "a number in a kernel is too large or too small; expected one between 1e-308 and 1e308"
+            ) from None
         if nearest == x:
             return nearest
         if x.denominator != 1:
@@ -188,8 +196,8 @@ class _Walk:
             return False, number("pow", self(base), self(exponent))
         negative, x = self.signed(base)
         square = number("mul", x, x)
-        higher = {2: square, 3: number("mul", square, x), 4: number("mul", square, square)}
-        return negative and exponent == 3, higher[int(exponent)]
+        higher = {0: 1.0, 1: x, 2: square, 3: number("mul", square, x), 4: number("mul", square, square)}
+        return negative and exponent % 2 == 1, higher[int(exponent)]
 
     def product(self, value: sp.Mul) -> tuple[bool, Operand]:
         """Return a product; what several products divide by is inverted once.
@@ -232,14 +240,26 @@ class _Walk:
     def joined(self, op: str, parts: list[_Part]) -> _Part:
         """Return the sum or product of parts, or what conditions say together."""
         self.seen.update(_pair(op, a, b) for a, b in combinations(parts, 2))
-        while len(parts) > 1:
-            i, j = max(
-                combinations(range(len(parts)), 2), key=lambda at: self.worth(op, *(parts[k] for k in at))
-            )
-            both, rest = self.two(op, parts[i], parts[j]), [*parts[i + 1 : j], *parts[j + 1 :]]
-            self.seen.update(_pair(op, both, other) for other in [*parts[:i], *rest])
-            parts = [*parts[:i], both, *rest]
-        return parts[0]
+        there = dict(enumerate(parts))  # by place; what two become stands at that of the first
+        number = count()
+
+        def ranked(i: int, j: int) -> tuple[float, int, int, int, _Part, _Part]:
+            a, b = there[i], there[j]
+            return -self.worth(op, a, b), i, j, next(number), a, b
+
+        heap = [ranked(i, j) for i, j in combinations(there, 2)]
+        heapify(heap)
+        while len(there) > 1:
+            _, i, j, _, a, b = heappop(heap)
+            if there.get(i) is not a or there.get(j) is not b:
+                continue
+            del there[j]
+            there[i] = both = self.two(op, a, b)
+            others = [k for k in there if k != i]
+            self.seen.update(_pair(op, both, there[k]) for k in others)
+            for k in others:
+                heappush(heap, ranked(*sorted((i, k))))
+        return there[0]
 
     def worth(self, op: str, a: _Part, b: _Part) -> float:
         """Return how often two parts stand together; more where their sum or product is on the tape."""
