@@ -62,7 +62,8 @@ def test_other_numbers_than_those_of_numpy_are_not_installed(tmp_path: Path) -> 
     shutil.copytree(ROOT / "supply", folder / "supply")
     module = folder / "generated" / "numpy" / "rotations.py"
     text = module.read_text(encoding="utf-8")
-    module.write_text(text.replace("x0 = 0.5*factor", "x0 = 0.50000001*factor", 1), encoding="utf-8")
+    assert "= 0.5*factor" in text
+    module.write_text(text.replace("= 0.5*factor", "= 0.50000001*factor", 1), encoding="utf-8")
     spec = importlib.util.find_spec("rodgen._gufuncs")
     if spec is None:
         pytest.skip("no compiled kernels")

@@ -135,6 +135,7 @@ def numpy_function(kernel: Kernel) -> Callable[..., Any]:
 
     Examples
     --------
+    >>> import sympy as sp
     >>> from rodgen.codegen import KernelBuilder
     >>> k = KernelBuilder("hypotenuse", summary="Longest side.", source="Pythagoras")
     >>> a = k.input("a", unit="m", doc="one side")

@@ -345,6 +345,8 @@ class Model:
         # all joints, targets and set-ups at once: a small fit spends most of its time here
         s, values, of = self.structure, self._and_zero(theta), self._of(tuple(groups))
         g, seen = of.constant.copy(), self.points
+        if not groups:
+            return g
         if of.tilts:
             n, u, v = of.vectors
             axis, by = tilted(n, u, v, _sum(values, of.tilts))

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 from rodgen.machines.coupling import Coupling, couplings_of
 from rodgen.machines.effects.definition import SKY
@@ -194,6 +195,9 @@ class Structure:
     def parameters(self) -> tuple[tuple[int, str], ...]:
         """The components of ``e``: number of the term, name."""
         return tuple((n, name) for n, term in enumerate(self.terms) for name in term.parameters)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "parts"}  # these hold functions
 
     @cached_property
     def parts(self) -> tuple[tuple[Part, int], ...]:
