@@ -1156,9 +1156,9 @@ def test_a_fit_makes_no_call_for_each_pair(loss: str) -> None:
         assert fits[0].status is AxisFitStatus.DETERMINED
         return count
 
-    assert (
-        calls(100_000) < calls(1000) + 90_000
-    )  # calls for each block of rows, on NumPy of one for each operation
+    # a loop over pairs makes calls for each pair in each of some ten steps, a million; on NumPy each block of rows
+    # makes one for each operation, 120 000 in all
+    assert calls(100_000) < calls(1000) + 400_000
 
 
 @pytest.mark.parametrize(
