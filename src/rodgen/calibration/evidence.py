@@ -127,8 +127,8 @@ class Columns:
         across *= np.linalg.norm(across, axis=0) >= HIDDEN * np.linalg.norm(self.across, axis=0)
         every = np.concatenate([space.basis, basis], axis=1)
         cost = space.log_determinant + _log_determinant(there)
-        left = (project_out(basis, y) for y in (space.residual, space.imperfect))
-        return Columns.of(Space(every, *left, cost, space.whiten), across)
+        left, imperfect = (project_out(basis, y) for y in (space.residual, space.imperfect))
+        return Columns.of(Space(every, left, imperfect, cost, space.whiten), across)
 
     @property
     def square(self) -> float:

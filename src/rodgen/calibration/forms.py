@@ -143,7 +143,7 @@ def _sharper(given: _Given, c: Candidate) -> Candidate:
     for k in range(ROUNDS):
         values = np.minimum(value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k), most)
         near = columns_at(sensitivities, c.effect, {name: values})
-        best = int(np.argmax(given.falls(near)))
+        best = int(np.argmax(given.falls([*near])))
         value, columns = float(values[best]), near[best]
     return replace(c, searched={name: value}, columns=columns)
 
@@ -270,7 +270,7 @@ class _Search:
             if not far:
                 continue
             near = columns_at(evidence.sensitivities, c.effect, {name: far})
-            best = int(np.argmax(given.falls(near)))
+            best = int(np.argmax(given.falls([*near])))
             c = _sharper(given, replace(c, searched={name: far[best]}, columns=near[best]))
             count = driver.span / c.searched[name]
             if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
