@@ -20,6 +20,7 @@ import sympy as sp
 from sympy.core.relational import Relational
 
 from rodgen.codegen.kernel_parts import Assignment, KernelError, Port
+from rodgen.codegen.operations import COMPARISONS
 from rodgen.codegen.program import Program
 from rodgen.codegen.tape import Number, Tape
 from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
@@ -39,7 +40,7 @@ FUNCTIONS: dict[type, str] = {
 }
 """The operation of each function that a kernel may use."""
 
-_COMPARISONS = {"<": "lt", "<=": "le", "==": "eq", "!=": "ne"}
+_COMPARED = {sign: op for op, sign in COMPARISONS.items()}
 LARGEST_POWER_AS_PRODUCT = 4
 
 
@@ -143,7 +144,7 @@ class _Walk:
             (left, right), relation = map(self, value.args), value.rel_op
             if relation in {">", ">="}:
                 left, right, relation = right, left, relation.replace(">", "<")
-            return number(_COMPARISONS[relation], left, right)
+            return number(_COMPARED[relation], left, right)
         if isinstance(value, sp.And | sp.Or):
             parts = [_Part(False, self(part), part) for part in sorted(value.args, key=sp.default_sort_key)]
             return self.joined("and" if isinstance(value, sp.And) else "or", parts).value

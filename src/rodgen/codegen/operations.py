@@ -60,7 +60,10 @@ OPERATIONS = {
 CONDITION = "lt"
 """The operation that gives truth values in a program over rows."""
 
-CONDITIONS = frozenset({"lt", "le", "eq", "ne", "and", "or", "not"})
+COMPARISONS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+"""Operations that compare two numbers, and their signs."""
+
+CONDITIONS = frozenset({*COMPARISONS, "and", "or", "not"})
 """Operations that give truth values."""
 
 OPERATORS = frozenset({"add", "sub", "mul", "div", "neg", "recip"})

@@ -12,16 +12,15 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import count, product
 from typing import NamedTuple
 
-from rodgen.codegen.operations import CONDITIONS, OPERATIONS
+from rodgen.codegen.operations import COMPARISONS, CONDITIONS, OPERATIONS
 from rodgen.codegen.program import GIVEN, Operand, Program
 
 LONGEST = 12
 """Most operands of a line that others were written into: longer ones are hard to read."""
 
-_COMPARISONS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 _NEEDS = {
     **{"add": (2, 3), "sub": (2, 3), "mul": (3, 4), "div": (3, 4), "neg": (3,), "recip": (4,)},
-    **dict.fromkeys(_COMPARISONS, (2, 2)),
+    **dict.fromkeys(COMPARISONS, (2, 2)),
     **{"and": (9, 9), "or": (9, 9), "not": (9,)},
 }
 """How strongly an operand must bind to stand without brackets; 1 in a select, 0 in a call."""
@@ -74,7 +73,7 @@ MACROS = Language(
         for op, row in OPERATIONS.items()
     }
     | {op: OPERATIONS[op].c for op in ("add", "sub", "mul", "div", "neg")}
-    | {op: f"TEST({OPERATIONS[op].c})" for op in _COMPARISONS}
+    | {op: f"TEST({OPERATIONS[op].c})" for op in COMPARISONS}
     | {"and": _BITS["and"], "or": _BITS["or"]},
     "(REAL)NAN",
     literal="K({!r})",
@@ -287,7 +286,7 @@ class _Writer:
         )
 
     def _count(self, op: str, parts: Sequence[_Part]) -> None:
-        kinds = {"sub": "add", "recip": "div", **dict.fromkeys(_COMPARISONS, "compare")}
+        kinds = {"sub": "add", "recip": "div", **dict.fromkeys(COMPARISONS, "compare")}
         if op in {"neg", "and", "or", "not"} or not any(part.reads for part in parts):  # a compiler does it
             return
         if op == "mul" and "recip" in (parts[0].op, parts[1].op):
