@@ -18,7 +18,7 @@ from rodgen.errors import InputFileError
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.measured import TURNS
-from rodgen.machines.rigid import complete_basis, rotation_matrix, rotation_vector, tilted
+from rodgen.machines.rigid import complete_basis, rotation_matrix, rotation_vector, three, tilted
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -91,11 +91,11 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
     rigid = replace(
         fixed,
         joints=tuple(
-            replace(joint, axis=_three(axis), point=_three(point), branch="")
+            replace(joint, axis=three(axis), point=three(point), branch="")
             for joint, axis, point in zip(fixed.joints, axes, points, strict=True)
         ),
         targets=tuple(
-            replace(target, point=_three(point), attitude=_three(rotation_vector(attitude)))
+            replace(target, point=three(point), attitude=three(rotation_vector(attitude)))
             for target, point, attitude in zip(fixed.targets, targets, attitudes, strict=True)
         ),
         effects=(),
@@ -105,7 +105,7 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
         joints=tuple(
             replace(
                 joint,
-                axis=_three((-1.0 if j < machine.inner else 1.0) * np.array(joint.axis, float)),
+                axis=three((-1.0 if j < machine.inner else 1.0) * np.array(joint.axis, float)),
                 branch="",
             )
             for j, joint in enumerate(scope.machine.joints)
@@ -154,8 +154,3 @@ def _held(fixed: Machine) -> dict[str, dict[str, dict[str, float]]]:
     for effect in fixed.effects:
         found.setdefault(str(effect.place), {})[effect.name] = dict(effect.hold)
     return found
-
-
-def _three(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(x) for x in vector)
-    return x, y, z
