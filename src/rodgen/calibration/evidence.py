@@ -71,7 +71,7 @@ class Space:
     residual : ndarray, shape (N,)
         y, without its projection onto the basis.
     imperfect : ndarray, shape (N,)
-        The same of y without what exact dimensions explain.
+        The same of y less what exact dimensions explain.
     log_determinant : float
         Of the covariance of y, compared with that of independent readings, and twice the logarithm of the number of
         models that were tried.
@@ -235,7 +235,7 @@ class Evidence:
         like : Evidence, optional
             Made before with the same preference: that of the same fit has the candidates already.
         at : Fit, optional
-            With some candidates in its model, about which it is linearised.
+            The fit with some candidates in its model, at which the columns are linearised.
         """
         if at is None and like is not None and like.base is base:
             rows, screened = like.sensitivities, like.screened
@@ -848,8 +848,8 @@ def _space(rows: Sensitivities, model: Array, correlation: Correlation) -> Space
     The restricted likelihood has the determinant of the fitted parameters' products, too (Patterson and Thompson 1971).
     """
     n, m, p = model.shape
-    left = rows.residual if rows.imperfect is None else rows.imperfect
-    whole = np.concatenate([model, rows.residual[:, :, None], left[:, :, None]], axis=2)
+    imperfect = rows.residual - rows.of_exact
+    whole = np.concatenate([model, rows.residual[:, :, None], imperfect[:, :, None]], axis=2)
     white = correlation.whiten(whole).reshape(n * m, -1)
     cost = correlation.cost
     if not correlation.independent:

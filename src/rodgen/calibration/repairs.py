@@ -26,6 +26,7 @@ from rodgen.machines.model import Model
 from rodgen.machines.observations import Observations
 from rodgen.machines.parts import BRANCHES, Joint, Target, Vector
 from rodgen.machines.rigid import rotation_vector
+from rodgen.statistics.digits import last_decimal
 from rodgen.statistics.thresholds import CHECK
 from rodgen.views import plain
 
@@ -348,8 +349,8 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
     near = max(error * STANDARD_ERRORS, 1e-6 * abs(found))
     if abs(abs(found) - 1) < CHECK.imperfect:  # an error of scale, if it is one
         return Fraction(1)
-    plain = Fraction(digits_of(abs(found), near / STANDARD_ERRORS))
-    return (-1 if found < 0 else 1) * (simplest(abs(found), near) or plain or Fraction(1))
+    size = simplest(abs(found), near) or Fraction(digits_of(abs(found), near / STANDARD_ERRORS))
+    return (-1 if found < 0 else 1) * (size or Fraction(1))
 
 
 def simplest(ratio: float, near: float) -> Fraction | None:
@@ -364,9 +365,9 @@ def simplest(ratio: float, near: float) -> Fraction | None:
 
 
 def digits_of(value: float, std: float) -> str:
-    """Return a number with the digits that its standard deviation calls for, and one more."""
-    decimals = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 12
-    return f"{value:.{min(decimals, 12)}f}"
+    """Return a number as far as two digits of its standard deviation go, without an exponent; at most 12 decimals."""
+    decimals = int(last_decimal(std, 2)) if std > 0 else 12
+    return f"{value:.{min(max(decimals, 0), 12)}f}"
 
 
 def _falls(machine: Machine) -> bool:

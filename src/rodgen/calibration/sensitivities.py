@@ -44,9 +44,9 @@ class Sensitivities(FitRows):
     index: Mapping[str, int]
     """Number of each parameter's column, by its key."""
     exact: frozenset[tuple[str, Place]] = frozenset()
-    """Name and place of the dimensions about which all is linearised: of these there is no second order."""
-    imperfect: Array | None = None
-    """Weighted residuals without what such dimensions explain, (n, m): what formulas may be wrong by a part of."""
+    """Name and place of the dimensions in the model that is linearised: their columns have no error of higher order."""
+    of_exact: Array | float = 0.0
+    """What these dimensions explain of the weighted residuals, (n, m)."""
     words: dict[Place, dict[str, Any]] = field(default_factory=dict, repr=False)
     """What formulas may use at each place, once it was asked for."""
 
@@ -59,8 +59,8 @@ class Sensitivities(FitRows):
         effects : sequence of Effect
             Candidates; those that are not such a product are in the model themselves.
         at : Fit, optional
-            With some of the candidates in its model, about which it is linearised. The residuals are those that its
-            derivatives predict without these.
+            The fit with some of the candidates in its model, at which all is linearised. The residuals are those that
+            its derivatives predict without these candidates.
         """
         about = fit if at is None else at
         there = {effect.identity for effect in about.machine.effects}
@@ -82,19 +82,18 @@ class Sensitivities(FitRows):
 
         def explained(by: Sequence[Effect]) -> Array:
             of = [i for key, i in index.items() if any(effect.owns(key) for effect in by)]
-            return np.asarray(columns[:, :, of] @ theta[of])
+            return np.asarray(-columns[:, :, of] @ theta[of])
 
-        imperfect = residual - explained([effect for effect in new if effect not in exact])
         return cls(
             fit,
             rows,
             problem.observations,
             problem.weight,
-            imperfect - explained(exact),
+            residual + explained(new),
             columns,
             index,
             frozenset(effect.identity for effect in exact),
-            imperfect,
+            explained(exact),
         )
 
     @property
