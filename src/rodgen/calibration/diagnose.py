@@ -249,9 +249,10 @@ def _lasting(chosen: Sequence[Candidate]) -> frozenset[tuple[str, str | None]]:
 
 @stage("further fits")
 def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
-    """Return the fit with the effects that were chosen where they are too large for the derivatives at the base.
+    """Return the fit with the chosen effects where they are too large for the derivatives at the base; else None.
 
-    That is where what these do not explain of the change of the residuals is as large as an effect must be.
+    They are where the residuals change by more than the derivatives explain, and that part is as large as an effect
+    must be.
     """
     base, rows = evidence.base, evidence.sensitivities
     plain = [c for c in chosen if not (c.driver or c.searched)]

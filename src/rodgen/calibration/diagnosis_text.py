@@ -356,7 +356,7 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
 
 
 def _known_to(floor: NoiseFloor, factor: float) -> str:
-    """Return the interval of a noise by replicates, and what is stated beside it; empty of a stated one."""
+    """Return the 95 % interval of a noise estimated from replicates, and the stated noise; empty without replicates."""
     if floor.replicates is None:
         return ""
     low, high = (three_digits(x * factor) for x in (floor.replicates.low, floor.replicates.high))

@@ -45,7 +45,7 @@ def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candida
 
     None is chosen. Those with the same usual size are distributed with the same width, or each as usual or wider: where
     the readings hardly determine them, a common width shrinks with the sizes. Effects may stand for dimensions, so
-    those beside them are selected anew.
+    the other effects are selected again.
     """
     rests = (
         [c for c in some if c.effect.name not in GEOMETRY] for some in (chosen, select(evidence.beside(off)))
