@@ -3,6 +3,8 @@
 - A bar is an absolute value, never reStructuredText's substitution.
 - The lines ``NAME: text`` in the docstring of an enumeration are a list.
 - One entry may describe several names: ``low, high : ndarray``.
+- What another package made is not described.
+- The name of an attribute is no reference: several classes have attributes of one name.
 - A reference to something that exists, but has no page, is shown as code. One to nothing stays a warning.
 """
 
@@ -10,6 +12,7 @@ from __future__ import annotations
 
 import enum
 import importlib
+import inspect
 import re
 from typing import Any
 
@@ -45,6 +48,12 @@ def _join_names(app: Sphinx, what: str, name: str, found: Any, options: Any, lin
     lines[:] = [
         _SEVERAL.sub(lambda match: f"{match[1]}{match[2].replace(', ', _COMMA)}:", line) for line in lines
     ]
+
+
+def _skip(app: Sphinx, what: str, name: str, found: Any, skip: bool, options: Any) -> bool | None:
+    if inspect.isclass(found) or inspect.isroutine(found):
+        return None if (found.__module__ or "rodgen").partition(".")[0] == "rodgen" else True
+    return None
 
 
 def _part_names(app: Sphinx, document: nodes.document) -> None:
@@ -86,9 +95,10 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", _process)
     app.connect("autodoc-process-docstring", _join_names, priority=900)  # after napoleon
+    app.connect("autodoc-skip-member", _skip)
     app.connect("doctree-read", _part_names)
     app.connect("missing-reference", _missing)
     for field in PyObject.doc_field_types:
         if field.name == "variable":
-            field.label = "Attributes"
+            field.label, field.rolename = "Attributes", ""
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -157,7 +157,7 @@ def held_out(fit: Fit, folds: int | None = None, *, progress: Progress | None = 
         Into how many parts the poses are dealt; left out: 5 groups of neighbouring postures; where poses do not form a
         cloud, each of up to 100 is a part, else there are 10, or 5 of more than 50 000 rows.
     progress : callable, optional
-        As of :func:`fit`.
+        As of :func:`rodgen.calibration.fit.fit`.
     """
     with reporting(progress):
         found: checks.HeldOut = fit.held_out_of_poses if folds is None else checks.held_out(fit, folds=folds)

@@ -253,7 +253,7 @@ def extended(fit: Fit, effects: Sequence[Effect], start: Mapping[str, float], *,
         Values of the effects' parameters to begin with, by key, internal units.
     creeps : bool
         Whether it goes on along a narrow valley; see :func:`rodgen.calibration.solve.least_squares.minimise`. Where
-        not, :func:`ended` brings it to the end.
+        not, :func:`rodgen.calibration.fit.ended` brings it to the end.
     """
     machine = fit.machine
     for effect in effects:

@@ -95,7 +95,7 @@ def emit(
     machine : Machine
         Fitted, such as ``fit.machine``: every parameter has a value, fitted or held.
     lang : str
-        One of :data:`FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
+        One of :data:`rodgen.machines.emit.FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
         allocation, no state, no recursion, every loop bounded. ``"cpp"``: NAME.hpp and NAME_test.cpp; the same as a
         C++17 header, in the namespace ``rodgen::NAME``. ``"matlab"``: +rodgen/NAME.m and NAME_test.m, for
         MATLAB and GNU Octave, over many columns. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
