@@ -21,7 +21,7 @@ from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
-from rodgen.machines.files.edit import text_with_geometry
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.machine import Machine
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "study"))
@@ -264,7 +264,7 @@ def commented_trunnion() -> str:
 def test_a_changed_geometry_keeps_every_other_byte(change, edited, tmp_path: Path) -> None:
     (tmp_path / "machine.toml").write_text(commented_trunnion())
     machine = Machine.load(tmp_path / "machine.toml")
-    assert text_with_geometry(tmp_path / "machine.toml", change(machine)) == edited(commented_trunnion())
+    assert edited_text(tmp_path / "machine.toml", change(machine)) == edited(commented_trunnion())
 
 
 def test_blocks_of_a_chain_are_moved_with_their_comments(tmp_path: Path) -> None:
@@ -274,7 +274,7 @@ def test_blocks_of_a_chain_are_moved_with_their_comments(tmp_path: Path) -> None
     machine = Machine.load(tmp_path / "machine.toml")
     meant = replace(machine, joints=(*machine.joints[:3], machine.joints[4], machine.joints[3]))
     expected = exchanged(text, "# The cradle", "[[joint]]\nname  =", "\n\n[[target]]")
-    assert text_with_geometry(tmp_path / "machine.toml", meant) == expected
+    assert edited_text(tmp_path / "machine.toml", meant) == expected
 
 
 def with_joint(machine: Machine, j: int, **changes: object) -> Machine:
@@ -295,7 +295,7 @@ def test_a_file_that_cannot_be_edited_is_written_anew(tmp_path: Path) -> None:
     path.write_text('target = [{ name = "ball", point = [110, 0, 80] }]\n' + text)
     machine = Machine.load(path)
     meant = replace(machine, targets=(replace(machine.targets[0], point=(1.0, 2.0, 3.0)),))
-    (tmp_path / "new.toml").write_text(text_with_geometry(path, meant))
+    (tmp_path / "new.toml").write_text(edited_text(path, meant))
     assert Machine.load(tmp_path / "new.toml") == meant
 
 

@@ -20,7 +20,7 @@ from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
-from rodgen.machines.files.edit import text_with_effects
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.machine import Machine
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "machines" / "rotary_table"
@@ -78,7 +78,7 @@ def test_known_parameters_are_read_and_written_back(tmp_path: Path) -> None:
     assert machine.known["C.backlash.b"].bounds == (0.0, np.inf)
     machine.save(tmp_path / "again.toml")
     assert Machine.load(tmp_path / "again.toml") == machine
-    text = text_with_effects(path, [machine.effect("backlash", "C")])
+    text = edited_text(path, machine.with_effect(machine.effect("backlash", "C")))
     assert KNOWN in text
     by_python = Machine.load(EXAMPLE / "machine.toml").knowing("C.axis", prior="0 ± 20 arcsec")
     assert by_python.known == {"C.axis": machine.known["C.axis"]}

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
-from rodgen.machines.files.edit import text_with_effects, text_without_effect
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.schema import decimal
 from rodgen.machines.files.write import machine_text
@@ -248,7 +248,7 @@ def test_joint_may_say_what_is_known_of_its_hardware(tmp_path: Path) -> None:
     assert f"period = 360\n{HARDWARE}\n" in machine_text(machine)
     assert "travel -180 to 180 deg, worm drive, encoder on the motor" in machine.describe()
     machine.save(tmp_path / "machine.toml")
-    added = text_with_effects(tmp_path / "machine.toml", [machine.effect("backlash", "C")])
+    added = edited_text(tmp_path / "machine.toml", machine.with_effect(machine.effect("backlash", "C")))
     assert load(added).joint("C") == c
 
 
@@ -910,16 +910,17 @@ def written(out: Path, text: str) -> Machine:
 
 
 def add(path: Path, name: str, place: str | None = None, **hold: float) -> Machine:
-    return written(path, text_with_effects(path, [Machine.load(path).effect(name, place, hold=hold)]))
+    machine = Machine.load(path)
+    return written(path, edited_text(path, machine.with_effect(machine.effect(name, place, hold=hold))))
 
 
 def remove(path: Path, name: str, place: str | None = None) -> Machine:
-    return written(path, text_without_effect(path, name, place))
+    return written(path, edited_text(path, Machine.load(path).without_effect(name, place)))
 
 
 def test_added_block_leaves_every_byte_before_it(path: Path, tmp_path: Path) -> None:
     effect = Machine.load(path).effect("backlash", "C", hold={"b": 0.01})
-    machine = written(tmp_path / "out.toml", text_with_effects(path, [effect]))
+    machine = written(tmp_path / "out.toml", edited_text(path, Machine.load(path).with_effect(effect)))
     added = '\n[[effect]]\nname = "backlash"\njoint = "C"\nhold = { b = 0.01 }\n'
     assert (tmp_path / "out.toml").read_bytes() == (GANTRY + added).encode()
     assert path.read_bytes() == GANTRY.encode()
@@ -1038,9 +1039,9 @@ def test_edits_of_any_layout_do_what_they_say(
     path.write_text(text, encoding="utf-8")
     machine = Machine.load(path)
     out = path.with_name("layout_out.toml")
-    added = written(out, text_with_effects(path, [machine.effect("backlash", "X")]))
+    added = written(out, edited_text(path, machine.with_effect(machine.effect("backlash", "X"))))
     assert added == machine.with_effect(machine.effect("backlash", "X"))
-    removed = written(out, text_without_effect(path, "encoder_eccentricity", "C"))
+    removed = written(out, edited_text(path, machine.without_effect("encoder_eccentricity", "C")))
     assert removed == machine.without_effect("encoder_eccentricity", "C")
     kept = out.read_text(encoding="utf-8").splitlines()
     whole = text.splitlines()

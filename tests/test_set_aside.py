@@ -17,7 +17,7 @@ from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.data.set_aside import SetAside
 from rodgen.errors import InputFileError
-from rodgen.machines.files.edit import text_with_set_aside
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 
@@ -346,12 +346,12 @@ def test_copies_of_rows_that_are_set_aside_count_no_more_than_they(
 
 def test_a_file_that_could_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
     machine, data = read()
-    entries = machine.setting_aside(data, rows=[*range(3, 40, 2)]).measured.set_aside
-    assert "rows = " in text_with_set_aside("m.toml", entries)
+    changed = machine.setting_aside(data, rows=[*range(3, 40, 2)])
+    assert "rows = " in edited_text("m.toml", changed)
     monkeypatch.setattr("rodgen.limits.FILE", 1000)
     text = Path("m.toml").read_text()
     with pytest.raises(InputFileError, match="expected a rule, or longer stretches of rows"):
-        text_with_set_aside("m.toml", entries, text + "#" * 1000)
+        edited_text("m.toml", changed, text + "#" * 1000)
 
 
 def test_a_list_in_another_form_is_not_edited(capsys: pytest.CaptureFixture[str]) -> None:

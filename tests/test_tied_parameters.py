@@ -14,7 +14,7 @@ from rodgen.calibration.steps import odds_of_steps
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.emit._scope import scope_of
-from rodgen.machines.files.edit import text_without_effect
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Machine
 
@@ -169,7 +169,7 @@ def test_an_effect_is_removed_from_a_file_with_what_the_file_says_of_its_paramet
     known += '"B.encoder_eccentricity" = { prior = "0 ± 1 rad" }\n'
     path = tmp_path / "machine.toml"
     path.write_text(f"{toml(machine_file(JOINTS))}\n{known}{ties}{blocks}")
-    text = text_without_effect(path, "encoder_eccentricity", "A")
+    text = edited_text(path, Machine.load(path).without_effect("encoder_eccentricity", "A"))
     found = machine_of(text, "machine.toml")
     assert [effect.place for effect in found.effects] == ["B"]
     assert (found.ties, [*found.known]) == ({}, ["B.encoder_eccentricity"])
@@ -177,7 +177,7 @@ def test_an_effect_is_removed_from_a_file_with_what_the_file_says_of_its_paramet
     with pytest.raises(
         InputFileError, match=r"\[ties\], A.*: a tie to 'encoder_eccentricity at B', which is to be"
     ):
-        text_without_effect(path, "encoder_eccentricity", "B")
+        edited_text(path, Machine.load(path).without_effect("encoder_eccentricity", "B"))
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.selection import select
 from rodgen.data.measurements import Measurements
 from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
-from rodgen.machines.files.edit import text_with_effects
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
@@ -411,7 +411,9 @@ def test_waves_of_a_screw_are_as_they_are_and_found_again_in_the_saved_file(tmp_
     assert "definition" not in first
     # the file says what, and no number: a fit searches the periods anew
     machine.save(tmp_path / "machine.toml")
-    text = text_with_effects(tmp_path / "machine.toml", [step.effect for step in found.steps])
+    for step in found.steps:
+        machine = machine.with_effect(step.effect)
+    text = edited_text(tmp_path / "machine.toml", machine)
     (tmp_path / "more.toml").write_text(text)
     blocks = tomllib.loads(text)["effect"]
     assert [step["definition"] for step in further] == blocks[1:]
@@ -482,7 +484,7 @@ def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: 
     assert base.rms * base.unit_factor > 2.5 * noise
     if len(forms) == 1:
         source = tmp_path / "machine.toml"
-        source.write_bytes(text_with_effects(source, [forms[0].effect]).encode())
+        source.write_bytes(edited_text(source, Machine.load(source).with_effect(forms[0].effect)).encode())
         assert Machine.load(source) == machine
 
 

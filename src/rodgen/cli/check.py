@@ -52,7 +52,7 @@ def _run(options: argparse.Namespace) -> int:
     with stage("starting"):
         from rodgen.calibration.check import check
         from rodgen.calibration.repairs import write_repaired_data
-        from rodgen.machines.files.edit import text_with_geometry
+        from rodgen.machines.files.edit import edited_text
         from rodgen.machines.machine import Machine
 
     with stage("reading"):
@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
                 raise InputFileError(path, "file", why, f"{other} for what is wrong")
         repaired, observations = repair.applied(found.machine, found.observations)
         if options.output:
-            write_file(options.output, text_with_geometry(options.machine, repaired).encode())
+            write_file(options.output, edited_text(options.machine, repaired).encode())
         if options.repaired_data:
             write_repaired_data(observations, found.observations, options.repaired_data)
     fit = None

@@ -77,7 +77,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def _write(options: argparse.Namespace, found: Diagnosis) -> str:
     """Write the machine file with what was found, and return what it has more than the one before."""
-    from rodgen.machines.files.edit import text_with_effects, text_with_geometry, text_with_set_aside
+    from rodgen.machines.files.edit import edited_text
+    from rodgen.machines.machine import Machine
 
     if options.only and max(options.only) > len(found.found):
         expected = (
@@ -85,15 +86,14 @@ def _write(options: argparse.Namespace, found: Diagnosis) -> str:
         )
         raise refused("--only", f"{max(options.only)}", expected)
     effects = [one.effect for n, one in enumerate(found.found, 1) if not options.only or n in options.only]
-    text = None
-    if found.geometry is not None:
-        estimated = replace(found.geometry.before.machine, estimate=found.geometry.estimate)
-        text = text_with_geometry(options.machine, estimated)
-        text = text_with_effects(options.machine, found.geometry.effects, text)
-    text = text_with_effects(options.machine, effects, text)
+    machine, geometry = Machine.load(options.machine), found.geometry
+    if geometry is not None:
+        machine = replace(geometry.before.machine, estimate=geometry.estimate)
+    for effect in [*(geometry.effects if geometry is not None else ()), *effects]:
+        machine = machine.with_effect(effect)
     if found.further_exclusions:
-        text = text_with_set_aside(options.machine, found.machine.measured.set_aside, text)
-    write_file(options.output, text.encode())
+        machine = replace(machine, measured=found.machine.measured)
+    write_file(options.output, edited_text(options.machine, machine).encode())
     more = ["its dimensions estimated"] if found.geometry is not None else []
     more += [effect.title for effect in effects]
     what = f"with {joined(more)}" if more else "without a change"

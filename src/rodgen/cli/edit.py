@@ -112,7 +112,7 @@ def add_to(command: Command) -> None:
 
 
 def _add(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import text_with_effects
+    from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
     from rodgen.machines.rules import UnfitEffectError
     from rodgen.machines.typed_effects import assignments, effect_with, holding
@@ -133,7 +133,7 @@ def _add(options: argparse.Namespace) -> int:
         raise refused(place, error.found, error.expected) from None
     machines = (machine, machine.with_effect(effect))
     words = (effect.name, effect.place or "")
-    change = Change(machines, effect, text_with_effects(options.machine, [effect]), words)
+    change = Change(machines, effect, edited_text(options.machine, machines[1]), words)
     return _done(options, carry_out(options, change))
 
 
@@ -165,7 +165,7 @@ def _parameter(text: str) -> tuple[str, str]:
 
 
 def _remove(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import text_without_effect
+    from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
 
     machine = Machine.load(options.machine)
@@ -175,7 +175,7 @@ def _remove(options: argparse.Namespace) -> int:
     change = Change(
         (machine, changed),
         effect,
-        text_without_effect(options.machine, effect.name, place),
+        edited_text(options.machine, changed),
         ("without", effect.name, effect.place or ""),
         added=False,
     )
@@ -214,7 +214,7 @@ def _add_exclude(command: Command) -> None:
 
 
 def _exclude(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import text_with_set_aside
+    from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
 
     if options.all and not options.undo:
@@ -228,7 +228,7 @@ def _exclude(options: argparse.Namespace) -> int:
             raise
         option = next((name for name in ("rows", "run", "where") if which[name]), "all")
         raise refused(f"--{option}", error.found, error.expected) from None
-    text = text_with_set_aside(options.machine, changed.measured.set_aside)
+    text = edited_text(options.machine, changed)
     output = write_machine(options, text, ("included" if options.undo else "excluded",))
     aside = changed.aside(data)
     said = aside.text if aside else f"No row of {options.data} is set aside."
@@ -252,8 +252,7 @@ def _add_set(command: Command) -> None:
 
 
 def _set(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import text_with_known, text_with_tie
-    from rodgen.machines.files.read import machine_of
+    from rodgen.machines.files.edit import edited_text
     from rodgen.machines.files.write import known_line
     from rodgen.machines.machine import Machine
 
@@ -266,17 +265,15 @@ def _set(options: argparse.Namespace) -> int:
         expected = "a prior, bounds, or both; or --tie; or --free"
         raise UsageError(refused("rodgen set", "none, or too much", expected))
     machine = Machine.load(file)
+    changed = machine.freeing(key)
     if options.tie is not None:
-        text = text_with_tie(file, key, options.tie)
+        changed = changed.tying(key, options.tie)
     elif known:
-        text = text_with_known(file, key, known)
-    elif key in {**machine.known, **machine.ties}:
-        text = text_with_tie(file, key, "", text_with_known(file, key, {}))
-    else:
+        changed = changed.knowing(key, **known)
+    elif changed == machine:
         expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
         raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
-    output = write_machine(options, text, key.split("."))
-    changed = machine_of(text, output)
+    output = write_machine(options, edited_text(file, changed), key.split("."))
     entries = {
         "known": known_line(changed, key, changed.known[key]) if key in changed.known else None,
         "tied_to": changed.ties[key].text if key in changed.ties else None,

@@ -285,6 +285,17 @@ class Machine(MachineData):
             tie = read_tie(self, key, to)
         return replace(self, ties={**self.ties, key: tie})
 
+    def freeing(self, key: str) -> Self:
+        """Return this machine with nothing known of a parameter, and with it tied to no others.
+
+        Parameters
+        ----------
+        key : str
+            As of :meth:`knowing` and :meth:`tying`.
+        """
+        known = {k: x for k, x in self.known.items() if k != key}
+        return replace(self, known=known, ties={k: x for k, x in self.ties.items() if k != key})
+
     def without_bounds(self, keys: Collection[str]) -> Self:
         """Return this machine without what it says of the bounds of some parameters.
 

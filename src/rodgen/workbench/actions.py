@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar, Protocol, TypeAlias
 
 from rodgen.calibration.check import Check
 from rodgen.data.measurements import Measurements
 from rodgen.data.set_aside import rows_text
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.machines.files.edit import (
-    text_with_effect,
-    text_with_effects,
-    text_with_geometry,
-    text_with_known,
-    text_with_set_aside,
-    text_with_tie,
-    text_without_effect,
-)
+from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.read import effect_of
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
@@ -139,7 +131,7 @@ class Add(_OfEffect):
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        return text_with_effects(state.file, [self.made(state.machine)], state.text)
+        return edited_text(state.file, state.machine.with_effect(self.made(state.machine)), state.text)
 
 
 @dataclass(frozen=True)
@@ -158,7 +150,9 @@ class Written(_OfEffect):
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         without = state.machine.without_effect(self.name, self.place)
-        return text_with_effect(state.file, self.made(without), state.text)
+        written = self.made(without)
+        effects = [written if e.identity == written.identity else e for e in state.machine.effects]
+        return edited_text(state.file, replace(state.machine, effects=tuple(effects)), state.text)
 
 
 @dataclass(frozen=True)
@@ -182,7 +176,7 @@ class Remove(Action):
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        return text_without_effect(state.file, self.name, self.place, state.text)
+        return edited_text(state.file, state.machine.without_effect(self.name, self.place), state.text)
 
 
 @dataclass(frozen=True)
@@ -211,7 +205,9 @@ class Known(Action):
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        return text_with_known(state.file, self.key, self.content, state.text)
+        changed = state.machine.freeing(self.key)
+        changed = changed.knowing(self.key, **self.content) if self.content else changed
+        return edited_text(state.file, changed, state.text)
 
 
 @dataclass(frozen=True)
@@ -237,7 +233,8 @@ class Tie(Action):
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        return text_with_tie(state.file, self.key, self.to, state.text)
+        changed = state.machine.freeing(self.key)
+        return edited_text(state.file, changed.tying(self.key, self.to) if self.to else changed, state.text)
 
 
 @dataclass(frozen=True)
@@ -274,7 +271,7 @@ class _OfRows(Action):
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
         changed: Machine = getattr(state.machine, self._method)(state.data, **self._said)
-        return text_with_set_aside(state.file, changed.measured.set_aside, state.text)
+        return edited_text(state.file, changed, state.text)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -322,7 +319,7 @@ class Repair(Action):
         for repair in state.check.repairs:
             if repair.words == self.words and not repair.of_data:
                 repaired, _ = repair.applied(state.machine, state.observations)
-                return text_with_geometry(state.file, repaired, state.text)
+                return edited_text(state.file, repaired, state.text)
         offered = (
             "; ".join(m.words for m in state.check.repairs if not m.of_data) or "nothing is wrong with it"
         )
