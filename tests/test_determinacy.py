@@ -62,6 +62,13 @@ def test_nothing_tells_where_a_ball_is_along_and_about_the_axis_that_carries_it(
     )
 
 
+def test_what_is_chosen_as_the_file_has_it_is_that_and_no_rounding() -> None:
+    found = fitted([C], {"C [rad]": RING}, frame="free", estimate=["target"]).estimates
+    for key in ("target.p.y", "target.p.z"):  # the frame takes on all that they share with it
+        assert (found[key].convention, found[key].value, found[key].std) == (True, 0.0, 0.0)
+    assert found["frame.z"].value != 0.0
+
+
 def test_a_free_frame_with_all_axes_of_six_joints_has_six_choices_of_coordinates() -> None:
     axes = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)]
     points = [(0, 0, 0), (175, 0, 495), (175, 0, 1390), (175, 0, 1565), (1135, 0, 1565), (1270, 0, 1565)]

@@ -18,6 +18,10 @@ from rodgen.machines.machine import Effect
 from rodgen.stages import Progress, reporting
 from rodgen.statistics.columns import inverse_root, unit_diagonal
 
+ROUNDING = 2.0**-44
+"""Turns, and parts of the machine's size, below which a value that is nearest to the file is that of the file: 256
+roundings, which the projection on what the data leave open has."""
+
 
 def covariance(fit: Fit) -> Array:
     """Return the covariance of the parameters, internal units, (p, p); it allows for the dependence of readings."""
@@ -56,13 +60,17 @@ def estimates_with(fit: Fit, further: Array) -> dict[str, Estimate]:
 
 def _estimates(fit: Fit, of: Determinacy, covariance: Array) -> dict[str, Estimate]:
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    found, bounds = {}, fit.problem.at_bounds(fit.solution.theta)
+    found, bounds, model = {}, fit.problem.at_bounds(fit.solution.theta), fit.problem.model
+    rounding = ROUNDING * np.where(model.ways, model.farthest, model.turns)
     for i, p in enumerate(fit.parameters):
         held, lacking = i not in fit.free, bool(of.lacking[i])
         at = None if held else bounds.get(i)
-        spread = None if held or lacking or at or np.isnan(std[i]) else float(std[i] / p.factor)
+        spread = None if held or lacking or at or np.isnan(std[i]) else float(std[i])
         convention = bool(of.undetermined[i]) and not lacking
         value = float(fit.values[i] / p.factor)
+        if convention and max(abs(fit.values[i]), spread or 0.0) < rounding[i]:
+            value, spread = 0.0, spread and 0.0
+        spread = spread and spread / p.factor
         found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
     for tied in fit.problem.model.tied:
         found[tied.parameter.key] = _tied(fit, tied, found, covariance)
