@@ -392,6 +392,26 @@ def test_a_users_own_urdf_keeps_each_byte_outside_of_corrected_origins(
         assert comment.startswith(name.encode())
 
 
+@pytest.mark.parametrize(
+    ("encoding", "message"),
+    [
+        ("ISO-8859-1", "line 2: bytes that are not UTF-8; expected UTF-8 text"),
+        ("UTF-16", "file: UTF-16 text"),
+    ],
+)
+def test_a_urdf_that_could_not_be_corrected_is_not_imported(robot, encoding, message):
+    text = f'<?xml version="1.0" encoding="{encoding}"?>\n<!-- für -->\n{robot.read_text()}'
+    machine = machine_from_urdf(robot, "floor", "hand").machine
+    robot.write_bytes(text.encode(encoding))
+    emit = machine.emit
+    for read in (
+        lambda: machine_from_urdf(robot, "floor", "hand"),
+        lambda: emit("urdf", robot.parent, into=robot),
+    ):
+        with pytest.raises(InputFileError, match=message):
+            read()
+
+
 def test_frames_of_a_corrected_urdf_move_by_the_correction_alone(robot, tmp_path):
     """Neither along an axis nor about it, where no zero is corrected."""
     machine = machine_from_urdf(robot, "floor", "hand").machine

@@ -16,7 +16,7 @@ import numpy as np
 
 from rodgen.array_types import Array
 from rodgen.errors import InputFileError, joined, listed, shown, suggestion
-from rodgen.files import read_input
+from rodgen.files import decoded, read_input
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.files.read import MOST_JOINTS
 from rodgen.machines.imports.imported import Imported, clean, machine_name
@@ -98,16 +98,15 @@ class UrdfJoint:
 
 
 def _root(file: str) -> ElementTree.Element:
-    content = read_input(file, _EXPECTED)
-    begun = content.lstrip()  # robots' parsers take blank lines above the declaration
+    # robots' parsers take blank lines above the declaration, and read UTF-8 whatever that says
+    content = decoded(read_input(file, _EXPECTED), file).removeprefix("\ufeff")
+    begun = content.lstrip()
     try:
         root = ElementTree.fromstring(begun)
     except ElementTree.ParseError as error:
-        line = error.position[0] + content[: len(content) - len(begun)].count(b"\n")
+        line = error.position[0] + content[: len(content) - len(begun)].count("\n")
         what = str(error).partition(":")[0]
         raise InputFileError(file, f"line {line}", f"no XML ({what})", _EXPECTED) from None
-    except (ValueError, LookupError):  # an encoding that is not known, or not that of the text
-        raise InputFileError(file, "line 1", "an encoding that cannot be read", "UTF-8 text") from None
     if any("xacro" in element.tag for element in root.iter()):
         made = f"what 'xacro {file} -o robot.urdf' writes"
         raise InputFileError(file, "file", "a xacro file, from which a URDF is made first", made)
