@@ -86,7 +86,6 @@ def _common(content: Content, form: Form) -> dict[str, Any]:
         "statuses": [{"name": name, "doc": doc} for name, doc in STATUSES],
         "weight": _list(content.weight),
         "iterations": ITERATIONS,
-        "newton_steps": NEWTON_STEPS,
         "constants": list(_constants(content)),
         "rounding": repr(ROUNDING * content.size),
         "slopes": repr(content.slopes),
@@ -109,11 +108,23 @@ def _constants(content: Content) -> Iterator[dict[str, Any]]:
     groups["The compensation"] = content.compensation.numbers
     for title, constants in groups.items():
         if constants:
-            keys = ("name", "value", "says")
-            yield {
-                "title": title,
-                "constants": [dict(zip(keys, (n, repr(float(x)), w), strict=True)) for n, x, w in constants],
-            }
+            yield _group(title, ((name, repr(float(x)), words) for name, x, words in constants))
+
+
+def _group(title: str, constants: Iterable[tuple[str, str, str]]) -> dict[str, Any]:
+    """Return numbers as templates list them: name, value and what it is."""
+    return {
+        "title": title,
+        "constants": [
+            {"name": n, "value": value, "says": in_comment(words)} for n, value, words in constants
+        ],
+    }
+
+
+def _with_statuses(content: Content, form: str) -> list[dict[str, Any]]:
+    """Return the constants, and before them the codes of statuses, for languages in which these are constants."""
+    codes = ((name, form.format(code), words) for code, (name, words) in enumerate(STATUSES))
+    return [_group("Status of a compensation", codes), *_constants(content)]
 
 
 def _constant_names(content: Content) -> set[str]:
@@ -122,21 +133,21 @@ def _constant_names(content: Content) -> set[str]:
 
 
 def _kernels(
-    content: Content, write: Callable[[Program, set[str], PosePrograms | None], dict[str, Any]]
-) -> list[dict[str, Any]]:
-    """Return the programs in their order, as a language writes them; the last of those that find a pose says which."""
-    fitted, ideal = content.fitted, content.ideal
-    programs: list[tuple[Program, PosePrograms | None, PosePrograms | None]] = []
+    content: Content,
+    write: Callable[[Program, set[str], PosePrograms | None], dict[str, Any]],
+    newton: Callable[[PosePrograms], dict[str, Any]],
+) -> Iterator[dict[str, Any]]:
+    """Yield the functions in their order, as a language writes programs, and Newton's steps to a pose."""
+    fitted, ideal, constants = content.fitted, content.ideal, _constant_names(content)
+    programs: list[tuple[Program, PosePrograms | None]] = []
     for pose in filter(None, (fitted.pose, ideal.pose)):
-        programs += [(pose.begin, None, None), (pose.nearer, None, pose)]
-    programs += [(x, fitted.pose, None) for x in (fitted.place, fitted.place_and_jacobian)]
-    programs += [(ideal.place, ideal.pose, None)]
-    programs += [(program, None, None) for program in content.compensation.programs]
-    constants = _constant_names(content)
-    return [
-        {"name": program.name, "finds": found, **write(program, constants, pose)}
-        for program, pose, found in programs
-    ]
+        for program in (pose.begin, pose.nearer):
+            yield {"name": program.name, **write(program, constants, None)}
+        yield {"name": pose.name, "operations": f"{NEWTON_STEPS} of Newton's steps", **newton(pose)}
+    programs += [(x, fitted.pose) for x in (fitted.place, fitted.place_and_jacobian)]
+    programs += [(ideal.place, ideal.pose), *((program, None) for program in content.compensation.programs)]
+    for program, of in programs:
+        yield {"name": program.name, **write(program, constants, of)}
 
 
 def _tables(content: Content, language: Language) -> list[dict[str, Any]]:
@@ -261,7 +272,7 @@ def _tests(content: Content, form: Form) -> dict[str, dict[str, list[str]]]:
 
 def _c(content: Content, cpp: bool = False) -> dict[str, Any]:
     """Return what the templates of C and C++ use, which have the functions of a machine in common."""
-    kernels = _kernels(content, _c_kernel)
+    kernels = list(_kernels(content, _c_kernel, _c_newton))
     parts = [("q", 1), *((field.name, field.length) for field in content.fields)]
     return {
         "as_function": "inline" if cpp else "static",
@@ -272,6 +283,15 @@ def _c(content: Content, cpp: bool = False) -> dict[str, Any]:
         "kernels": kernels,
         "rows": lambda table: [", ".join(cells) for cells in zip(*table.values(), strict=True)],
         "uses_sign": any("sign_of_number" in line for kernel in kernels for line in kernel["lines"]),
+    }
+
+
+def _c_newton(pose: PosePrograms) -> dict[str, Any]:
+    steps = f"for (k = 0; k < {NEWTON_STEPS}; ++k)"
+    each = f"  evaluate_{pose.nearer.name}(q, start, start);"
+    return {
+        "parameters": f"const double *q, double start[{pose.size}]",
+        "lines": ["int k;", f"evaluate_{pose.begin.name}(q, start);", steps, each],
     }
 
 
@@ -324,9 +344,17 @@ def _numpy(content: Content, namespace: str = "np", results: str = "({},)") -> d
         "width": end,
         "joint_names": repr([shown(j.name)[1:-1] for j in content.machine.joints]),
         "target_names": repr([shown(t.name)[1:-1] for t in content.machine.targets]),
-        "kernels": _kernels(content, partial(_numpy_kernel, array_language(namespace), results)),
+        "constants": _with_statuses(content, "{}"),
+        "kernels": _kernels(
+            content, partial(_numpy_kernel, array_language(namespace), results), _numpy_newton
+        ),
         "traced": namespace == "jnp",
     }
+
+
+def _numpy_newton(pose: PosePrograms) -> dict[str, Any]:
+    steps = [f"for _ in range({NEWTON_STEPS}):", f"    start = _{pose.nearer.name}(*q, *start)"]
+    return {"parameters": "*q", "lines": [f"start = _{pose.begin.name}(*q)", *steps], "results": "start"}
 
 
 def _numpy_kernel(
@@ -355,10 +383,14 @@ def _numpy_kernel(
 def _matlab(content: Content) -> dict[str, Any]:
     """Return what the templates of MATLAB use."""
     arrays = {field.name: "columns" for field in content.fields} | {"q": "columns"}
-    kernels = _kernels(content, partial(_matlab_kernel, f"rodgen.{content.name}.", arrays))
+    write = partial(_matlab_kernel, f"rodgen.{content.name}.", arrays)
+    kernels = list(_kernels(content, write, _matlab_newton))
+    fields = (f"{{'{field.name}', {field.length or []}, row.{field.name}}}" for field in content.fields)
     code = "\n".join(line for kernel in kernels for line in kernel["lines"])
     return {
         "fields": content.fields,
+        "of_fields": "".join(f"{field}, ...\n    " for field in fields),
+        "constants": _with_statuses(content, "int32({})"),
         "joint_names": ", ".join(_matlab_text(j.name) for j in content.machine.joints),
         "target_names": ", ".join(_matlab_text(t.name) for t in content.machine.targets),
         "kernels": kernels,
@@ -368,6 +400,12 @@ def _matlab(content: Content) -> dict[str, Any]:
 
 def _matlab_text(text: str) -> str:
     return "'" + in_comment(shown(text)[1:-1]).replace("'", "''") + "'"
+
+
+def _matlab_newton(pose: PosePrograms) -> dict[str, Any]:
+    steps = [f"for k = 1:{NEWTON_STEPS}", f"  start = evaluate_{pose.nearer.name}(columns, start);", "end"]
+    lines = [f"start = evaluate_{pose.begin.name}(columns);", *steps]
+    return {"parameters": "columns", "outputs": "start", "lines": lines}
 
 
 def _matlab_kernel(
