@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import interpolate, optimize, stats
+from scipy import optimize, stats
 
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.machines.drivers import monotone_curve
 from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.robust import (
     HUBER,
@@ -27,16 +26,6 @@ def unit(columns: np.ndarray) -> np.ndarray:
 
 
 # distributions -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("n", [2, 3, 4, 50])
-def test_monotone_curve_is_that_of_scipy(n: int) -> None:
-    """Also where steps and slopes differ by decades, at the points, and between them."""
-    rng = np.random.default_rng(n)
-    x, y = (np.cumsum(10 ** rng.uniform(-3, 3, n)) for _ in range(2))
-    at = np.concatenate([x, rng.uniform(x[0], x[-1], 1000)])
-    there = interpolate.PchipInterpolator(x, y)(at)
-    np.testing.assert_allclose(monotone_curve(x, y)(at), there, rtol=0, atol=1e-12 * np.ptp(y))
 
 
 @pytest.mark.parametrize("dof", [3, 5])

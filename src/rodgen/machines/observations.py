@@ -419,12 +419,6 @@ def _coordinate(o: Observations, j: int) -> Driver:
     )
 
 
-# A smooth curve through increasing points that increases between them, too.
-#
-# A cubic in each interval, whose slopes at the points are weighted harmonic means of the chords' (Fritsch and Butland
-# 1984); SciPy's `PchipInterpolator` is the same curve, and takes half a second to import.
-
-
 _BY_ROW = (
     "q",
     "s",
