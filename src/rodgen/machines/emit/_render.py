@@ -329,25 +329,19 @@ def _c_kernel(program: Program, constants: set[str], pose: PosePrograms | None) 
 # NumPy and JAX -----------------------------------------------------------------------------------------------
 
 
-def _numpy(content: Content, namespace: str = "np", results: str = "({},)") -> dict[str, Any]:
-    """Return what the templates of NumPy and JAX use."""
+def _numpy(content: Content, namespace: str = "np") -> dict[str, Any]:
+    """Return what the template of NumPy and JAX uses."""
     arguments = "".join(f", {field.name}" for field in content.fields)
-    end, columns = len(content.machine.joints), {}
-    for field in content.fields:
-        columns[field.name] = f"{end}:{end + field.length}" if field.length else f"{end}"
-        end += field.length or 1
     return {
+        "xp": namespace,
         "fields": content.fields,
         "arguments": arguments,
         "keywords": f", *{arguments}" if arguments else "",
-        "columns": columns,
-        "width": end,
+        "width": len(content.machine.joints) + sum(field.length or 1 for field in content.fields),
         "joint_names": repr([shown(j.name)[1:-1] for j in content.machine.joints]),
         "target_names": repr([shown(t.name)[1:-1] for t in content.machine.targets]),
         "constants": _with_statuses(content, "{}"),
-        "kernels": _kernels(
-            content, partial(_numpy_kernel, array_language(namespace), results), _numpy_newton
-        ),
+        "kernels": _kernels(content, partial(_numpy_kernel, array_language(namespace)), _numpy_newton),
         "traced": namespace == "jnp",
     }
 
@@ -358,7 +352,7 @@ def _numpy_newton(pose: PosePrograms) -> dict[str, Any]:
 
 
 def _numpy_kernel(
-    language: Language, results: str, program: Program, constants: set[str], pose: PosePrograms | None
+    language: Language, program: Program, constants: set[str], pose: PosePrograms | None
 ) -> dict[str, Any]:
     """Write a program as a function of its numbers; each may be an array of many rows."""
     text = program_text(program, language)
@@ -373,7 +367,7 @@ def _numpy_kernel(
         "operations": operations_text(text.operations),
         "parameters": ", ".join(name for port in names if port not in constants for name in names[port]),
         "lines": lines,
-        "results": results.format(", ".join(x for values in text.results.values() for x in values)),
+        "results": f"({', '.join(x for values in text.results.values() for x in values)},)",
     }
 
 
@@ -464,8 +458,8 @@ LANGUAGES: Mapping[str, Form] = {
         {"{}.py": "machine.py.j2", "test_{}.py": "machine_test.py.j2"}, _numpy, array_language("np")
     ),
     "jax": Form(
-        {"{}.py": "machine_jax.py.j2", "test_{}.py": "machine_test.py.j2"},
-        partial(_numpy, namespace="jnp", results="tuple(jnp.asarray(x, float) for x in ({},))"),
+        {"{}.py": "machine.py.j2", "test_{}.py": "machine_test.py.j2"},
+        partial(_numpy, namespace="jnp"),
         array_language("np"),
     ),
 }
