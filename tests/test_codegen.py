@@ -278,6 +278,20 @@ def test_derivatives_keep_values_and_statuses_where_asked() -> None:
         k.build().jacobian(outputs=["sign"])
 
 
+def test_derivatives_of_a_kernel_are_numbers_of_another_and_have_a_formula() -> None:
+    k = builder()
+    x, y = (k.input(name, unit="1", doc="") for name in "xy")
+    k.output("u", x + k.let("square", y**2), unit="1", doc="")
+    slopes = k.build().jacobian()
+    assert slopes.expand("u_jacobian") == sp.Matrix([[1, 2 * y]]).T
+    with pytest.raises(KernelError, match="u_jacobian_1 is a derivative"):
+        slopes.expand("u_jacobian", keep=[slopes["square"]])
+    k = builder("other")
+    by_x, by_y = k.include(slopes)["u_jacobian"]
+    k.output("v", by_x * y + by_y, unit="1", doc="")
+    assert k.build().evaluate({"x": 7, "y": 5})["v"] == 5 + 2 * 5
+
+
 # Printers ------------------------------------------------------------------------------------------------
 
 X, Y = sp.symbols("x y", real=True)

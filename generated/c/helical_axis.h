@@ -18,7 +18,7 @@ extern "C" {
 
 /* Derivatives of screw_residual.
  * Source: derivation helical_axis, entry residual
- * Operations: 66 add, 100 mul, 1 cos, 1 sin
+ * Operations: 60 add, 76 mul, 1 cos, 1 sin
  * before (3), length: point before the screw
  * reading (3), length: reading of the point after it
  * angle, rad: angle of the screw
@@ -35,7 +35,7 @@ void helical_axis_screw_residual_batch_f32(size_t count, const float *before, co
 
 /* Derivatives of velocity_axis.
  * Source: derivation helical_axis, entries slides-only and nearest
- * Operations: 86 add, 128 mul, 2 div, 1 sqrt
+ * Operations: 78 add, 126 mul, 2 div, 1 sqrt
  * omega (3), rad/time: angular velocity
  * velocity (3), length/time: velocity of a point of the body
  * position (3), length: where that point is

@@ -35,7 +35,7 @@ void tricept_uncertainty_tricept_parameter_sensitivity_batch_f32(size_t count, c
 
 /* Derivatives of tricept_closure_values.
  * Source: derivation tricept_uncertainty, entry eq-1 and what follows
- * Operations: 215 add, 310 mul, 9 cos, 9 sin
+ * Operations: 219 add, 345 mul, 9 cos, 9 sin
  * pose (3), rad, rad, length: alpha, beta, z
  * rods (3), length: lengths A0, A1, A-1
  * fixed (3, 3), length: the fixed joints A, B, C, a row each

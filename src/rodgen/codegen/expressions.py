@@ -13,16 +13,17 @@ from collections import Counter
 from collections.abc import Sequence
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
-from itertools import combinations, count
+from itertools import combinations, count, groupby
 from typing import Any, NamedTuple, TypeAlias
 
 import sympy as sp
 from sympy.core.relational import Relational
 
-from rodgen.codegen.kernel_parts import Assignment, KernelError, Port
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, slope
 from rodgen.codegen.operations import COMPARISONS
 from rodgen.codegen.program import Program
 from rodgen.codegen.tape import Number, Tape
+from rodgen.codegen.tape_jacobian import forward
 from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
 
 Operand: TypeAlias = Number | float
@@ -91,9 +92,24 @@ class _Walk:
         self.done: dict[sp.Basic, tuple[bool, Operand]] = {}
 
     def through(self, steps: Sequence[Assignment]) -> None:
-        """Take steps, in their order."""
-        for symbol, value in steps:
-            self.known[symbol] = self.tape.let(symbol.name, self(value))
+        """Take steps, in their order; derivatives that follow each other are taken together."""
+        for are_slopes, group in groupby(steps, lambda step: isinstance(step.value, slope)):
+            taken = list(group)
+            values = self.slopes([value for _, value in taken]) if are_slopes else (self(v) for _, v in taken)
+            for (symbol, _), value in zip(taken, values, strict=True):
+                self.known[symbol] = self.tape.let(symbol.name, value)
+
+    def slopes(self, wanted: Sequence[slope]) -> list[Operand]:
+        """Return derivatives of steps with respect to inputs."""
+        steps, inputs = (
+            list(dict.fromkeys(symbols)) for symbols in zip(*(x.args for x in wanted), strict=True)
+        )
+        variables: list[Any] = [self.known[x] for x in inputs]
+        found: dict[slope, Operand] = {}
+        for s, row in zip(steps, forward([self.known[s] for s in steps], variables), strict=True):
+            for x, value in zip(inputs, row, strict=True):
+                found[slope(s, x)] = value if isinstance(value, Number) else float(value)
+        return [found[x] for x in wanted]
 
     def __call__(self, value: sp.Basic) -> Operand:
         """Return an expression or condition."""
@@ -161,6 +177,8 @@ class _Walk:
             return number("exp", 1.0)
         if value is sp.nan:
             return math.nan
+        if isinstance(value, slope):
+            return self.slopes([value])[0]
         if type(value) in FUNCTIONS:
             return number(FUNCTIONS[type(value)], *map(self, value.args))
         if isinstance(value, sp.Float):

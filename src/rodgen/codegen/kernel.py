@@ -18,10 +18,17 @@ from typing import Any, TypeAlias
 
 import sympy as sp
 
-from rodgen.codegen.differentiate import derivatives
 from rodgen.codegen.exact import evaluate
 from rodgen.codegen.expressions import FUNCTIONS, program_of
-from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, UsualCase, live_steps
+from rodgen.codegen.kernel_parts import (
+    Assignment,
+    KernelError,
+    Port,
+    UsualCase,
+    live_steps,
+    port_symbols,
+    slope,
+)
 from rodgen.codegen.program import Program
 from rodgen.codegen.program_text import MACROS, Language, ProgramText, program_text
 
@@ -142,15 +149,30 @@ class Kernel:
         value : str, or expression or Matrix
             The name of an output, or anything in the kernel's symbols, as ``kernel["step"]``.
         keep : iterable of Symbol or Matrix
-            Steps that stay symbols, as :meth:`KernelBuilder.let` returned them, or ``kernel["step"]``.
+            Steps that stay symbols, as :meth:`KernelBuilder.let` returned them, or ``kernel["step"]``; derivatives
+            have none.
+
+        Raises
+        ------
+        KeyError
+            For what the kernel does not compute.
+        KernelError
+            For a derivative that is to be written with steps of `keep`.
         """
         if isinstance(value, str):
             value = self[value]
         wanted = value.free_symbols
         kept = {symbol for step in keep for symbol in step.free_symbols} - wanted
         environment: dict[sp.Symbol, sp.Basic] = {s: s for port in self.inputs for s in port.symbols}
-        for assignment in live_steps([a for a in self.assignments if a.symbol not in kept], wanted):
-            environment[assignment.symbol] = assignment.value.xreplace(environment)
+        for symbol, step in live_steps([a for a in self.assignments if a.symbol not in kept], wanted):
+            if isinstance(step, slope):
+                if kept:
+                    raise KernelError(
+                        f"kernel {self.name}: {symbol.name} is a derivative; expand it without `keep`"
+                    )
+                environment[symbol] = environment[step.args[0]].diff(step.args[1])
+            else:
+                environment[symbol] = step.xreplace(environment)
         missing = sorted(symbol.name for symbol in wanted - set(environment))
         if missing:
             raise KeyError(f"kernel {self.name} does not compute {', '.join(missing)}")
@@ -185,16 +207,27 @@ class Kernel:
             one after the other as its last axis; statuses stay as they are.
         """
         inputs = [p.name for p in self.inputs] if wrt is None else list(wrt)
-        real = [p.name for p in self.outputs if not p.is_status] if outputs is None else list(outputs)
-        ports, steps = derivatives(self, inputs, real)
-        differentiated = [self.port(n) for n in real] if values else []
-        made = self._with_program(
+        variables = [s for n in inputs for s in self.port(n).symbols]
+        real = (
+            [p for p in self.outputs if not p.is_status] if outputs is None else list(map(self.port, outputs))
+        )
+        if any(port.is_status for port in real):
+            raise KernelError(f"kernel {self.name}: a status has no derivative")
+        ports, steps = list[Port](), list(self.assignments)
+        for port in real:
+            made, shape = f"{port.name}_jacobian", (*port.shape, len(variables))
+            unit = f"{port.unit} per unit of {', '.join(inputs)}"
+            doc = f"derivative of {port.name}; last axis: {', '.join(x.name for x in variables)}"
+            ports.append(Port(made, shape, unit, doc, port_symbols(made, shape)))
+            slopes = (slope(y, x) for y in port.symbols for x in variables)
+            steps += map(Assignment, ports[-1].symbols, slopes)
+        derived = self._with_program(
             name or f"{self.name}_jacobian",
             self.inputs,
-            (*differentiated, *ports, *(port for port in self.outputs if port.is_status)),
+            (*(real if values else ()), *ports, *(port for port in self.outputs if port.is_status)),
             steps,
         )
-        return replace(made, summary=summary or f"Derivatives of {self.name}.")
+        return replace(derived, summary=summary or f"Derivatives of {self.name}.")
 
     def evaluate(
         self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
@@ -90,27 +90,14 @@ class UsualCase:
         return hash((self.guard, tuple(sorted(self.values))))
 
 
-class StraightLine(Protocol):
-    """A kernel, :class:`rodgen.codegen.kernel.Kernel`, for what differentiates its program."""
+class slope(sp.Function):  # type: ignore[misc]  # noqa: N801
+    """The derivative of a step with respect to an input, as an operation of a kernel.
 
-    @property
-    def name(self) -> str:
-        """Function name in every target."""
+    The program has it from the operations of the step (:mod:`rodgen.codegen.tape_jacobian`), a proof from its formula.
+    """
 
-    @property
-    def inputs(self) -> tuple[Port, ...]:
-        """In the order of the arguments."""
-
-    @property
-    def outputs(self) -> tuple[Port, ...]:
-        """In the order of the arguments."""
-
-    @property
-    def assignments(self) -> tuple[Assignment, ...]:
-        """In the order of evaluation."""
-
-    def port(self, name: str) -> Port:
-        """Return the input or output called `name`."""
+    nargs = 2
+    is_real = True
 
 
 def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:

@@ -73,6 +73,7 @@ MACROS = Language(
         for op, row in OPERATIONS.items()
     }
     | {op: OPERATIONS[op].c for op in ("add", "sub", "mul", "div", "neg")}
+    | {"recip": "K(1.0)/{}"}
     | {op: f"TEST({OPERATIONS[op].c})" for op in COMPARISONS}
     | {"and": _BITS["and"], "or": _BITS["or"]},
     "(REAL)NAN",
@@ -265,8 +266,8 @@ class _Writer:
         reads = frozenset().union(*(part.reads for part in parts))
         if op == "mul" and "recip" in (parts[0].op, parts[1].op):
             above, below = parts if parts[1].op == "recip" else reversed(parts)
-            over = self.language.written["recip"].replace("1.0", _bracketed(above, 3))
-            return _Part("div", over.format(below.below), 3, size, reads)
+            over = self.language.written["div"].format(_bracketed(above, 3), below.below)
+            return _Part("div", over, 3, size, reads)
         if op == "add" and parts[1].op == "neg":
             op, written, parts = (
                 "sub",

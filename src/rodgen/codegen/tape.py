@@ -62,7 +62,11 @@ class Number:
             return self.args[0]  # type: ignore[no-any-return]
         if self.op == "sub":
             return self.tape.number("sub", *reversed(self.args))
-        if self.op == "mul" and isinstance(self.args[0], float):
+        if (
+            self.op == "mul"
+            and isinstance(self.args[0], float)
+            and self.tape.has("mul", -self.args[0], self.args[1])
+        ):
             return self.tape.number("mul", -self.args[0], self.args[1])
         return self.tape.number("neg", self)
 

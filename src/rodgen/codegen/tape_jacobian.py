@@ -20,6 +20,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, TypeAlias
 
+from rodgen.codegen.operations import CONDITIONS
 from rodgen.codegen.program import GIVEN
 from rodgen.codegen.tape import Number, Value, cos, log, needed, select, sign, sin, sqrt
 
@@ -74,6 +75,22 @@ def jacobian(
         for way, is_narrow in _WAYS
     ]
     return min(found, key=lambda rows: len(needed([*outputs, *(x for row in rows for x in row)])))
+
+
+def forward(outputs: Sequence[Any], variables: Sequence[Number]) -> list[list[Value]]:
+    """Return the derivatives of values with respect to inputs, row by row, taken forward.
+
+    A select keeps its condition and takes one slope of two, so that the case that is not taken may be infinite.
+
+    Examples
+    --------
+    >>> from rodgen.codegen.tape import Tape
+    >>> (a, b) = Tape().inputs("p", 2)
+    >>> forward([a * b + 3 * a, b], [a, b]) == [[b + 3, a], [0, 1]]
+    True
+    """
+    edges = _edges([x for x in outputs if isinstance(x, Number)], variables)
+    return _forward(edges, _narrow(edges, outputs, selects=False), outputs, variables)
 
 
 def _forward(
@@ -142,15 +159,20 @@ def _swept(edges: Edges, adjoints: dict[Number, Value], part: Iterable[Number]) 
     return adjoints
 
 
-def _narrow(edges: Edges, outputs: Sequence[Any]) -> set[Number]:
-    """Replace the operands of the numbers whose own derivatives pay by what these are with respect to."""
-    parts = _narrow_parts(edges, [x for x in outputs if x in edges])
+def _narrow(edges: Edges, outputs: Sequence[Any], *, selects: bool = True) -> set[Number]:
+    """Replace the operands of the numbers whose own derivatives pay by what these are with respect to.
+
+    Without `selects` parts that have some are left out: the case that is not taken may be infinite.
+    """
+    parts = _narrow_parts(edges, [x for x in outputs if x in edges], selects)
     for narrow, part in parts:
         edges[narrow] = list(_swept(edges, {narrow: 1}, part).items())
     return {narrow for narrow, _ in parts}
 
 
-def _narrow_parts(edges: Edges, outputs: Sequence[Number]) -> list[tuple[Number, list[Number]]]:
+def _narrow_parts(
+    edges: Edges, outputs: Sequence[Number], selects: bool
+) -> list[tuple[Number, list[Number]]]:
     """Return the numbers whose own derivatives pay, each with what acts through it alone; no two share a number.
 
     A number dominates what all ways from the outputs lead to through it.
@@ -171,6 +193,7 @@ def _narrow_parts(edges: Edges, outputs: Sequence[Number]) -> list[tuple[Number,
 
     operations: dict[Number, int] = {}
     border: dict[Number, set[Number]] = {}  # where a sweep from the number ends
+    bare: dict[Number, bool] = {}  # of selects that may do harm
     gain: dict[Number, int] = {}
     best: dict[Number, int] = {}  # with what is below
     for x, operands in reversed(edges.items()):
@@ -180,7 +203,9 @@ def _narrow_parts(edges: Edges, outputs: Sequence[Number]) -> list[tuple[Number,
         border[x] = {a for a, _ in operands}.union(*(border[a] for a in inside))
         border[x].difference_update(a for a in inside if edges[a])
         once = 0 if x.same else operations[x]
-        gain[x] = reached[x].bit_count() * (operations[x] - 2 * len(border[x])) - once
+        bare[x] = selects or (x.op != "select" and all(bare[a] for a in inside))
+        saved = reached[x].bit_count() * (operations[x] - 2 * len(border[x])) - once
+        gain[x] = saved if bare[x] else 0
         best[x] = max(gain[x], sum(best[a] for a in inside))
 
     found, rest = list[tuple[Number, list[Number]]](), below[None]
@@ -220,6 +245,8 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
         case "sub":
             return [(args[0], lambda: 1), (args[1], lambda: -1)]
         case "mul":
+            if args[0] is args[1]:
+                return [(args[0], lambda: 2 * number.args[0])]
             return [(args[0], lambda: args[1]), (args[1], lambda: args[0])]
         case "select":  # what has no value has no derivative
             holds, yes, no = args
@@ -238,7 +265,14 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
             y, x = args
             square = x * x + y * y
             return [(y, lambda: x / square), (x, lambda: -y / square)]
-        case "lt" | "sign":
+        case "div":
+            above, below = args
+            if above == 1:
+                return [(below, lambda: -(number * number))]
+            return [(above, lambda: 1 / below), (below, lambda: -number / below)]
+        case "sign" | "power_of_two_scale" | "pi":
+            return []
+        case _ if op in CONDITIONS:
             return []
     (x,) = args
     slopes: dict[str, Callable[[], Any]] = {
@@ -249,6 +283,11 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
         "cos": lambda: -sin(x),
         "tan": lambda: 1 + number * number,
         "asin": lambda: 1 / sqrt(1 - x * x),
+        "acos": lambda: -1 / sqrt(1 - x * x),
+        "atan": lambda: 1 / (1 + x * x),
+        "sinh": lambda: number.tape.number("cosh", x),
+        "cosh": lambda: number.tape.number("sinh", x),
+        "tanh": lambda: 1 - number * number,
         "exp": lambda: number,
         "log": lambda: 1 / x,
         "abs": lambda: sign(x),
