@@ -156,7 +156,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 _LARGEST_EXPONENT = 20
 _MOST_BITS = 2048  # of a constant; a 40 digit number down to 1e-300 has 1130
 _LARGEST = 1e300
-_ZERO = 1e-15  # what is this small has been rounded: sin(pi) in floating point is 1e-16
+_ZERO = 1e-15  # of its parts; what is this small has been rounded: sin(pi) in floating point is 1e-16
 
 
 def constant(node: ast.expr) -> Fraction | float | None:
@@ -195,7 +195,10 @@ def _called(node: ast.expr, function: str, argument: Fraction | float) -> float:
         raise FormulaError(f"{_quoted(node)}, which is not a number", expected) from None
     if function == "tan" and abs(value) > 1 / _ZERO:
         raise FormulaError(f"{_quoted(node)}, which is infinite", expected)
-    return value
+    if function == "exp" and value == 0:
+        raise _beyond(node)
+    circular = function in {"sin", "cos", "tan"} and abs(float(argument)) > 1
+    return 0.0 if circular and abs(value) < _ZERO else value
 
 
 def _power(
@@ -228,12 +231,15 @@ def _operation(
 ) -> Fraction | float | None:
     if isinstance(node.op, ast.Div) and right == 0:
         raise FormulaError(f"{_quoted(node)}, a division by zero", "a divisor that is not zero")
-    return None if left is None or right is None else OPERATORS[type(node.op)](left, right)
+    if left is None or right is None:
+        return None
+    value = OPERATORS[type(node.op)](left, right)
+    largest = max(abs(float(left)), abs(float(right)))
+    cancelled = isinstance(node.op, ast.Add | ast.Sub) and abs(value) < _ZERO * largest
+    return 0.0 if cancelled and isinstance(value, float) else value
 
 
 def _checked(node: ast.expr, value: Fraction | float) -> Fraction | float:
-    if isinstance(value, float) and abs(value) < _ZERO:
-        value = 0.0
     if value and not 1 / _LARGEST <= (value if value > 0 else -value) <= _LARGEST:
         raise _beyond(node)
     if isinstance(value, Fraction) and _bits(value) > _MOST_BITS:
