@@ -730,7 +730,7 @@ d.check(
     text="In the chain the same error motion would have to be D' with the rotation RᵀEᵀR and the translation −RᵀEᵀs: "
     "opposite, and turning with the table. The error of the table against what carries it is not the error of what the "
     "table sees; written in its branch, it is the former, as ISO 230-1 has it.",
-).prove(modulo=unit)
+).prove(given={E: E}, modulo=unit)
 
 # %% [markdown]
 # ## How each parameter moves the seen point
