@@ -6,6 +6,7 @@ import ast
 import ctypes
 import hashlib
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -51,13 +52,26 @@ def builder(name: str = "sample") -> KernelBuilder:
 
 
 @pytest.mark.parametrize(
-    "name", ["2x", "a b", "a-b", "", "lambda", "double", "np", "out", "eps", "größe", "sin"]
+    "name",
+    ["2x", "a b", "a-b", "", "lambda", "double", "np", "out", "eps", "größe", "sin", "INT8_MAX", "M_PI"],
 )
 def test_names_that_no_target_can_have_are_refused(name: str) -> None:
     with pytest.raises(KernelError, match="not a valid name in generated code"):
         builder(name)
     with pytest.raises(KernelError, match=r"not a valid name in generated code|used twice"):
         builder().input(name, unit="1", doc="")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems define other names")
+def test_what_the_headers_of_the_generated_c_define_is_no_name(compiler: str) -> None:
+    loops = Path(rodgen.generated.__path__[0], "gufunc", "axis_loops.c")
+    command = [compiler, "-std=gnu11", "-DREAL_BITS=64", "-dM", "-E", str(loops)]
+    told = subprocess.run(command, text=True, capture_output=True, check=True).stdout
+    macros = set(re.findall(r"^#define ([A-Za-z]\w*) ", told, re.MULTILINE)) - {"AXIS_H"}  # of that module
+    assert {"INT8_MAX", "M_PI", "SHARED"} <= macros
+    for name in macros:
+        with pytest.raises(KernelError, match="not a valid name in generated code"):
+            builder(name)
 
 
 def test_a_name_is_used_once() -> None:

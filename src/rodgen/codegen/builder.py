@@ -33,7 +33,9 @@ short signed sizeof static struct switch true typedef union unsigned void volati
 """
 _WORDS_OF_TEMPLATES = """
 copysign ldexp isfinite linux unix NAN INFINITY NULL math np xp out count input output eps largest
-BLOCK CODE CONDITION REAL
+BLOCK CODE CONDITION REAL INLINED SHARED VECTORISE LOOP_ISA MAYBE_UNUSED ON_COLUMNS STREAM_FROM_BYTES
+BIG_ENDIAN BYTE_ORDER FD_SETSIZE LITTLE_ENDIAN NFDBITS PDP_ENDIAN
+WCONTINUED WEXITED WNOHANG WNOWAIT WSTOPPED WUNTRACED
 """
 _RESERVED = {
     *keyword.kwlist,
@@ -44,6 +46,12 @@ _RESERVED = {
     *("sign_f64", "power_of_two_scale_f64"),
 }
 """Words of Python and C, and names that the templates or a compiler use."""
+_MACROS = re.compile(
+    r"(DBL|FLT|LDBL|REAL|FE|FP|MATH|EXIT|VECTOR|RODGEN)_\w+|HUGE_VAL[FL]?|DECIMAL_DIG|math_errhandling"
+    r"|(U?INT\w*|SIZE|PTRDIFF|SIG_ATOMIC|WCHAR|WINT|RAND|MB_CUR)_(MAX|MIN)"
+    r"|M_(E|LOG2E|LOG10E|LN2|LN10|[12]_PI|2_SQRTPI|PI(_[24])?|SQRT(2|1_2))"
+)
+"""What the headers of C and those of the loops define."""
 
 
 class KernelBuilder:
@@ -241,7 +249,7 @@ def _shape(value: Value | Sequence[Any]) -> tuple[int, ...]:
 def _identifier(name: str) -> str:
     if not _IDENTIFIER.match(name):
         raise KernelError(f"{name!r} is not a valid name in generated code; expected a plain identifier")
-    if name in _RESERVED or name.startswith(("DBL_", "FLT_", "REAL_")):
+    if name in _RESERVED or _MACROS.fullmatch(name):
         raise KernelError(
             f"{name!r} is not a valid name in generated code: it is reserved there; expected another one"
         )
