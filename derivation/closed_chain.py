@@ -139,7 +139,7 @@ by_pose = d.letter(
     sp.Matrix([[closed.diff(x) for x in y]]).doit().xreplace(rates),
 )
 by_legs = d.letter(
-    "leg_slopes[1,2] | J_k | its slopes, as they are computed | length",
+    "leg_slopes[1,2] | J_k | its slopes in the program | length",
     legs.slopes(FORMULAS, [end - base], [end.jacobian(y)]).xreplace(rates),
 )
 d.check(
@@ -190,7 +190,7 @@ by_factors = d.letter(
 )
 b_vector = d.vector("b_vector", r"\vec b", "right sides of the system", "1", value=right)
 by_inverse = d.letter(
-    r"by_inverse[3,3] | J\,J^{-1} | a matrix times its inverse, as it is computed | 1",
+    r"by_inverse[3,3] | J\,J^{-1} | a matrix times its inverse in the program | 1",
     any_three * legs.inverse(FORMULAS, any_three),
 )
 d.check(
@@ -222,7 +222,7 @@ by_unknowns = d.letter(
 )
 rates_of_b = d.letter(
     r"point_rates[3,3] | (-O_y\vec e_1\times\vec p,\;\vec e_2\times\vec p,\;P\vec e_3) | "
-    r"the same, as it is computed | length",
+    r"the same in the program | length",
     legs.tricept_rates(FORMULAS, P, (sp.cos(beta), sp.sin(beta)), P * own + P[:, 2] * stroke),
 )
 by_alpha = d.letter(
@@ -257,14 +257,14 @@ tau = d.vector("tau", r"\vec\tau", "half the Rodrigues vector of the step", "1",
 turned_x = d.vector(
     "turned_x",
     r"\vec x+\frac{2(\vec\tau\times\vec x+\vec\tau\times(\vec\tau\times\vec x))}{1+(\vec\tau,\vec\tau)}",
-    "x after the step, as it is computed",
+    "x after the step in the program",
     "length",
     value=legs.turned_by_step(FORMULAS, sp.eye(3), sp.Matrix(turn.components)) * sp.Matrix(x.components),
 )
 d.check(
     "step-turns",
     equal(turned_x, rodrigues(x, turn)),
-    text="The step as it is computed is Rodrigues' formula.",
+    text="The step of the program is Rodrigues' formula.",
 ).prove(because="With θ = 2τ both denominators are 1 + |τ|², and both numerators 2τ × x + 2τ × (τ × x).")
 
 # %% [markdown]
@@ -275,7 +275,7 @@ d.check(
 scalar = d.symbol("scalar", "w", "scalar of a unit quaternion", "1")
 v = d.vector("v", r"\vec v", "its vector", "1")
 of_quaternion = d.letter(
-    r"of_quaternion[3,3] | R(w,\vec v) | matrix of a unit quaternion, as it is computed | 1",
+    r"of_quaternion[3,3] | R(w,\vec v) | matrix of a unit quaternion in the program | 1",
     legs.matrix_of_quaternion(FORMULAS, scalar, sp.Matrix(v.components)),
 )
 d.check(
@@ -298,7 +298,7 @@ first_order = d.letter(
 )
 by_turn = d.letter(
     r"by_turn[3,3] | \frac{\partial(\vec\theta\times\vec x)}{\partial\vec\theta} | "
-    r"its derivative by the turn, as it is computed | length",
+    r"its derivative by the turn in the program | length",
     legs.turn_rates(FORMULAS, sp.Matrix(x.components)),
 )
 d.check(

@@ -594,11 +594,11 @@ d.check(
 
 # %%
 computed = d.letter(
-    r"computed | R_{\geq}(\vec w)\,\vec x | x turned by w, as it is computed from φ² = 1/4 | length",
+    r"computed | R_{\geq}(\vec w)\,\vec x | x turned by w in the program, from φ² = 1/4 on | length",
     motions.turned_by_vector(SECOND, x, w),
 )
 computed_small = d.letter(
-    r"computed_small | R_{<}(\vec w)\,\vec x | x turned by w, as it is computed below φ² = 1/4 | length",
+    r"computed_small | R_{<}(\vec w)\,\vec x | x turned by w in the program, below φ² = 1/4 | length",
     motions.turned_by_vector(FIRST, x, w),
 )
 d.check(
@@ -703,18 +703,16 @@ d.check(
 ).prove(given={S: S, K: K})
 
 # %%
-moved = d.letter(
-    r"moved[3] | D\vec x | x, moved, as it is computed | length", motions.moved(SECOND, x, P, s, w)
-)
+moved = d.letter(r"moved[3] | D\vec x | x, moved, in the program | length", motions.moved(SECOND, x, P, s, w))
 moved_back = d.letter(
-    r"moved_back[3] | D^{-1}\vec x | x, moved back, as it is computed | length",
+    r"moved_back[3] | D^{-1}\vec x | x, moved back, in the program | length",
     motions.moved_back(SECOND, x, P, s, w),
 )
 d.check(
     "error-motion",
     equal(moved, P + by_vector(x - P) + s),
     equal(moved_back, P + by_vector(x - s - P, -w)),
-    text="Error motions are computed so.",
+    text="These are the error motions that the program computes.",
 ).prove()
 
 # %%
@@ -1124,11 +1122,11 @@ lift_vector = d.letter(
 )
 raised = {up: (0, 0, 1)}
 computed_lift = d.letter(
-    r"computed_lift | \vec y_\geq | the ray, lifted, as it is computed from α² = 1/4 | 1",
+    r"computed_lift | \vec y_\geq | the ray, lifted, in the program from α² = 1/4 on | 1",
     motions.lifted(replace(SECOND, sqrt=lambda known: f * sine), ray, up, cosine, f),
 )
 computed_small_lift = d.letter(
-    r"computed_small_lift | \vec y_< | the ray, lifted, as it is computed below α² = 1/4 | 1",
+    r"computed_small_lift | \vec y_< | the ray, lifted, in the program below α² = 1/4 | 1",
     motions.lifted(replace(FIRST, sqrt=lambda known: f * sine), ray, up, cosine, f),
 )
 ray_unit = {ray.components[2]: dot(ray, ray) - 1}
@@ -1141,8 +1139,8 @@ d.check(
     equal(computed_lift, lifted),
     equal(computed_small_lift, (1 - square * K_8) * ray + f * S_8 * (up - cosine * ray)),
     text="The lift is the rotation by the vector f x × h: S and K of f²σ² = f²(1 − c²) are smooth at the zenith, and "
-    "no root is taken of a difference. The zenith angle falls by α: its cosine becomes cos(ζ − α). So it is computed, "
-    "with the series of S and K where α is small.",
+    "no root is taken of a difference. The zenith angle falls by α: its cosine becomes cos(ζ − α). The program has it "
+    "so, with the series of S and K where α is small.",
     assumptions=[equal(norm(ray), 1), equal(norm(up), 1)],
 ).prove(given={**raised, phi: f * sine, square: f**2 * (1 - cosine**2)}, modulo=ray_unit)
 
@@ -1445,7 +1443,7 @@ d.check(
         for computed, arm in zip(motions.moments_of_weights(FORMULAS, n, rate, links), moments, strict=True)
     ),
     text="The moments about the first axis of unit forces at these points, and of one at the first of them after a "
-    "quarter turn, as they are computed: from joint to joint outwards.",
+    "quarter turn, computed from joint to joint outwards.",
 ).prove(modulo=unit)
 
 # %%
@@ -1475,7 +1473,7 @@ drop = d.symbol("drop", r"\delta", "by how much the load drops", "length")
 E_2 = d.matrix("E_2", "E_2", "rotation of all error motions of the joint", "1", value=any_rotation("E_2"))
 t_sag = d.letter(r"t_sag | \vec t_s | translation of the sag | length", drop * g + (c_0 - P) - E * (c_0 - P))
 t_computed = d.letter(
-    r"t_computed | \vec t_s(\vec w) | translation of the sag, as it is computed | length",
+    r"t_computed | \vec t_s(\vec w) | translation of the sag in the program | length",
     motions.sag_shift(SECOND, c_0 - P, g, drop, w),
 )
 d.check(

@@ -455,7 +455,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# ### The octic as it is computed
+# ### The octic that the kernel computes
 #
 # Near equal legs six roots crowd together and a root-finder loses them: six roots in one cost all but a sixth of the
 # digits. The phase of $W$ does not crowd. With all lengths in units of $R$, $\eta=h/R$, $z=|Z|/R$ and

@@ -906,7 +906,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# ## The derivatives as they are computed
+# ## The derivatives that the kernel computes
 #
 # The functions of the package take the derivatives from the rods as vectors, which needs fewer operations than
 # $W_{33}$ and $W_{35}$. With the platform's joint $\vec b_k=O\,(r\,\vec e_k+z\,\vec e_z)$ a rod is
@@ -941,7 +941,7 @@ rows = rod_rows((sa, ca, sb, cb), (z, r, R))
 P = sp.Matrix([row for _, row, _, _ in rows])
 by_radii = sp.Matrix([[by_r, -by_R] for _, _, by_r, by_R in rows])
 computed_rods = [
-    d.vector(f"rod_{n}", rf"\vec a_{{{k}}}'", f"rod {k} as it is computed", "length", value=rod)
+    d.vector(f"rod_{n}", rf"\vec a_{{{k}}}'", f"rod {k} in the program", "length", value=rod)
     for n, k, (rod, _, _, _) in zip("abc", directions, rows, strict=True)
 ]
 letter_P = d.matrix("P", "P", "half the derivatives of the squared lengths by the pose", "mixed", value=P)

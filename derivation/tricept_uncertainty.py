@@ -197,7 +197,7 @@ d.check(
             r"X_by_pose | \frac{\partial\vec X}{\partial(\alpha,\beta,z)} | derivatives by the pose | mixed",
             pose_jacobian,
         ),
-        d.letter("J | J | these derivatives as they are computed | mixed", by_pose(X)),
+        d.letter("J | J | these derivatives in the program | mixed", by_pose(X)),
     ),
     text="The derivatives by the pose. $J$ is the matrix of these three columns, as the package computes it.",
 ).prove()
@@ -230,7 +230,7 @@ d.check(
             r"X_by_errors | \frac{\partial\vec X}{\partial\vec\varepsilon} | derivatives by the 14 errors | mixed",
             guide_jacobian,
         ),
-        d.letter("G | G | these derivatives as they are computed | mixed", by_guide(X)),
+        d.letter("G | G | these derivatives in the program | mixed", by_guide(X)),
     ),
     text="The derivatives by the 14 errors of the guiding rod. $G$ is the matrix of these columns, as the package "
     "computes it.",

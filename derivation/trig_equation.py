@@ -245,7 +245,7 @@ long, short = (
 d.check(
     "discriminant",
     equal((long - D) * (long + D) + short**2, long**2 + short**2 - D**2),
-    text="$w^2$ as it is computed.",
+    text="$w^2$ in the program.",
 ).prove()
 
 # %% [markdown]
