@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
+import inspect
 import itertools
+import json
 import math
 import sys
 import time
@@ -35,6 +38,7 @@ from rounding import (
 )
 from vector_programs import Balls, rotate, solve_axis, solve_axis_usual
 
+from rodgen.files import write_files
 from rodgen.generated.numpy import instantaneous_euler, rotations, tricept
 
 RIGHT = math.pi / 2
@@ -418,6 +422,8 @@ def claims() -> list[Claim]:
     return found
 
 
+KEPT = Path(__file__).parents[1] / "build" / "certified"
+"""Has the certificates of claims that were finished, so that a run goes on where one before it ended."""
 PAGE = Path(__file__).parents[1] / "docs" / "certified.md"
 TOP = """# Certified bounds of rounding errors
 
@@ -458,9 +464,20 @@ BOTTOM = """
 
 
 def certified(number: int) -> tuple[Certificate, float]:
-    """Return the certificate of a claim, and the seconds of a processor that it took."""
+    """Return the certificate of a claim, and the seconds of a processor that it took; a finished one is kept."""
+    claim = claims()[number]
+    programs = [vars(module).get(f"_{claim.kernel}") for module in (instantaneous_euler, rotations, tricept)]
+    text = [path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py"))]
+    about = [str(number), *text, *map(inspect.getsource, filter(None, programs))]
+    kept = KEPT / f"{hashlib.sha256(''.join(about).encode()).hexdigest()}.json"
+    if kept.is_file():
+        worst, boxes, left, seconds = json.loads(kept.read_text(encoding="utf-8"))
+        return Certificate(worst, boxes, [tuple(map(tuple, box)) for box in left]), seconds
     start = time.process_time()
-    return claims()[number].certificate(), time.process_time() - start
+    found = claim.certificate()
+    seconds = time.process_time() - start
+    write_files(KEPT, {kept.name: json.dumps([found.worst, found.boxes, found.open, seconds])})
+    return found, seconds
 
 
 def row(claim: Claim, found: Certificate) -> str:
