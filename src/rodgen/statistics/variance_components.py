@@ -268,12 +268,12 @@ class RestrictedLikelihood:
         names, sizes = now.names[:i] + now.names[i + 1 :], now.sizes[:i] + now.sizes[i + 1 :]
         return self.at(names, sizes, now.time)
 
-    def again(self, now: VarianceComponents) -> VarianceComponents:
-        """Climb with the components that there are, from where they are or from less of them: the likelier."""
+    def near(self, now: VarianceComponents) -> VarianceComponents:
+        """Return the components that there are, or less of them: the likelier, from where :meth:`climbed` leads on."""
         if not now.names:
             return self.independent
         starts = [self.at(now.names, [part * x for x in now.sizes], now.time) for part in (1.0, 0.4, 0.1)]
-        return self.climbed(max(starts, key=lambda x: x.likelihood))
+        return max(starts, key=lambda x: x.likelihood)
 
     @property
     def shortest(self) -> float:
@@ -526,16 +526,19 @@ class VarianceEstimator:
             tried = []
             for i in self._promising(seen, found, chosen):
                 likelihood = self._likelihood(self.own, _together(seen, [*chosen, i]))
-                there = likelihood.again(found)
-                tried.append((self._cost(seen, [*chosen, i], there), i, there))
-            best = min(tried, key=lambda x: x[0], default=None)
-            if best is None or best[0] >= cost:
+                start = likelihood.near(found)
+                tried.append((self._cost(seen, [*chosen, i], start), i, likelihood, start))
+            if not tried:
                 break
-            cost, found = best[0], best[2]
-            chosen = [*chosen, best[1]]
+            _, best, likelihood, start = min(tried, key=lambda x: x[0])
+            there = likelihood.climbed(start)
+            if (less := self._cost(seen, [*chosen, best], there)) >= cost:
+                break
+            cost, found, chosen = less, there, [*chosen, best]
         for i in list(chosen):
             fewer = [j for j in chosen if j != i]
-            there = self._likelihood(self.own, _together(seen, fewer)).again(found)
+            likelihood = self._likelihood(self.own, _together(seen, fewer))
+            there = likelihood.climbed(likelihood.near(found))
             if (less := self._cost(seen, fewer, there)) < cost:
                 cost, chosen, found = less, fewer, there
         return cost, chosen, found
