@@ -33,11 +33,12 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     if not off:
         return -math.inf
     geometry = _cost(evidence, chosen, off)
-    if zeros and _cost(evidence, chosen, zeros) < geometry + COST.needed:
-        return -math.inf
     kinds, places = (Counter(c.effect.name for c in some if c in off) for some in (chosen, off))
     which = sum(2 * math.log(math.comb(places[name], n)) for name, n in kinds.items() if n > 1)
-    return evidence.cost(chosen) + which - geometry
+    gain = evidence.cost(chosen) + which - geometry
+    if gain > -COST.tied and zeros and _cost(evidence, chosen, zeros) < geometry + COST.needed:
+        return -math.inf
+    return gain
 
 
 def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candidate]) -> float:
