@@ -113,6 +113,7 @@ class Columns:
     """XᵀX, (K, K)."""
     pull: Array
     """Xᵀy, (K,)."""
+    _falls: dict[bytes, float] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, space: Space, across: Array) -> Columns:
@@ -129,6 +130,15 @@ class Columns:
         cost = space.log_determinant + _log_determinant(there)
         left, imperfect = (project_out(basis, y) for y in (space.residual, space.imperfect))
         return Columns.of(Space(every, left, imperfect, cost, space.whiten), across)
+
+    def explained(self, index: Ints) -> float:
+        """Return by how much some columns, (q,), lower the sum of squares, of directions that are determined."""
+        key = index.tobytes()
+        if key not in self._falls:
+            scaled, length = unit_diagonal(self.gram[np.ix_(index, index)])
+            fall = falls_from_products(scaled, self.pull[index] / length, least=COST.visible**2)
+            self._falls[key] = float(fall)
+        return self._falls[key]
 
     @property
     def square(self) -> float:
@@ -521,8 +531,14 @@ class Evidence:
 
     @cached_property
     def _products(self) -> tuple[Array, ...]:
-        """XᵀX, Xᵀy, |y|², that without exact dimensions, and the logarithm of the determinant of each noise model."""
-        found = ((m.gram, m.pull, m.square, m.imperfect, m.space.log_determinant) for m in self.models)
+        """XᵀX, Xᵀy, |y|², that without exact dimensions, and the logarithm of the determinant of each noise model.
+
+        The last column is one of zeros.
+        """
+        found = (
+            (np.pad(m.gram, (0, 1)), np.pad(m.pull, (0, 1)), m.square, m.imperfect, m.space.log_determinant)
+            for m in self.models
+        )
         return tuple(np.array(of_models) for of_models in zip(*found, strict=True))
 
     def choice(self, chosen: Sequence[Candidate]) -> float:
@@ -583,10 +599,7 @@ class Evidence:
         Under one noise model; the first one without.
         """
         index, model = self._index(chosen), model or self.models[0]
-        if not len(index):
-            return 0.0
-        scaled, length = unit_diagonal(model.gram[np.ix_(index, index)])
-        return float(falls_from_products(scaled, model.pull[index] / length, least=COST.visible**2))
+        return model.explained(index) if len(index) else 0.0
 
     def lengths(self, candidate: Candidate) -> Array:
         """Return the lengths of a candidate's columns beyond what the fitted parameters imitate, (k,).
@@ -661,16 +674,15 @@ class Evidence:
         gram, pull, square, _, log_determinant = self._products
         diagonal = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
         # shorter ones end with a column of zeros
-        columns = itertools.zip_longest(*map(self._index, sets), fillvalue=gram.shape[1])
+        columns = itertools.zip_longest(*map(self._index, sets), fillvalue=gram.shape[1] - 1)
         index = np.array([*columns], int).reshape(-1, len(sets)).T
-        padded = np.pad(gram, ((0, 0), (0, 1), (0, 1)))
-        scaled, length = unit_diagonal(padded[:, index[:, :, None], index[:, None, :]])
+        scaled, length = unit_diagonal(gram[:, index[:, :, None], index[:, None, :]])
         values, vectors = eigh(scaled)
         real = values > ROUNDING * values[..., -1:]
         root = vectors / np.sqrt(np.where(real, values, np.inf))[..., None, :] / length[..., None]
         root = np.swapaxes(root, 2, 3)
-        cross = root @ padded[:, index, :-1]
-        along = root @ np.pad(pull, ((0, 0), (0, 1)))[:, index, None]
+        cross = root @ gram[:, index]
+        along = root @ pull[:, index, None]
         pull = pull[:, None] - (np.swapaxes(cross, 2, 3) @ along)[..., 0]
         left = np.maximum(square[:, None] - np.sum(along[..., 0] ** 2, axis=2), 1e-300)[..., None]
         falls = np.full((*pull.shape[:2], len(self.candidates)), -np.inf)
