@@ -316,11 +316,7 @@ class Evidence:
         lengths = np.linalg.norm(own, axis=0)
         z = self.models[0].space.beyond(own)
         shares = np.linalg.norm(z, axis=0) / np.where(lengths > 0, lengths, 1.0)
-        ends = np.cumsum(sizes)
-        largest = [
-            float(np.max(shares[end - size : end], initial=0.0))
-            for size, end in zip(sizes, ends, strict=True)
-        ]
+        largest = [float(own.max(initial=0.0)) for own in np.split(shares, np.cumsum(sizes)[:-1])]
         seen = [share >= COST.visible for share in largest]
         kept = np.repeat(np.array(seen, bool), np.array(sizes, int))
         hidden = shares < HIDDEN
@@ -338,6 +334,8 @@ class Evidence:
         exact, dimensions = self._exact, self.sensitivities.exact
         for c in found:
             parts[id(c)] = np.arange(end, end := end + c.columns.shape[2])
+        sure = [c.effect.name in exact or c.key in dimensions for c in found]
+        known = [_known(c, models[0], parts[id(c)], one) for c, one in zip(found, sure, strict=True)]
         every = [*self.candidates, *found]
         unseen = [*self.unseen, *(c for c, there in zip(more, seen, strict=True) if not there)]
         return replace(
@@ -347,15 +345,7 @@ class Evidence:
             models=models,
             parts=parts,
             shares=self.shares | {id(c): share for c, share in zip(more, largest, strict=True)},
-            known=np.concatenate(
-                [
-                    self.known,
-                    *(
-                        _known(c, models[0], parts[id(c)], c.effect.name in exact or c.key in dimensions)
-                        for c in found
-                    ),
-                ]
-            ),
+            known=np.concatenate([self.known, *known]),
             _bounds={},
             _log_choices=None,
         )
@@ -414,8 +404,8 @@ class Evidence:
 
     def misfit(self, chosen: Sequence[Candidate]) -> float:
         """Return the cost of a set without that of its odds and of the sizes of its effects."""
-        found = self.estimated(chosen)
-        return found.cost - self.choice(chosen) - found.of_sizes
+        best = min(self._under_each(chosen), key=lambda one: one.cost)
+        return best.cost - best.of_sizes
 
     def model_for(self, chosen: Sequence[Candidate]) -> Columns:
         """Return the noise model under which a set of candidates costs least."""
@@ -429,16 +419,12 @@ class Evidence:
 
     def correlation_for(self, chosen: Sequence[Candidate]) -> Correlation:
         """Return how readings depend on each other where a set of candidates costs least."""
-        whiten = self.model_for(chosen).space.whiten
-        return next(one for one in self.dependences if one.whiten == whiten)
+        return self.dependences[self.models.index(self.model_for(chosen))]
 
     def dearer(self, model: Columns, chosen: Sequence[Candidate]) -> float:
         """Return how much dearer a set is under one noise model than under the best one."""
-        return self._under(model, chosen).cost + self.choice(chosen) - self.cost(chosen)
-
-    def _under(self, model: Columns, chosen: Sequence[Candidate]) -> Estimated:
-        """Return the cost of a set under one noise model, but for its odds."""
-        return self._under_each(chosen)[self.models.index(model)]
+        costs = [one.cost for one in self._under_each(chosen)]
+        return costs[self.models.index(model)] - min(costs)
 
     def _under_each(self, chosen: Sequence[Candidate]) -> list[Estimated]:
         key = frozenset(chosen)
@@ -531,10 +517,7 @@ class Evidence:
 
     @cached_property
     def _products(self) -> tuple[Array, ...]:
-        """XᵀX, Xᵀy, |y|², that without exact dimensions, and the logarithm of the determinant of each noise model.
-
-        The last column is one of zeros.
-        """
+        """Of each noise model XᵀX and Xᵀy, with a last column of zeros, |y|², that without dimensions, ln|V|."""
         found = (
             (np.pad(m.gram, (0, 1)), np.pad(m.pull, (0, 1)), m.square, m.imperfect, m.space.log_determinant)
             for m in self.models
@@ -586,7 +569,7 @@ class Evidence:
 
     def variance(self, model: Columns, chosen: Sequence[Candidate]) -> float:
         """Return the variance of a whitened reading under one noise model, with a set of candidates."""
-        return self._under(model, chosen).variance
+        return self._under_each(chosen)[self.models.index(model)].variance
 
     def inexact(self, chosen: Sequence[Candidate], model: Columns | None = None) -> float:
         """Return the sum of squares that a set explains beyond what its exact formulas explain alone."""
