@@ -140,11 +140,11 @@ def worth(evidence: Evidence, chosen: Sequence[Candidate], one: Candidate) -> fl
     An effect whose formula is imperfect leaves a part that another effect at the same place, or of the whole machine,
     may look like.
     """
-    others = [c for c in chosen if c is not one]
-    if any(c.effect.place in {one.effect.place, None} or one.effect.place is None for c in others):
-        explained = evidence.explained(others)
-        if evidence.explained(chosen) - explained < evidence.imperfect**2 * evidence.inexact(others):
-            return 0.0
+    others, place = [c for c in chosen if c is not one], one.effect.place
+    near = [c for c in others if place is None or c.effect.place in {place, None}]
+    explained = evidence.explained(chosen) - evidence.explained(others)
+    if explained < evidence.imperfect**2 * evidence.inexact(near):
+        return 0.0
     return evidence.cost(others) - evidence.cost(chosen)
 
 
