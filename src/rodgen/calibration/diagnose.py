@@ -38,7 +38,14 @@ from rodgen.calibration.estimates import EffectEstimates
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.fit import Fit, balanced, ended, fit
 from rodgen.calibration.forms import propose, sharpened
-from rodgen.calibration.geometry import SEVERAL, gain_of_geometry, with_geometry
+from rodgen.calibration.geometry import (
+    SEVERAL,
+    gain_of_geometry,
+    including_numbers,
+    is_dimension,
+    with_geometry,
+    with_shared_numbers,
+)
 from rodgen.calibration.held_out import HeldOut
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.blocks import observed
@@ -53,12 +60,12 @@ from rodgen.calibration.remarks import (
 )
 from rodgen.calibration.rows import Rows, wrong_rows
 from rodgen.calibration.selection import equals, log10_of, ordered, ranking, select, worth
+from rodgen.calibration.sensitivities import NUMBER
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import contradictions
 from rodgen.calibration.validation import bind_validation, on_another_machine, validation_error
-from rodgen.calibration.words import NAMES, capitalized, uncapitalized
+from rodgen.calibration.words import NAMES, capitalized, comparison, uncapitalized
 from rodgen.errors import InputFileError, joined
-from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.observations import Observations
 from rodgen.stages import Progress, reporting, stage
@@ -161,6 +168,8 @@ class _State:
         Why effects were not confirmed, by name and place.
     stretch : DisplacedStretch or None
         Rows that lie displaced: what they share is beside the effects.
+    gain : float
+        By how much a geometry that differs everywhere from the file is cheaper than the effects.
     """
 
     base: Fit
@@ -169,6 +178,7 @@ class _State:
     fits: list[Fit] = field(default_factory=list)
     refused: dict[tuple[str, str | None], str] = field(default_factory=dict)
     stretch: DisplacedStretch | None = None
+    gain: float = -math.inf
 
     @property
     def last(self) -> Fit:
@@ -207,14 +217,16 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
             chosen = select(evidence)
         selected = _State(base, evidence, chosen, [base], stretch=stretch)
-        asked = geometry is None and number < ROUNDS - 1
-        found = _wrong_geometry(selected) if asked else None
+        asked = number < ROUNDS - 1
+        gain, found = _wrong_geometry(subject, selected) if asked else (-math.inf, None)
         if found is None:
-            state = _confirmed(selected)
+            state = _confirmed(replace(selected, gain=gain))
             if asked and (state.refused or len(selected.chosen) < SEVERAL):
-                found = _wrong_geometry(state)
+                gain, found = _wrong_geometry(subject, state)
+                state = replace(state, gain=gain)
         if found is not None:  # effects are looked for beside it
-            geometry, base = found
+            more, base = found
+            geometry = more if geometry is None else more.after(geometry)
             subject, known = replace(subject, fitted=base), frozenset()
             continue
         rows = Rows.of(state.last)
@@ -310,34 +322,44 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
     return found if found is not None and found.gain > likelier else None
 
 
-def _wrong_geometry(state: _State) -> tuple[WrongGeometry, Fit] | None:
-    """Return the geometry of the file as one cause, with the fit of it; None where it is not likelier than effects.
+def _wrong_geometry(subject: _Subject, state: _State) -> tuple[float, tuple[WrongGeometry, Fit] | None]:
+    """Return by how much another geometry is cheaper than effects and, where it is, as one cause, with its fit.
 
-    Several single dimensions are more causes: where the readings cannot distinguish the two, the geometry is named.
+    Else with those numbers of a platform on legs that are likelier than effects of single legs.
     """
-    base, several = state.base, len(state.chosen) + len(state.refused) >= SEVERAL
-    gain = gain_of_geometry(state.evidence.without(()), state.chosen) if several else -math.inf
-    dimensions = [c for c in state.chosen if c.effect.name in GEOMETRY]
-    least = -COST.tied if len(dimensions) >= SEVERAL else 0.0
-    whole = _with_geometry(base) if gain > least else None
-    if whole is None:
-        return None
-    more = whole.machine.effects[len(base.machine.effects) :]
-    return WrongGeometry(whole.machine.estimate, more, log10_of(gain), base, base.held_out().rms), whole
+    base, evidence, chosen = state.base, state.evidence.without(()), state.chosen
+    machine, named = base.machine, list[str]()
+    cost, more = evidence.cost(chosen), with_shared_numbers(machine)
+    if more is not None and (at := _refitted(base, more)) is not None:
+        beside = None if state.stretch is None else state.stretch.columns
+        known = _lasting(chosen)
+        there = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
+        found = select(numbered := including_numbers(there))
+        if numbered.cost(found) < cost:
+            evidence, chosen = numbered, found
+            named = [str(c.effect.place) for c in chosen if c.effect.name == NUMBER]
+    several = len(chosen) + len(state.refused) >= SEVERAL
+    gain_of_all = gain_of_geometry(evidence, chosen) if several else -math.inf
+    tried = [(gain_of_all, with_geometry(machine))]
+    tried += [(cost - evidence.cost(chosen), with_shared_numbers(machine, named))] if named else []
+    for gain, other in tried:
+        whole = _refitted(base, other) if other is not None and gain > 0 else None
+        # predicts poses left out no better
+        if whole is not None and not whole.held_out().predicts_no_better_than(base.held_out()):
+            effects = whole.machine.effects[len(machine.effects) :]
+            odds, held_out = log10_of(gain), base.held_out().rms
+            return gain, (WrongGeometry(whole.machine.estimate, effects, odds, base, held_out), whole)
+    return gain_of_all, None
 
 
 @stage("further fits")
-def _with_geometry(base: Fit) -> Fit | None:
-    """Return the fit with all dimensions estimated; None where it fails, or predicts poses left out no better."""
-    machine = with_geometry(base.machine)
-    if machine is None:
-        return None
+def _refitted(base: Fit, machine: Machine) -> Fit | None:
+    """Return the fit with dimensions estimated; None where it fails."""
     try:
         found = base.refit(machine, outliers=base.outliers)
     except FitError:
         return None
-    better = found.solution.converged and not found.held_out().predicts_no_better_than(base.held_out())
-    return found if better else None
+    return found if found.solution.converged else None
 
 
 def _confirmed(state: _State) -> _State:
@@ -528,6 +550,9 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     notes += map(capitalized, lifted(last.machine, [step.effect for step in steps], last.estimates))
     notes += aliased(last, [step.effect for step in steps])
     notes += on_preferred(evidence, chosen, subject.prefer)
+    if -COST.tied < state.gain <= 0 and sum(map(is_dimension, chosen)) >= SEVERAL:
+        than = comparison(_odds(-state.gain), than=" than these")
+        notes.append(f"That all dimensions differ a little from the file is {than}.")
     if steps and rest:
         notes.append(f"This is not all: {uncapitalized(rest)}")
     rms, unknown = _tested(subject, rms, fits)

@@ -29,6 +29,7 @@ from rodgen.calibration.words import (
 from rodgen.data.units import readable, unit_factor
 from rodgen.errors import joined
 from rodgen.machines.plausibility import plausibility, reach
+from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import CHECK, COST, VERDICT
 
 if TYPE_CHECKING:
@@ -150,14 +151,28 @@ def on_geometry(diagnosis: Diagnosis) -> str:
     geometry = diagnosis.geometry
     if geometry is None:
         return ""
-    after = diagnosis.base.rms
+    after, numbers = diagnosis.base.rms, joined([*_numbers(diagnosis)])
     fallen = fall(geometry.before.rms, after, diagnosis.rms.unit) + _against_noise(diagnosis, diagnosis.base)
-    fewer = "" if geometry.odds > 1 else ", which are more causes"
+    how = f"{numbers}; with that" if numbers else "with estimated ones"
     return (
-        f"The dimensions of the machine are not those of the file: with estimated ones the error {fallen}. That is "
-        f"{comparison(geometry.odds, than=' than single effects in its place')}{fewer}. "
+        f"The dimensions of the machine are not those of the file: {how} the error {fallen}. That is "
+        f"{comparison(geometry.odds, than=' than single effects in its place')}. "
         "'rodgen diagnose -o FILE' writes a machine file that estimates them."
     )
+
+
+def _numbers(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield what the numbers are that all legs of a platform share, where these alone are wrong."""
+    geometry, fit = diagnosis.geometry, diagnosis.final
+    if geometry is None or geometry.effects:
+        return
+    kinematics, unit = fit.machine.kinematics, fit.machine.length_unit
+    for name in (name for name in kinematics.numbers if name in geometry.estimate):
+        for x, drawn in zip(kinematics.numbers[name], kinematics.number(name), strict=True):
+            shown = f"{name}.{x}" if x else name
+            one = fit.estimates[f"geometry.{shown}"]
+            value, std = measured(drawn + one.value, one.std)
+            yield f"{shown} is {value}{f' ± {std}' if one.std else ''} {unit}, not {drawn:.6g}"
 
 
 def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:

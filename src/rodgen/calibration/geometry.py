@@ -1,4 +1,8 @@
-"""The geometry of the file as one cause: where it is wrong as a whole, many effects would each take a part of it."""
+"""The geometry of the file as one cause: where it is wrong as a whole, many effects would each take a part of it.
+
+So they would where a number that all legs of a platform share is wrong, such as the length of the rods of a delta.
+These numbers compete with the effects, each as likely as the commonest.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +15,45 @@ from dataclasses import replace
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.selection import select
+from rodgen.calibration.sensitivities import NUMBER
 from rodgen.errors import RodgenError
 from rodgen.machines.effects.catalogue import GEOMETRY, OFFSETS
-from rodgen.machines.machine import Machine
+from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.plausibility import Plausibility, plausibility
 from rodgen.statistics.thresholds import COST
 
 SEVERAL = 3
-"""Effects from which on a geometry is asked for, and dimensions from which on it is preferred as fewer causes: two are
-two."""
+"""Effects from which on a geometry is asked for: two are two."""
 PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
+
+
+def with_shared_numbers(machine: Machine, names: Sequence[str] = ()) -> Machine | None:
+    """Return the machine with the numbers estimated that all legs share, or some of them; None if it has no more."""
+    there = {*machine.estimate}
+    new = [n for n in names or machine.kinematics.shared_numbers if not {"geometry", n} & there]
+    return replace(machine, estimate=(*new, *machine.estimate)) if new else None
+
+
+def including_numbers(evidence: Evidence) -> Evidence:
+    """Return the evidence linearised at a fit with shared numbers, with these as candidates.
+
+    Each is one cause, as large as the dimension of a single leg is.
+    """
+    rows, machine = evidence.sensitivities, evidence.base.machine
+    of_leg = machine.effect(machine.kinematics.dimensions[-1], machine.joints[0].name)
+    (size, *_), found = plausibility(machine, of_leg).sizes.values(), list[Candidate]()
+    for name in (n for n in machine.kinematics.shared_numbers if (NUMBER, n) in rows.exact):
+        keys = tuple(key for key in rows.index if key.split(".")[:2] == [NUMBER, name])
+        effect = Effect(replace(of_leg.definition, name=NUMBER, own=True), name)
+        prior = Plausibility(0.0, {key.rpartition(".")[2]: size for key in keys})
+        columns = rows.columns[:, :, [rows.index[key] for key in keys]]
+        found.append(Candidate(effect, keys, columns, {}, prior=prior))
+    return evidence.including(found)
+
+
+def is_dimension(candidate: Candidate) -> bool:
+    """Return whether a candidate says that a dimension is not that of the file."""
+    return candidate.effect.name in {*GEOMETRY, NUMBER}
 
 
 def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
@@ -28,7 +62,8 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     Of single dimensions also which joints have them is chosen: the first one of a kind is among all choices, of n among
     N the number is uniform, and all sets of n are alike. Minus infinity where zeros of the joints alone do as well.
     """
-    off = [c for c in evidence.candidates if c.effect.name in GEOMETRY]
+    single = evidence.base.machine.kinematics.one_by_one
+    off = [c for c in evidence.candidates if is_dimension(c) and not (single and c.effect.name == NUMBER)]
     zeros = [c for c in off if c.effect.name in OFFSETS]
     if not off:
         return -math.inf
@@ -48,9 +83,7 @@ def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candida
     the readings hardly determine them, a common width shrinks with the sizes. Effects may stand for dimensions, so
     the other effects are selected again.
     """
-    rests = (
-        [c for c in some if c.effect.name not in GEOMETRY] for some in (chosen, select(evidence.beside(off)))
-    )
+    rests = ([c for c in some if not is_dimension(c)] for some in (chosen, select(evidence.beside(off))))
     ways = itertools.product((evidence.as_one_cause(off), evidence), rests)
     costs = (way.cost([*rest, *off]) - way.choice([*rest, *off]) + way.choice(rest) for way, rest in ways)
     return min(costs) + 2 * evidence.log_choices

@@ -9,7 +9,7 @@ the geometry, the instrument) are in that model themselves, at zero.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -33,6 +33,8 @@ DIRECT = (
     | CLOSED
 )
 """Components of effects that are in the model themselves, ..."""
+NUMBER = "geometry"
+"""Name of a number of a closed chain's geometry as a candidate, whose place is the number's own name."""
 MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 """... as do effects whose formula has one of these."""
 
@@ -76,12 +78,14 @@ class Sensitivities(FitRows):
             np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
         )  # a column is in one piece
         index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
-        own = {effect.identity for effect in fit.machine.effects}
-        new = [effect for effect in about.machine.effects if effect.identity not in own]
-        exact = [effect for effect in new if effect.name in GEOMETRY]
+        own, new = {p.key for p in fit.parameters}, {p.key for p in about.parameters}
+        new -= own
+        exact = [e for e in about.machine.effects if e.name in GEOMETRY and any(map(e.owns, new))]
+        numbers = [key.split(".") for key in new if key.startswith(f"{NUMBER}.")]
+        of_exact = {key for key in new if key.startswith(f"{NUMBER}.") or any(e.owns(key) for e in exact)}
 
-        def explained(by: Sequence[Effect]) -> Array:
-            of = [i for key, i in index.items() if any(effect.owns(key) for effect in by)]
+        def explained(by: Collection[str]) -> Array:
+            of = [i for key, i in index.items() if key in by]
             return np.asarray(-columns[:, :, of] @ theta[of])
 
         return cls(
@@ -92,8 +96,8 @@ class Sensitivities(FitRows):
             residual + explained(new),
             columns,
             index,
-            frozenset(effect.identity for effect in exact),
-            explained(exact),
+            frozenset([*(e.identity for e in exact), *((NUMBER, name) for _, name, *_ in numbers)]),
+            explained(of_exact),
         )
 
     @property

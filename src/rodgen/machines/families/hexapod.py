@@ -59,6 +59,11 @@ class Hexapod(OnLegs):
     begin_of = (*(f"leg{k}" for k in range(1, 7)), "x", "y", "z")
 
     @property
+    def shared_numbers(self) -> tuple[str, ...]:
+        """None: each is of one leg."""
+        return ()
+
+    @property
     def size(self) -> float:
         """Root mean square distance of the base's joints from their middle."""
         return self._geometry().size

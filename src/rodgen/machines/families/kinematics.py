@@ -100,6 +100,11 @@ class Kinematics:
         value = getattr(self, name)
         return value if isinstance(value, tuple) else (value,)
 
+    @property
+    def shared_numbers(self) -> tuple[str, ...]:
+        """Those of `numbers` that all legs share."""
+        return tuple(self.numbers)
+
     def freedoms(self, joints: Sequence[str]) -> list[str]:
         """List what ``[estimate]`` may name, given the names of the joints."""
         raise NotImplementedError
