@@ -119,6 +119,18 @@ def test_near_a_flat_position_the_residual_stays_small():
     assert np.linalg.svd(delta.rods([0, 0, 0], geometry))[1][-1] > 0.3
 
 
+@pytest.mark.parametrize(
+    ("family", "numbers", "least"),
+    [("linear-delta", {"L": 130.0}, "140"), ("rotary-delta", {"R": 900.0, "A": 100.0, "L": 790.0}, "800")],
+)
+def test_rods_that_do_not_reach_the_middle_are_named(family, numbers, least):
+    """By Pythagoras: an arm drawn in begins R - A from the middle, a tower R."""
+    file = machine_file(family, kind="point")
+    file["geometry"] |= numbers
+    with pytest.raises(InputFileError, match=rf"machine.toml: \[geometry\], L: .* above {least}$"):
+        machine_of(toml(file), "machine.toml")
+
+
 def test_dimensions_that_are_none_are_named():
     with pytest.raises(RodgenError, match="rod = -1; expected one positive number, or three"):
         delta.LinearGeometry(R, -1)

@@ -274,6 +274,25 @@ def test_a_file_without_home_is_one_clear_line():
         machine_of(toml(file), "machine.toml")
 
 
+@pytest.mark.parametrize("wrong", ["one leg twice", "alike hexagons"])
+def test_joints_that_do_not_hold_the_platform_are_named(wrong):
+    """Two legs that are one; similar hexagons, upright one above the other (Fichter 1986)."""
+    base, platform = BASE.copy(), PLATFORM.copy()
+    if wrong == "one leg twice":
+        base[1], platform[1] = base[0], platform[0]
+    else:
+        platform = 0.5 * base * [1, 1, 0]
+        base[:, 2] = 0
+    with pytest.raises(InputFileError, match=r"machine.toml: \[geometry\], home: .* legs do not hold"):
+        machine_of(toml(hexapod_file(base=base, platform=platform)), "machine.toml")
+
+
+def test_two_legs_may_share_a_joint_of_the_base():
+    base = BASE.copy()
+    base[1] = base[0]
+    assert machine_of(toml(hexapod_file(base=base)), "machine.toml").kinematics.fault is None
+
+
 def test_legs_that_do_not_close_name_the_row():
     random = np.random.default_rng(7)
     position, turn = drawn_poses(4, random)

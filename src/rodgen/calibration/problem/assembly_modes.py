@@ -139,7 +139,7 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
     """
     kinematics = _on_legs(o.machine).with_numbers(numbers)
     before = np.asarray(o.pose_start)
-    if not kinematics.is_possible:
+    if kinematics.fault:
         return before
     modes = kinematics.modes(o.q)
     found = _taken(modes, _nearest_poses(modes, before))

@@ -34,9 +34,12 @@ class _Delta(OnLegs):
     )
 
     @property
-    def is_possible(self) -> bool:
-        """Whether the rods are longer than the radius at which they begin."""
-        return self.L > 0
+    def fault(self) -> tuple[str, str, str] | None:
+        """Rods that do not reach the middle from where they begin, with an arm drawn in."""
+        least = max(self.R - getattr(self, "A", 0.0), 0.0)
+        if least < self.L:
+            return None
+        return "L", f"{self.L:.6g}: the rods end before the middle", f"a length above {least:.6g}"
 
     @property
     def pose_scale(self) -> Array:

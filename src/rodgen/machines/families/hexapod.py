@@ -15,6 +15,9 @@ from rodgen.machines.families.kinematics import Vector
 from rodgen.machines.families.on_legs import NEWTON_STEPS, OnLegs, Pose, Steps, rotation_vectors
 from rodgen.symbolic import legs as leg_steps
 
+SINGULAR = 1e-9
+"""Least singular value, about 1 at best, that is rounding."""
+
 
 @dataclass(frozen=True)
 class Hexapod(OnLegs):
@@ -72,6 +75,18 @@ class Hexapod(OnLegs):
     def pose_scale(self) -> Array:
         """The size of the base, and a radian."""
         return np.repeat([self.size, 1.0], [3, 9])
+
+    @property
+    def fault(self) -> tuple[str, str, str] | None:
+        """Legs that do not hold the platform at `home`, as where two of them are one."""
+        gain = self.least_singular_value(np.concatenate([self.home, np.eye(3).ravel()])[None])[0]
+        if gain > SINGULAR:
+            return None
+        return (
+            "home",
+            "a pose that the legs do not hold",
+            "joints B and P with which they do, no two legs alike",
+        )
 
     @property
     def begins(self) -> Array:

@@ -55,9 +55,9 @@ class OnLegs(Kinematics):
     is_closed = True
 
     @property
-    def is_possible(self) -> bool:
-        """Whether there may be such a machine."""
-        return True
+    def fault(self) -> tuple[str, str, str] | None:
+        """Why there is no such machine: the key, what it gives, and what is expected; None where there may be."""
+        return None
 
     def freedoms(self, joints: Sequence[str]) -> list[str]:
         """List the geometry, each of its numbers, and the targets."""
@@ -194,9 +194,10 @@ class OnThreeLegs(OnLegs):
         return self.R
 
     @property
-    def is_possible(self) -> bool:
-        """Whether both radii are positive."""
-        return min(self.R, self.r) > 0
+    def fault(self) -> tuple[str, str, str] | None:
+        """A radius that is not positive."""
+        names = [name for name in "Rr" if not getattr(self, name) > 0]
+        return (names[0], f"{getattr(self, names[0]):.6g}", "a positive radius") if names else None
 
     def base_joint(self, m: Steps, leg: int) -> Any:
         """Return the joint on the circle of the base."""

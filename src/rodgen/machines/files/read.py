@@ -370,7 +370,10 @@ def _on_legs(top: Table, per_radian: float) -> OnLegs:
         found["home"] = table.get("home", schema.POINT)
     if "start" in family.keys:
         found["start"] = table.get("start", VECTOR.then(schema.scaled(per_radian)), None)
-    return family(**found)
+    made = family(**found)
+    if made.fault:
+        raise table.error(*made.fault)
+    return made
 
 
 def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
