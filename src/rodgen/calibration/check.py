@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property, reduce
 from typing import Any
 
@@ -451,7 +452,7 @@ class _Search:
         alone = ratio_of_one_axis(self.machine, self.observations)
         if not doubts and abs(alone or 1) == 1:
             return right
-        found = self._searched()
+        found = self._searched(alone)
         named = [x for x in found if x[1].cost - found[0][1].cost < CHECK.equal]
         if not named or not _is_named(named[0][1], null):
             wrong = null is None or null.is_impossible
@@ -527,9 +528,9 @@ class _Search:
             f"more probably {best.words}."
         )
 
-    def _searched(self) -> list[tuple[Repair, NearFit]]:
+    def _searched(self, alone: Fraction | None) -> list[tuple[Repair, NearFit]]:
         """Return the repairs, the most probable first; where none does alone, pairs of them."""
-        singles = repairs(self.machine, self.observations)
+        singles = repairs(self.machine, self.observations, alone)
         found = self._tried(singles)
         if found and found[0][1].is_open:
             most = [first for first, _ in found[:BEAM]]

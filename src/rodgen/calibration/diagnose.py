@@ -225,8 +225,11 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 gain, found = _wrong_geometry(subject, state)
                 state = replace(state, gain=gain)
         if found is not None:  # effects are looked for beside it
-            more, base = found
-            geometry = more if geometry is None else more.after(geometry)
+            first, (geometry, base) = geometry, found
+            if first is not None:
+                estimate, effects = geometry.estimate, (*first.effects, *geometry.effects)
+                odds = first.log10_odds + geometry.log10_odds
+                geometry = replace(first, estimate=estimate, effects=effects, log10_odds=odds)
             subject, known = replace(subject, fitted=base), frozenset()
             continue
         rows = Rows.of(state.last)

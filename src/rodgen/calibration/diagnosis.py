@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 from rodgen.calibration.fitted import Estimate
@@ -293,11 +293,6 @@ class WrongGeometry(HasOdds, Result):
     rms_held_out: float | None
 
     _keys = "estimate effects=titles odds rms=before.rms rms_held_out"
-
-    def after(self, first: WrongGeometry) -> WrongGeometry:
-        """Return the geometry of which a part was found first."""
-        effects, odds = (*first.effects, *self.effects), first.log10_odds + self.log10_odds
-        return replace(first, estimate=self.estimate, effects=effects, log10_odds=odds)
 
     @property
     def titles(self) -> tuple[str, ...]:

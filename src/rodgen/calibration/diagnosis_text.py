@@ -17,6 +17,7 @@ from rodgen.calibration.pointing import pointing
 from rodgen.calibration.repairs import digits_of, simplest
 from rodgen.calibration.words import (
     IN_UNCERTAINTIES,
+    UNWEIGHED,
     comparison,
     fall,
     odds_text,
@@ -192,10 +193,7 @@ def only_together(diagnosis: Diagnosis) -> str:
     Where the fit weighs readings by what those of a pose share, plain errors do not tell.
     """
     if diagnosis.final.weighed:
-        return (
-            "The fit weighs readings by the error that those of a pose share. These plain errors do not, so that they "
-            "may rise with an effect that is there."
-        )
+        return UNWEIGHED
     alone = [
         step.effect.title
         for step, (before, after) in zip(diagnosis.steps, pairwise(diagnosis.fits), strict=True)

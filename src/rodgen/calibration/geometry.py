@@ -29,8 +29,9 @@ PARTS = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
 
 def with_shared_numbers(machine: Machine, names: Sequence[str] = ()) -> Machine | None:
     """Return the machine with the numbers estimated that all legs share, or some of them; None if it has no more."""
-    there = {*machine.estimate}
-    new = [n for n in names or machine.kinematics.shared_numbers if not {"geometry", n} & there]
+    kinematics, there = machine.kinematics, {*machine.estimate}
+    shared = names or (kinematics.numbers if kinematics.are_shared else ())
+    new = [name for name in shared if not {"geometry", name} & there]
     return replace(machine, estimate=(*new, *machine.estimate)) if new else None
 
 
@@ -42,7 +43,7 @@ def including_numbers(evidence: Evidence) -> Evidence:
     rows, machine = evidence.sensitivities, evidence.base.machine
     of_leg = machine.effect(machine.kinematics.dimensions[-1], machine.joints[0].name)
     (size, *_), found = plausibility(machine, of_leg).sizes.values(), list[Candidate]()
-    for name in (n for n in machine.kinematics.shared_numbers if (NUMBER, n) in rows.exact):
+    for name in (name for name in machine.kinematics.numbers if (NUMBER, name) in rows.exact):
         keys = tuple(key for key in rows.index if key.split(".")[:2] == [NUMBER, name])
         effect = Effect(replace(of_leg.definition, name=NUMBER, own=True), name)
         prior = Plausibility(0.0, {key.rpartition(".")[2]: size for key in keys})

@@ -22,7 +22,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.steps import StepOdds, odds_of_steps
-from rodgen.calibration.words import odds_text
+from rodgen.calibration.words import UNWEIGHED, odds_text
 from rodgen.data.units import readable
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Effect, Machine
@@ -120,9 +120,12 @@ class Ladder(Result):
             yield row + (f"  {odds_text(rung.step.odds)}" if rung.step else "")
         yield self.noise.text
         yield from dict.fromkeys(rung.held_out.note for rung in self.rungs if rung.held_out.note)
+        weighed = any(rung.fit.weighed for rung in self.rungs)
+        if weighed:
+            yield UNWEIGHED
         for before, after in pairwise(self.rungs):
             grows = len(after.fit.machine.effects) > len(before.fit.machine.effects)
-            if grows and after.held_out.rises_from(before.held_out):
+            if grows and not weighed and after.held_out.rises_from(before.held_out):
                 yield f"{after.title}: poses held out are predicted no better with it."
         for rung in self.rungs:
             if count := int(rung.fit.outliers.sum()):

@@ -175,8 +175,14 @@ def _with_joints(o: Observations, order: Sequence[int]) -> Observations:
     return replace(o, q=o.q[:, order], s=o.s[:, order], v=o.v[:, order], travel=o.travel[order])
 
 
-def repairs(machine: Machine, observations: Observations) -> list[Repair]:
-    """Return the changes that may put right what is wrong with a machine file or its data, the smallest first."""
+def repairs(machine: Machine, observations: Observations, alone: Fraction | None = None) -> list[Repair]:
+    """Return the changes that may put right what is wrong with a machine file or its data, the smallest first.
+
+    Parameters
+    ----------
+    alone : Fraction, optional
+        The ratio of the only joint; see `ratio_of_one_axis`.
+    """
     moving = [j for j, way in zip(machine.joints, np.ptp(observations.q, axis=0), strict=True) if way > 0]
     commanded = [joint for joint in moving if joint.is_read]
     found = [
@@ -184,7 +190,7 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
         *_of_couplings(machine, moving),
         *_of_readings(machine),
         *_of_units(machine, observations, commanded),
-        *(() if machine.kinematics.is_closed else _of_ratios(machine, observations, commanded)),
+        *(() if machine.kinematics.is_closed else _of_ratios(commanded, alone)),
         *_of_columns(machine, commanded),
         *_of_targets(machine, observations),
         *_of_runs(machine, observations),
@@ -294,9 +300,8 @@ def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]
             )
 
 
-def _of_ratios(machine: Machine, observations: Observations, commanded: Sequence[Joint]) -> Iterator[Repair]:
+def _of_ratios(commanded: Sequence[Joint], alone: Fraction | None) -> Iterator[Repair]:
     """Yield joints that go another way than is commanded by a factor, as of a gear or of counted edges."""
-    alone = ratio_of_one_axis(machine, observations)
     ratios = [Fraction(ratio) for ratio in RATIOS] if alone is None else [alone] if abs(alone) != 1 else []
     for joint, ratio in product((j for j in commanded if not j.coordinate), ratios):
         verb, name = "turns" if joint.revolute else "moves", joint.column

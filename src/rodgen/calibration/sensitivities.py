@@ -9,7 +9,7 @@ the geometry, the instrument) are in that model themselves, at zero.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -21,6 +21,7 @@ from rodgen.calibration.possible_effects import bare_effects, bare_key, problem_
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.machine import Effect
+from rodgen.machines.parameters import Parameter
 from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
 
 if TYPE_CHECKING:
@@ -78,14 +79,13 @@ class Sensitivities(FitRows):
             np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
         )  # a column is in one piece
         index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
-        own, new = {p.key for p in fit.parameters}, {p.key for p in about.parameters}
-        new -= own
-        exact = [e for e in about.machine.effects if e.name in GEOMETRY and any(map(e.owns, new))]
-        numbers = [key.split(".") for key in new if key.startswith(f"{NUMBER}.")]
-        of_exact = {key for key in new if key.startswith(f"{NUMBER}.") or any(e.owns(key) for e in exact)}
+        own = {p.key for p in fit.parameters}
+        new = [p for p in about.parameters if p.key not in own]
+        exact = [p for p in new if p.effect in {None, *GEOMETRY}]
+        names = [(p.effect, p.place) if p.effect else (NUMBER, p.key.split(".")[1]) for p in exact]
 
-        def explained(by: Collection[str]) -> Array:
-            of = [i for key, i in index.items() if key in by]
+        def explained(by: Sequence[Parameter]) -> Array:
+            of = [index[p.key] for p in by]
             return np.asarray(-columns[:, :, of] @ theta[of])
 
         return cls(
@@ -96,8 +96,8 @@ class Sensitivities(FitRows):
             residual + explained(new),
             columns,
             index,
-            frozenset([*(e.identity for e in exact), *((NUMBER, name) for _, name, *_ in numbers)]),
-            explained(of_exact),
+            frozenset(names),
+            explained(exact),
         )
 
     @property

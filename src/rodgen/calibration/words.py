@@ -23,6 +23,10 @@ NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
 IN_UNCERTAINTIES = "stated uncertainties"
 """The unit of weighted residuals."""
+UNWEIGHED = (
+    "The fit weighs readings by the error that those of a pose share. These plain errors do not, so that they may rise "
+    "with an effect that is there."
+)
 NOTHING_LEFT = (
     "There are no more readings than parameters that they determine: the model goes through them, "
     "right or wrong."

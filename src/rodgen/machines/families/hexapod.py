@@ -59,12 +59,8 @@ class Hexapod(OnLegs):
     )
     keys = (*numbers, "home")
     pose_numbers = 12
+    are_shared = False
     begin_of = (*(f"leg{k}" for k in range(1, 7)), "x", "y", "z")
-
-    @property
-    def shared_numbers(self) -> tuple[str, ...]:
-        """None: each is of one leg."""
-        return ()
 
     @property
     def size(self) -> float:

@@ -45,6 +45,8 @@ class Kinematics:
         What the numbers of each pose in `begins` are.
     dimensions : tuple of str
         Effects at them that say, beside `numbers`, that a dimension is not that of the file.
+    are_shared : bool
+        Whether all legs share each of `numbers`.
     one_by_one : bool
         Whether these have all that `numbers` have, each for one joint.
     start : tuple of float, length 3, or None
@@ -68,6 +70,7 @@ class Kinematics:
     coordinate: ClassVar[str] = "length of leg"
     begin_of: ClassVar[tuple[str, ...]] = ()
     dimensions: ClassVar[tuple[str, ...]] = ("leg_zero_offset",)
+    are_shared: ClassVar[bool] = True
     one_by_one: ClassVar[bool] = False
 
     @property
@@ -99,11 +102,6 @@ class Kinematics:
         """Return one of the numbers of ``[geometry]``, as its components."""
         value = getattr(self, name)
         return value if isinstance(value, tuple) else (value,)
-
-    @property
-    def shared_numbers(self) -> tuple[str, ...]:
-        """Those of `numbers` that all legs share."""
-        return tuple(self.numbers)
 
     def freedoms(self, joints: Sequence[str]) -> list[str]:
         """List what ``[estimate]`` may name, given the names of the joints."""
