@@ -432,6 +432,21 @@ def test_poses_are_held_out_by_the_weights_of_the_fit(monkeypatch, eccentricity,
     assert (held_out(found).rms != by_fit) == weighed
 
 
+@pytest.mark.thorough
+def test_the_ladder_of_one_body_is_judged_by_its_odds():
+    """Plain errors are those of whole poses, and larger here with an effect that is not there."""
+    random = np.random.default_rng(12)
+    targets = tuple(replace(ball, point=tuple(np.add(ball.point, (400.0, 0, 0)))) for ball in BALLS)
+    table = replace(TABLE, targets=targets, estimate=("target",))
+    data = turned(random.uniform(0, 360, 40), random, noise=1e-7, pose=0.02, body=2e-5, targets=targets)
+    found = ladder(table, data, [table.effect("encoder_eccentricity", "C")])
+    assert all(rung.fit.weighed for rung in found.rungs)
+    assert not found.rungs[1].step.needed
+    text = str(found)
+    assert "These plain errors do not" in text
+    assert "predicted no better" not in text
+
+
 def test_a_real_effect_in_noisy_poses_is_found():
     random = np.random.default_rng(8)
     data = turned(random.uniform(0, 360, 40), random, angle=1e-4, eccentricity=4e-4)
