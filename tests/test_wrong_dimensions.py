@@ -25,9 +25,11 @@ from test_delta import machine, machine_file, printer, rows_of
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit
+from rodgen.calibration.geometry import with_geometry
 from rodgen.data.measurements import Measurements
 from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 
 WINDUPS = {f"{joint}.weight_windup.c": 2e-4 * arcsec(1) for joint in ("J2", "J3")}
@@ -272,3 +274,10 @@ def test_a_leg_that_is_off_is_no_number_of_all(family):
         found = diagnose(built, Measurements.from_frame(columns))
         assert found.geometry is None
         assert names(found) == {f"leg_zero_offset at {leg}" for _ in off}
+
+
+def test_numbers_that_the_file_estimates_are_part_of_the_whole_geometry():
+    """A file that names both is refused."""
+    built, _ = platform("tricept", {}, ["R", "target"])
+    whole = with_geometry(built)
+    assert machine_of(machine_text(whole), "machine.toml").estimate == ("geometry", "target")

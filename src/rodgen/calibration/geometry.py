@@ -10,6 +10,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from rodgen.calibration.candidates import Candidate
@@ -96,14 +97,13 @@ def with_geometry(machine: Machine) -> Machine | None:
     Where the frame is free, axis and point of the first joint are the base.
     """
     if machine.kinematics.is_closed:
-        there = machine.kinematics.one_by_one or "geometry" in machine.estimate
-        found = machine if there else replace(machine, estimate=("geometry", *machine.estimate))
-        for name in machine.kinematics.dimensions:
-            for joint in machine.joints:
-                try:
-                    found = found.with_effect(found.effect(name, joint.name))
-                except RodgenError:  # it is there
-                    continue
+        found, numbers = machine, machine.kinematics.numbers
+        if not (machine.kinematics.one_by_one or "geometry" in machine.estimate):
+            others = (entry for entry in machine.estimate if entry not in numbers)
+            found = replace(machine, estimate=("geometry", *others))
+        for name, joint in itertools.product(machine.kinematics.dimensions, machine.joints):
+            with suppress(RodgenError):  # it is there
+                found = found.with_effect(found.effect(name, joint.name))
         return None if found is machine else found
     joints = machine.joints[1:] if machine.measured.frame == "free" else machine.joints
     more = tuple(f"{joint.name}.{part}" for joint in joints for part in PARTS.get(joint.type, ()))
