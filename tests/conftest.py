@@ -6,12 +6,14 @@ import ctypes
 import functools
 import importlib.metadata
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from octave import Octave
@@ -40,6 +42,11 @@ OPTIMISED = {"test_machine_jacobians", "test_rows"}  # every effect's values and
 def group_of(derivation: str) -> str:
     """The group of the tests that execute a derivation; the parts of the Euler angles execute the first of them."""
     return "instantaneous_euler" if derivation.startswith("instantaneous_euler") else derivation
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let messages be frozen anew."""
+    parser.addoption("--freeze", action="store_true", help="freeze the messages of refused inputs anew")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -190,3 +197,69 @@ def rodgen_command(capsys):
         return code, shown.out, shown.err
 
     return run
+
+
+REFUSALS = Path(__file__).parents[1] / "answers" / "frozen" / "refusals.json"
+"""What is said of each input that is refused: by file of tests, and by test with its case."""
+
+
+@pytest.fixture(scope="session")
+def frozen_refusals(request: pytest.FixtureRequest) -> Iterator[dict[str, dict[str, str]]]:
+    """All frozen messages; with --freeze those of the tests that were run are written."""
+    kept: dict[str, dict[str, str]] = json.loads(REFUSALS.read_text(encoding="utf-8"))
+    yield kept
+    if request.config.option.freeze:
+        text = json.dumps(kept, indent=1, sort_keys=True, ensure_ascii=False)
+        REFUSALS.write_text(f"{text}\n", encoding="utf-8")
+
+
+@pytest.fixture
+def is_frozen(request: pytest.FixtureRequest, tmp_path: Path, frozen_refusals: dict[str, dict[str, str]]):
+    """Assert that a message is one printable line, and the frozen one of this test and case."""
+
+    def check(message: str) -> None:
+        message = message.replace(str(tmp_path), "FOLDER").replace(str(Path(__file__).parents[1]), "ROOT")
+        assert message.isprintable()
+        of_file = frozen_refusals.setdefault(request.node.path.stem, {})
+        key = request.node.name.partition("@")[0]
+        count = sum(name.partition(" #")[0] == key for name in asked)
+        key += f" #{count + 1}" * (count > 0)
+        asked.append(key)
+        if request.config.option.freeze:
+            of_file[key] = message
+        assert message == of_file.get(key), (
+            f"look at the message, and freeze it: pytest --freeze {request.node.nodeid}"
+        )
+
+    asked: list[str] = []
+    return check
+
+
+@pytest.fixture
+def refuses(is_frozen: Callable[[str], None]):
+    """Call a function with what it must refuse, in the frozen sentence."""
+    from rodgen.errors import RodgenError
+
+    def call(function: Callable[..., Any], *arguments: Any, **options: Any) -> None:
+        with pytest.raises((RodgenError, ValueError, TypeError)) as error:
+            function(*arguments, **options)
+        is_frozen(str(error.value))
+
+    return call
+
+
+@pytest.fixture
+def refuses_command(is_frozen: Callable[[str], None], rodgen_command, tmp_path: Path):
+    """Call a command with what it must refuse, in the frozen sentence: code 2, one line, no file made or changed."""
+
+    def files() -> dict[Path, bytes]:
+        return {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+    def call(*arguments: Any, code: int = 2) -> None:
+        before = files()
+        found, out, err = rodgen_command(*arguments)
+        assert (found, out) == (code, "")
+        is_frozen(err.removesuffix("\n"))
+        assert files() == before
+
+    return call

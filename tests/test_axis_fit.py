@@ -7,7 +7,6 @@ bound of the true geometry, and Monte-Carlo draws. Rotations come from scipy.spa
 from __future__ import annotations
 
 import csv
-import dataclasses
 import functools
 import json
 import math
@@ -94,26 +93,6 @@ def test_best_is_above_a_dense_grid(quadratics: tuple[np.ndarray, np.ndarray]) -
     assert (values(A, b, best) >= on_grid.max(axis=1)).all()
 
 
-def test_ascent_from_anywhere_ends_in_one_of_the_two_maxima(
-    quadratics: tuple[np.ndarray, np.ndarray],
-) -> None:
-    A, b = (array[:60] for array in quadratics)
-    maxima = maximise_on_sphere(A, b)
-    rng = np.random.default_rng(3)
-    e = rng.normal(size=(60, 30, 3))
-    e /= np.linalg.norm(e, axis=-1, keepdims=True)
-    for _ in range(3000):  # the shift makes the value grow with every step
-        e = e @ (A + 20 * np.eye(3)) + b[:, None] / 2
-        e /= np.linalg.norm(e, axis=-1, keepdims=True)
-    to_best = np.linalg.norm(e - maxima.best[:, None], axis=-1)
-    to_other = np.linalg.norm(e - maxima.other[:, None], axis=-1)
-    # A linear iteration stopped at 3000 steps; the maxima are tenths apart.
-    assert (np.fmin(to_best, to_other) < 1e-3).all()
-    there = np.isfinite(maxima.other).all(axis=-1)
-    assert (np.nanmin(to_other[there], axis=1) < 1e-3).all()
-    assert there.sum() > 0
-
-
 def test_stationary_to_rounding(quadratics: tuple[np.ndarray, np.ndarray]) -> None:
     A, b = quadratics
     for e in maximise_on_sphere(A, b):
@@ -165,13 +144,6 @@ def test_jacobian_is_the_slope_of_the_residual() -> None:
         assert by_point @ u == pytest.approx(ahead / (2 * h), abs=1e-8)
 
 
-def test_the_derivation_is_proved() -> None:
-    from rodgen.derivation import axis_fit
-
-    assert axis_fit.derivation.open == []
-    assert {entry.verdict for entry in axis_fit.derivation} == {"proved"}
-
-
 @pytest.mark.parametrize("point", [None, POINT])
 def test_sum_of_squares_is_a_quadratic_in_the_axis(point: np.ndarray | None) -> None:
     """With a free point at its best for each axis, too: what makes the fit global without iteration."""
@@ -189,30 +161,6 @@ def test_sum_of_squares_is_a_quadratic_in_the_axis(point: np.ndarray | None) -> 
             other = 0.5 * (w[:, None] * residual(x, y, a, e, q) ** 2).sum()
             assert point is not None or other >= half
     assert np.ptp(sums) < 1e-13 * max(sums)  # a sum of 27 squares of order 10
-
-
-@pytest.mark.parametrize("point", [None, POINT])
-def test_hessian_is_the_curvature_at_the_optimum(point: np.ndarray | None) -> None:
-    x, y, a = scene(9, 0.5, 8)
-    moments = Moments.of(x, y, a, np.ones(9), point)
-    e = maximise_on_sphere(*moments.quadratic()).best
-    p, U = moments.point(e), tangents(e)
-    size = 4 if point is None else 2
-
-    def half(v: np.ndarray) -> float:
-        shift = U @ v[2:] if point is None else 0.0
-        return float(0.5 * (residual(x, y, a, unit(e + U @ v[:2]), p + shift) ** 2).sum())
-
-    h, steps = 1e-3, np.eye(size)
-    curvature = [
-        [
-            (half(h * (i + j)) - half(h * (i - j)) - half(h * (j - i)) + half(-h * (i + j))) / (4 * h * h)
-            for i in steps
-        ]
-        for j in steps
-    ]
-    # Differences of fourth order in h = 1e-3.
-    assert moments.hessian(e, p, U) == pytest.approx(np.array(curvature), abs=1e-5 * np.max(curvature))
 
 
 # Maximum likelihood -------------------------------------------------------------------------------
@@ -396,13 +344,6 @@ def test_robust_95_percent_intervals(bad: float, n: int, count: int) -> None:
     assert share == pytest.approx(0.95, abs=binomial(2 * count) + 0.01)
 
 
-@slow
-@pytest.mark.parametrize("bad", [0.0, 0.25])
-def test_robust_95_percent_intervals_sharply(bad: float) -> None:
-    share = robust_interval_share("huber", bad, 2000)
-    assert share == pytest.approx(0.95, abs=binomial(4000) + 0.01)
-
-
 @pytest.mark.quick("small angle")
 @pytest.mark.parametrize(
     ("n", "noise", "options"),
@@ -440,14 +381,6 @@ def test_known_point_regions_hold_95_percent(count: int) -> None:
     ]
     share = np.mean(np.array(squares) < 2 * f_distribution.ppf(0.95, 2, 28))
     assert share == pytest.approx(0.95, abs=binomial(count))
-
-
-@pytest.mark.thorough
-def test_mean_is_true_within_its_own_error() -> None:
-    _, _, fits = draws(12, 0.01, 1300)
-    U = tangents(AXIS)
-    error = np.array([(f.axis - AXIS) @ U for f in fits])
-    assert (np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / math.sqrt(1300)).all()
 
 
 @pytest.mark.thorough
@@ -605,14 +538,6 @@ def test_pairs_with_two_answers_are_reported(n: int, reversed_: int) -> None:
             assert "they agree with one another on the opposite axis" in told[0]
 
 
-def test_half_of_the_pairs_are_counted_and_both_axes_named() -> None:
-    x, y, a = scene(8, 0.01, 48, 1.0, axis=np.array([0.0, 0.0, 1.0]))
-    fit = fit_axis(x, y, np.where(np.arange(8) < 4, -a, a), loss="huber")
-    told = next(sentence for sentence in fit.remarks if "4 of 8 pairs contradict" in sentence)
-    axes = [[float(c) for c in axis.split(", ")] for axis in re.findall(r"\((-?[0-9][^)]*)\)", told)]
-    assert sorted(axis[2] for axis in axes) == pytest.approx([-1, 1], abs=1e-3)
-
-
 @pytest.mark.thorough("6")
 @pytest.mark.parametrize("n", [6, pytest.param(8, marks=slow), 30])
 def test_good_pairs_rarely_contradict(n: int) -> None:
@@ -731,18 +656,6 @@ def test_turning_shifting_and_scaling_the_data_does_the_same_to_the_fit(
     assert moved.status is plain.status
 
 
-@settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 1000), noise=st.sampled_from([0.0, 1e-3, 0.3]))
-def test_turning_back_is_the_same_axis(seed: int, noise: float) -> None:
-    """Swapping the points of a pair and the sign of its angle changes nothing."""
-    x, y, a = scene(9, noise, seed)
-    fit = fit_axis(x, y, a)
-    swapped = fit_axis(y, x, -a)
-    assert swapped.axis == pytest.approx(fit.axis, abs=1e-11)
-    opposite = fit_axis(x, y, -a)
-    assert opposite.axis == pytest.approx(-fit.axis, abs=1e-11)
-
-
 # What the data do not determine -------------------------------------------------------------------
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -821,16 +734,6 @@ def test_without_a_turn_nothing_is_determined(angle: float, point: Any) -> None:
     assert len(fit.free_directions) == 2
     assert len(fit.undetermined) == (2 if point == "free" else 1)
     assert np.linalg.norm(fit.axis) == pytest.approx(1)
-
-
-def test_without_a_turn_every_reading_says_how_large_the_noise_is() -> None:
-    """No parameter changes a residual then, so none takes a degree of freedom."""
-    random = np.random.default_rng(64)
-    x = random.normal(size=(400, 3))
-    fit = fit_axis(x + 0.01 * random.normal(size=x.shape), x + 0.01 * random.normal(size=x.shape), 0.0)
-    assert fit.dof == 1200
-    assert fit.sigma == pytest.approx(0.01, rel=3 / math.sqrt(2 * 1200))
-    assert fit_axis(x[:5], x[:5] + 0.01, 0.0).dof == 15
 
 
 def test_points_at_the_known_point_determine_nothing() -> None:
@@ -1059,35 +962,7 @@ def test_with_few_degrees_of_freedom_the_95_percent_reach_is_given_and_holds(n: 
     assert np.mean(held) == pytest.approx(0.95, abs=binomial(count))
 
 
-def test_ten_degrees_of_freedom_need_no_remark() -> None:
-    assert fit_axis(*scene(5, 0.01, 74)).remarks == ()
-
-
 # Result, input ------------------------------------------------------------------------------------
-
-
-def test_result_is_frozen_and_goes_to_json() -> None:
-    fit = fit_axis([1, 0, 0], [0, 1, 0], 1.2)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        fit.rms = 0.0  # type: ignore[misc]
-    back = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
-    assert back["status"] == "ONE_FREEDOM"
-    assert back["axis"] == fit.axis.tolist()
-    assert back["sigma"] is None
-    assert back["undetermined"] == list(fit.undetermined)
-    assert "residuals" not in fit.to_dict(pairwise=False)
-
-
-def test_summary_reads_like_a_protocol() -> None:
-    x, y, a = scene(30, 0.01, 73)
-    y[4] += 1
-    text = str(fit_axis(x, y, a, loss="huber", sigma=0.01))
-    lines = text.splitlines()
-    assert lines[0] == "Axis fitted to 30 pairs (point free, loss huber): DETERMINED"
-    for word in ("direction", "µrad", "point", "nearest", "rms", "noise", "chi-square", "condition"):
-        assert word in text
-    assert "  outliers    1: pair 4 (counted from 0)" in lines
-    assert "nan" not in str(fit_axis([1, 0, 0], [0, 1, 0], 1.2))
 
 
 def test_residuals_are_measured_less_predicted() -> None:
@@ -1097,14 +972,6 @@ def test_residuals_are_measured_less_predicted() -> None:
     assert fit.rms == pytest.approx(np.sqrt((fit.residuals**2).sum(axis=1).mean()), rel=1e-12)
     assert fit.point @ fit.axis == pytest.approx(fit.origin @ fit.axis, abs=1e-12)
     assert fit.origin == pytest.approx(np.concatenate([x, y]).mean(axis=0), abs=1e-12)
-
-
-def test_leading_axes_and_broadcasting() -> None:
-    x, y, a = scene(12, 0.1, 75, 0.7)
-    flat = fit_axis(x, y, a)
-    folded = fit_axis(x.reshape(3, 4, 3), y.reshape(3, 4, 3), 0.7)
-    assert np.array_equal(flat.axis, folded.axis)
-    assert folded.residuals.shape == (12, 3)
 
 
 @pytest.mark.parametrize(
@@ -1235,12 +1102,3 @@ def test_positioner_axis_is_found_in_every_group(positioner: Any) -> None:
     ]
     # P1 and P2 are nearly square to each other; 5 mrad is the accuracy of the rounded P1 of a group.
     assert spans == pytest.approx([p1 - order[0] for p1 in order[1:]], abs=1e-2)
-
-
-def test_positioner_quarter_and_half_turns_agree(positioner: Any) -> None:
-    half, quarter = (fit_axis(*pairs_of(positioner[0.0], step)) for step in (math.pi, math.pi / 2))
-    difference = half.axis - quarter.axis
-    spread = np.sqrt(np.trace(half.axis_covariance + quarter.axis_covariance))
-    assert np.linalg.norm(difference) < 3 * spread
-    place, _ = quarter.nearest_point(half.point)
-    assert np.linalg.norm(place - half.point) < 0.2  # mm

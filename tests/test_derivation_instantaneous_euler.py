@@ -19,7 +19,6 @@ from rodgen.symbolic import Derivation, Entry
 
 pytestmark = [pytest.mark.xdist_group("instantaneous_euler"), pytest.mark.thorough]
 instantaneous_euler = LazyDerivation("instantaneous_euler")
-instantaneous_euler_arm = LazyDerivation("instantaneous_euler_arm")
 PARTS = ("", "_ridges", "_inverse", "_motion", "_arm")
 RNG = np.random.default_rng(8)
 
@@ -159,20 +158,6 @@ def angles_of(matrix: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip(np.diagonal(matrix), -1, 1))
 
 
-@pytest.mark.parametrize("section", ["4.1", "4.2"])
-def test_rows_of_the_tables_against_scipy(section: str) -> None:
-    table = instantaneous_euler.TABLE_41 if section == "4.1" else instantaneous_euler.TABLE_42
-    sequence = "ZYX" if section == "4.1" else "ZYZ"
-    names = ("alpha", "beta", "gamma") if section == "4.1" else ("phi", "theta", "psi")
-    values = dict(zip((sp.Symbol(n, real=True) for n in names), (0.5, 0.7, 0.4), strict=True))
-    for name, (angles, printed) in table.items():
-        numbers = [float(sp.sympify(a).subs(values)) for a in angles]
-        true = np.diagonal(Rotation.from_euler(sequence, numbers).as_matrix())
-        row = np.cos([float(sp.sympify(c).subs(values)) for c in printed])
-        right = entries()["", f"table-{section}-{name}"].verdict == "proved"
-        assert np.allclose(row, true, atol=1e-14) == right, name
-
-
 def test_printed_matrix_17_differs_in_one_element_only() -> None:
     angles = (0.3, 0.5, 0.7)
     values = dict(zip((sp.Symbol(n, real=True) for n in ("phi", "theta", "psi")), angles, strict=True))
@@ -222,9 +207,3 @@ def test_nothing_but_the_ridge_is_reciprocal_to_two_planes() -> None:
     assert np.abs(swapped @ ridge).max() < 1e-14
     about_z = Rotation.from_rotvec([0, 0, 0.4]).as_matrix()
     assert np.linalg.matrix_rank(screws(about_z, np.array([1.0, 2, 0]))) == 3
-
-
-def test_marks_next_to_the_figures() -> None:
-    table = instantaneous_euler_arm.marked("figure-8-x", "figure-9-z")
-    assert table.count("**true**") == 1
-    assert table.count("**false**") == 1

@@ -4,10 +4,6 @@ The proofs are exact. Here the same statements are held against floating-point n
 rotations and against finite differences, none of which the proofs use.
 """
 
-from fractions import Fraction
-from functools import cache
-from math import isqrt
-
 import mpmath
 import numpy as np
 import pytest
@@ -129,56 +125,9 @@ def test_printed_plus_fails_for_half_of_all_inputs(pairs):
 # The printed algorithm in exact arithmetic, on a Halton sequence
 
 
-def halton(count):
-    """Vectors θ and ρ with rational components that fill the cube from -1 to 1 evenly."""
-    points = np.empty((count, 6), dtype=object)
-    for column, base in enumerate((2, 3, 5, 7, 11, 13)):
-        for number in range(1, count + 1):
-            value, weight, rest = Fraction(0), Fraction(1, base), number
-            while rest:
-                rest, digit = divmod(rest, base)
-                value += digit * weight
-                weight /= base
-            points[number - 1, column] = 2 * value - 1
-    return points[:, :3], points[:, 3:]
-
-
-def exact_root(square):
-    root = Fraction(isqrt(square.numerator), isqrt(square.denominator))
-    assert root * root == square
-    return root
-
-
 def rotated(rho, theta):
     once = np.cross(theta, rho)
     return rho + (once + np.cross(theta, once) / 2) / (1 + (theta * theta).sum(-1, keepdims=True) / 4)
-
-
-def count_printed(count):
-    """Count on how many of `count` inputs the printed algorithm satisfies (1) and returns its input."""
-    theta, rho = halton(count)
-    rho_prime = rotated(rho, theta)
-    usable = np.cross(rho, rho_prime)[:, 2] != 0
-    theta, rho, rho_prime = theta[usable], rho[usable], rho_prime[usable]
-    root = np.vectorize(exact_root, otypes=[object])
-    answer = papers_theta(rho, rho_prime, (theta * theta).sum(-1), 1, lambda w3: 1, root)
-    valid, acute = (rotated(rho, answer) == rho_prime).all(-1), (theta * rho).sum(-1) > 0
-    return {
-        "inputs": len(theta),
-        "satisfies (1)": valid.sum(),
-        "is the given θ": (answer == theta).all(-1).sum(),
-        "γ acute": acute.sum(),
-        "acute and satisfies": (valid & acute).sum(),
-    }
-
-
-@pytest.mark.thorough
-def test_exact_count_of_the_printed_sign_is_near_one_half_and_one_quarter():
-    counts = count_printed(400)
-    spread = 4 * np.sqrt(0.25 / counts["inputs"])
-    assert abs(counts["satisfies (1)"] / counts["inputs"] - 0.5) < spread
-    assert abs(counts["is the given θ"] / counts["inputs"] - 0.25) < spread
-    assert abs(counts["acute and satisfies"] / counts["γ acute"] - 0.5) < 2 * spread
 
 
 def test_the_kernel_gives_both_solutions_in_exact_arithmetic():
@@ -199,40 +148,6 @@ def test_the_kernel_gives_both_solutions_in_exact_arithmetic():
 # Derivatives and uncertainty
 
 
-@cache
-def axis_function():
-    free = [*paper.rho, *paper.rho_prime, paper.kappa, paper.side]
-    return sp.lambdify(free, list(paper.derivation.value(paper.both_axes)), "mpmath")
-
-
-def unit_axis(values):
-    """Axis for directions only: ρ′ is rescaled to the length of ρ."""
-    before, after = mpmath.matrix(values[:3]), mpmath.matrix(values[3:6])
-    after *= mpmath.norm(before) / mpmath.norm(after)
-    return mpmath.matrix(axis_function()(*before, *after, mpmath.cot(values[6] / 2), values[7]))
-
-
-@pytest.fixture(params=[1, -1], ids=["plus", "minus"])
-def case(request):
-    """A point, its image and the angle, the axis found, and its derivatives by central differences."""
-    with mpmath.workdps(50):
-        axis = mpmath.matrix(["0.36", "-0.48", "0.8"])
-        values = [mpmath.mpf(x) for x in ("0.7", "0.2", "1.1")]
-        angle = mpmath.mpf("1.3")
-        rotation = Rotation.from_rotvec(float(angle) * np.array([float(x) for x in axis]))
-        after = rotation.apply([float(x) for x in values])
-        values += [mpmath.mpf(float(x)) for x in after] + [angle, mpmath.mpf(request.param)]
-        step, columns = mpmath.mpf(10) ** -15, []
-        for index in range(7):
-            ahead, behind = list(values), list(values)
-            ahead[index] += step
-            behind[index] -= step
-            columns.append((unit_axis(ahead) - unit_axis(behind)) / (2 * step))
-        difference = np.array([[float(column[i]) for column in columns] for i in range(3)])
-        found = unit_axis(values)
-    return np.array([float(v) for v in values]), np.array([float(x) for x in found]), difference
-
-
 def evaluate(letter, values, axis):
     """Value of a matrix of the derivation at a pair of points, the angle's cotangent and the axis found."""
     notes = sensitivity
@@ -241,34 +156,6 @@ def evaluate(letter, values, axis):
     length = np.linalg.norm(values[:3]) / np.linalg.norm(values[3:6])
     scaled = [*values[:3], *(values[3:6] * length), 1 / np.tan(values[6] / 2), *axis]
     return np.array(sp.lambdify(symbols, formula, "numpy")(*scaled), dtype=float)
-
-
-@pytest.mark.thorough("plus")
-def test_derivatives_agree_with_differences_for_any_direction_of_the_axis(case):
-    values, axis, difference = case
-    letters = (sensitivity.by_rho, sensitivity.by_rho_prime, sensitivity.by_angle)
-    closed = np.hstack([evaluate(letter, values, axis) for letter in letters])
-    # Differences at 50 digits with a step of 1e-15 are exact in float64; the inputs' lengths agree to 1e-16.
-    np.testing.assert_allclose(closed, difference, rtol=0, atol=1e-13)
-
-
-def test_covariance_and_condition_hold_for_any_direction_of_the_axis(case):
-    values, axis, difference = case
-    rho, r, angle = values[:3], values[3:6] - values[:3], values[6]
-    cos_gamma = axis @ rho / np.linalg.norm(rho)
-    r_hat = r / np.linalg.norm(r)
-    across = np.cross(axis, r_hat)
-    sigma, sigma_angle, half_sine = 0.3, 0.2, np.sin(angle / 2)
-    expected = sigma**2 / (2 * rho @ rho * half_sine**2) * (
-        np.outer(r_hat, r_hat) + np.outer(across, across) / cos_gamma**2
-    ) + sigma_angle**2 * (1 / cos_gamma**2 - 1) / (4 * half_sine**2) * np.outer(across, across)
-    noise = np.diag([sigma] * 6 + [sigma_angle]) ** 2
-    np.testing.assert_allclose(difference @ noise @ difference.T, expected, rtol=0, atol=1e-13)
-    largest = np.linalg.svd(difference[:, :3])[1][0] * np.linalg.norm(rho)
-    assert largest == pytest.approx(1 / (2 * half_sine * abs(cos_gamma)), rel=1e-12)
-    half_between = np.arccos(rho @ values[3:6] / (rho @ rho)) / 2
-    gap = np.sin(angle / 2 - half_between) * np.sin(angle / 2 + half_between)
-    assert largest == pytest.approx(1 / (2 * np.sqrt(gap)), rel=1e-12)
 
 
 def test_no_axis_comes_closer_than_n_where_the_angle_is_too_small():

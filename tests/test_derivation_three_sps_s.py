@@ -57,15 +57,6 @@ def test_the_errata_name_what_is_wrong():
     assert text.count("wrong:") == 3
 
 
-@pytest.mark.thorough
-def test_legs_are_those_of_points_moved_in_space():
-    for turn in Rotation.random(20, random_state=1):
-        q = turn.as_quat(scalar_first=True)
-        values = dict(zip(paper.q, map(float, q), strict=True)) | {paper.R: R, paper.r: r, paper.h: h}
-        squares = [float(paper.derivation.value(s).subs(values)) for s in paper.length_squared]
-        assert np.allclose(squares, by_hand(turn.as_matrix()), rtol=0, atol=1e-13)
-
-
 def test_every_rotation_is_on_the_octic_and_no_other_tilt_is():
     for turn in Rotation.random(50, random_state=2):
         squares = by_hand(turn.as_matrix())

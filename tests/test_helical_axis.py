@@ -107,13 +107,6 @@ def test_screw_residual_agrees_with_50_digits(functions: Any, angle: float) -> N
     assert jacobian[0] == pytest.approx(slopes, abs=1e-8 * 300)
 
 
-def test_the_derivation_is_proved() -> None:
-    from rodgen.derivation import helical_axis
-
-    assert helical_axis.derivation.open == []
-    assert {entry.verdict for entry in helical_axis.derivation} == {"proved"}
-
-
 # Exact data ---------------------------------------------------------------------------------------
 
 
@@ -162,15 +155,6 @@ def test_agrees_with_scipy_on_shared_readings() -> None:
     spread = np.linalg.eigvalsh(covariance[:2, :2])[::-1]
     assert fit.axis_uncertainty == pytest.approx(np.sqrt(spread), rel=1e-4)
     assert fit.dof == len(best.fun) - len(best.x)
-
-
-def test_point_is_the_one_nearest_to_the_origin_asked_for() -> None:
-    x, y, move = points([1.0], [0.3], noise=0.01)
-    fit = fit_axis(x, y, move=move, sigma=0.01, origin=(3, 4, 5))
-    assert (fit.point - fit.origin) @ fit.axis == pytest.approx(0, abs=1e-12)
-    far = fit_axis(x, y, move=move, sigma=0.01, origin=np.array([3, 4, 5]) + 1e4 * fit.axis)
-    assert far.point_uncertainty.max() > 5 * fit.point_uncertainty.max()
-    assert far.axis == pytest.approx(fit.axis, abs=1e-12)
 
 
 # Near nothing, and near half turns ----------------------------------------------------------------
@@ -551,23 +535,6 @@ def test_instantaneous_95_percent_intervals_hold_95_percent(spin: float) -> None
     # Errors of neighbours are alike: 40 draws of 80 poses have some 40 * 20 independent ones. The noise and the
     # roughness are estimated from the poses as well, which takes a share of up to 1 %.
     assert shares(spin, 40, 80) == pytest.approx([0.95] * 4, abs=0.01 + 3.29 * math.sqrt(0.95 * 0.05 / 800))
-
-
-def test_a_screw_motion_has_one_axis_at_all_instants() -> None:
-    rng = np.random.default_rng(5)
-    t = np.sort(rng.uniform(0, 3, 60))  # no two steps alike
-    angle = 0.8 * t + 0.2 * np.sin(2 * t)
-    place = np.array([screwed(TOOL[None], a, 2.5 * a)[0] for a in angle]) + 0.01 * rng.normal(size=(60, 3))
-    noise = Rotation.from_rotvec(1e-4 * rng.normal(size=(60, 3)))
-    attitude = (noise * Rotation.from_rotvec(angle[:, None] * AXIS) * HOME).as_matrix()
-    found = instantaneous_axes(t, place, attitude, sigma=0.01, sigma_angle=1e-4)
-    assert found.sigma_given
-    inside = slice(5, -5)
-    assert np.abs(found.axis[inside] - AXIS).max() < 5 * found.axis_uncertainty[inside].max()
-    off = np.linalg.norm(np.cross(found.point - POINT, AXIS), axis=1)
-    assert (off[inside] < 5 * found.point_uncertainty[inside].max()).all()
-    assert np.abs((found.pitch - 2.5) / found.pitch_uncertainty).max() < 5
-    assert np.abs((found.rate - 0.8 - 0.4 * np.cos(2 * t)) / found.rate_uncertainty).max() < 5
 
 
 def test_a_body_at_rest_and_one_that_only_slides_have_no_axis() -> None:

@@ -6,10 +6,6 @@ from many starts finds no rotation that the list lacks.
 
 from __future__ import annotations
 
-import inspect
-import re
-from itertools import product
-
 import mpmath
 import numpy as np
 import pytest
@@ -69,23 +65,6 @@ def test_angles_of_every_sequence(sequence: str) -> None:
     np.testing.assert_allclose(np.cos(chi), expected, atol=FEW)
 
 
-def test_example_of_the_paper_s_sequences() -> None:
-    """ZYX and ZYZ at (30, 40, 50) degrees, from cosines written by hand."""
-    a, b, c = np.radians([30, 40, 50])
-    zyx = [
-        np.cos(a) * np.cos(b),
-        np.sin(a) * np.sin(b) * np.sin(c) + np.cos(a) * np.cos(c),
-        np.cos(b) * np.cos(c),
-    ]
-    np.testing.assert_allclose(ie.angles_from_euler([a, b, c])[0], np.arccos(zyx), atol=FEW)
-    zyz = [
-        np.cos(a) * np.cos(b) * np.cos(c) - np.sin(a) * np.sin(c),
-        np.cos(a) * np.cos(c) - np.sin(a) * np.cos(b) * np.sin(c),
-        np.cos(b),
-    ]
-    np.testing.assert_allclose(ie.angles_from_euler([a, b, c], "ZYZ")[0], np.arccos(zyz), atol=FEW)
-
-
 @pytest.mark.parametrize("size", [1e-2, 1e-5, 1e-8, 1e-12, 1e-100, 1e-200])
 def test_small_angles_keep_all_digits(size: float) -> None:
     """An arccosine of a double has none left at 1e-8; the half-angle form loses a few units in the last place."""
@@ -115,15 +94,6 @@ def test_angles_near_half_turns_are_right_to_their_last_digits(off: float) -> No
     assert abs(np.arccos(np.cos(np.pi - 1e-9)) - (np.pi - 1e-9)) > 1e-10
 
 
-def test_small_turns_of_a_matrix_keep_their_digits() -> None:
-    """The angles come from the off-diagonal elements, which have them, not from the diagonal, which is 1."""
-    size = 10.0 ** np.arange(-15, -2)
-    vectors = size[:, None] * [0.36, -0.48, 0.8]
-    chi, _ = ie.angles_from_matrix(Rotation.from_rotvec(vectors).as_matrix())
-    expected = np.stack([np.hypot(*np.delete(vectors, i, axis=1).T) for i in range(3)], axis=1)
-    np.testing.assert_allclose(chi, expected, rtol=1e-5, atol=0)  # to size², the next term of the sine
-
-
 @pytest.mark.parametrize(
     ("matrix", "name"),
     [
@@ -140,11 +110,6 @@ def test_status_of_angles(matrix: np.ndarray, name: str) -> None:
     chi, status = ie.angles_from_matrix(matrix)
     assert names(ie.AngleStatus, status) == [name]
     assert np.isnan(chi).all() == (name == "INVALID")
-
-
-def test_a_matrix_out_of_shape_gives_the_angles_of_its_rotation() -> None:
-    scaled, _ = ie.angles_from_matrix(1.01 * MATRICES)
-    np.testing.assert_allclose(scaled, ie.angles_from_matrix(MATRICES)[0], atol=0.02)
 
 
 @given(finite_angles)
@@ -417,32 +382,6 @@ def test_arm_pose_is_the_chain_of_its_joints() -> None:
         np.testing.assert_allclose(p, centre + tool.apply([0.15, 0, 0]), atol=1e-14)
 
 
-def test_in_the_forearm_s_axes_the_wrist_alone_counts() -> None:
-    joints = RNG.uniform(-3, 3, (20, 6))
-    home = joints * [1, 1, 1, 0, 0, 0]
-    sizes = RNG.uniform(0.1, 2, (20, 4))
-    seen = np.swapaxes(ie.arm_pose(home, sizes)[0], 1, 2) @ ie.arm_pose(joints, sizes)[0]
-    chi, _ = ie.angles_from_matrix(seen)
-    np.testing.assert_allclose(np.cos(chi), np.cos(ie.angles_from_euler(joints[:, 3:])[0]), atol=1e-14)
-
-
-def test_it_is_an_attribute_of_rodgen() -> None:
-    assert rodgen.instantaneous_euler is ie
-
-
-@pytest.mark.parametrize("name", [name for name in ie.__all__ if inspect.isfunction(getattr(ie, name))])
-def test_docstrings_tell_parameters_results_and_show_an_example(name: str) -> None:
-    function = getattr(ie, name)
-    text = inspect.getdoc(function)
-    parameters = text.partition("Parameters\n----------\n")[2].partition("\n\n")[0]
-    told = re.findall(r"^(\w[\w, ]*?)(?: :|$)", parameters, re.MULTILINE)
-    assert {word.strip() for line in told for word in line.split(",")} == set(
-        inspect.signature(function).parameters
-    )
-    assert "Returns\n-------\n" in text
-    assert ">>> from rodgen import instantaneous_euler as ie" in text
-
-
 VERTICES = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 GIVEN = Rotation.random(300, random_state=4)
 STARTS_RNG = np.random.default_rng(6)
@@ -483,16 +422,6 @@ def test_all_eight_have_the_angles_and_the_given_one_is_among_them() -> None:
     assert (apart(found.quaternions, given_one[:, None]).min(axis=1) <= 8 * EPS / smallest + FEW).all()
     between = apart(found.quaternions[:, :, None], found.quaternions[:, None])
     assert (between[:, ~np.eye(8, dtype=bool)] > smallest[:, None]).all()  # eight different ones
-
-
-def test_the_eight_are_the_rotation_and_its_inverse_between_half_turns() -> None:
-    flips = [np.diag(d) for d in ([1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])]
-    for turn in GIVEN[:30]:
-        matrix = turn.as_matrix()
-        found = ie.rotations(ie.angles_from_matrix(matrix)[0]).quaternions
-        made = Rotation.from_quat(found, scalar_first=True).as_matrix()
-        for flip, R in product(flips, (matrix, matrix.T)):
-            assert np.abs(made - flip @ R @ flip).max(axis=(1, 2)).min() < 1e-11
 
 
 def numeric_rotations(chi: np.ndarray, starts: int, seed: int) -> list[np.ndarray]:
@@ -636,14 +565,6 @@ def test_infeasible_triples_have_their_distance_and_the_nearest_triple() -> None
         assert np.sqrt(best.fun) == pytest.approx(distance, abs=1e-6)
 
 
-def test_a_third_of_the_cosines_and_a_seventh_of_the_angles() -> None:
-    n = 200_000
-    in_cosines = ie.rotations(np.arccos(STARTS_RNG.uniform(-1, 1, (n, 3)))).count > 0
-    assert in_cosines.mean() == pytest.approx(1 / 3, abs=0.005)  # five standard deviations
-    in_angles = ie.rotations(STARTS_RNG.uniform(0, np.pi, (n, 3))).count > 0
-    assert in_angles.mean() == pytest.approx(0.147, abs=0.005)
-
-
 @pytest.mark.parametrize("chi", [[np.nan, 1, 1], [-0.1, 0.1, 0.1], [3.2, 1, 3], [np.inf, 0, 0]])
 def test_no_angles(chi: list[float]) -> None:
     found = ie.rotations(chi)
@@ -716,16 +637,6 @@ def test_one_ridge_line_without_a_sense_leaves_two_and_two_lines_leave_one() -> 
         two = ie.choose(chi, **lines, oriented=False, angle_tolerance=1e-9)
         assert (two.left == 1).all()
         assert apart(two.quaternion, given_one).max() < 1e-8
-
-
-def test_choice_with_measured_lines_and_unknown_ones() -> None:
-    chi, _ = ie.angles_from_matrix(GIVEN.as_matrix())
-    directions = ridges(GIVEN)
-    x = np.full((300, 3), np.nan)
-    x[::2] = directions[::2, 0]
-    choice = ie.choose(chi, x=x, z=directions[:, 2] + 1e-6 * STARTS_RNG.normal(size=(300, 3)))
-    assert apart(choice.quaternion, GIVEN.as_quat(scalar_first=True)).max() < 1e-7
-    assert 1e-7 < choice.misfit.max() < 1e-4
 
 
 def test_choice_that_cannot_be_made() -> None:

@@ -6,7 +6,6 @@ import mpmath
 import numpy as np
 import pytest
 from kinematics_cases import rx, rz, shift
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import rodgen
@@ -135,12 +134,6 @@ def test_error_for_what_is_no_mechanism_is_one_sentence(arguments, words):
         Mechanism(*arguments)
 
 
-def test_names_differ_and_are_as_many_as_joints():
-    for names in (["a"], ["a", "a"]):
-        with pytest.raises(RodgenError, match="expected"):
-            Mechanism("RR", [1.0], [0.0], names=names)
-
-
 def test_a_mechanism_is_a_value():
     other = Mechanism("RP", [1.0], [0.5], names=("A", "B"))
     same = Mechanism(("R", "P"), np.array([1.0]), [0.5], names=["A", "B"])
@@ -199,24 +192,6 @@ def test_the_forward_analysis_is_the_product_of_the_links():
                     np.testing.assert_allclose(spatial.frames(chain, q)[:, -1], expected, atol=2e-14)
 
 
-def test_six_joints_have_the_same_end_frame_by_both_ways():
-    """The kernel of six revolute joints, and one step after the other."""
-    q = np.random.default_rng(6).uniform(-3, 3, size=(10, 6))
-    for robot in ROBOTS:
-        np.testing.assert_allclose(spatial.forward(robot, q), spatial.frames(robot, q)[:, -1], atol=2e-13)
-
-
-@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_the_wrist_turns_about_one_point(robot):
-    """With the offsets S5, S6 and the link lengths of the wrist at zero the origin does not depend on its angles."""
-    wrist = Mechanism(robot.joints, robot.a, robot.alpha, [*robot.offset[:4], 0.0, 0.0])
-    rng = np.random.default_rng(7)
-    arm = rng.uniform(-3, 3, size=3 if robot is not spatial.GE_P60 else 5)
-    rest = rng.uniform(-3, 3, size=(10, 6 - len(arm)))
-    poses = spatial.forward(wrist, np.concatenate([np.tile(arm, (10, 1)), rest], axis=1))
-    np.testing.assert_allclose(poses[:, :3, 3], np.tile(poses[0, :3, 3], (10, 1)), atol=1e-13)
-
-
 def test_the_course_example_of_the_p60_comes_out():
     """Facts, section 12: tool (80, 80, 18), at (2, 3, 5) in system 6, S6 and a67 given; angles to 1e-4 degrees."""
     angles = np.radians(
@@ -262,13 +237,6 @@ def test_batches_of_any_shape_and_no_element():
         assert spatial.frames(robot, q).shape == (2, 3, 6, 4, 4)
 
 
-def test_wrong_numbers_of_variables_and_types_are_an_error():
-    with pytest.raises(RodgenError, match=r"shape \(5,\); expected \(..., 6\)"):
-        spatial.forward(spatial.PUMA_560, np.zeros(5))
-    with pytest.raises(TypeError, match="complex"):
-        spatial.forward(spatial.PUMA_560, np.zeros(6, complex))
-
-
 def test_what_is_not_finite_stays_with_its_element():
     q = np.zeros((3, 6))
     q[1, 2] = np.nan
@@ -303,14 +271,6 @@ def test_the_hypothetical_link_closes_the_loop(robot, free):
     assert (link.status == HypotheticalStatus.NORMAL).all()
     for row in range(len(q)):
         assert closure(robot, q[row], one(link, row)) <= 100 * EPS / np.sin(link.alpha71[row])
-
-
-def test_an_offset_of_the_first_joint_is_in_the_loop():
-    raised = Mechanism(
-        "RRRRRR", spatial.PUMA_560.a, spatial.PUMA_560.alpha, [7.0, *spatial.PUMA_560.offset[1:]]
-    )
-    q = np.random.default_rng(14).uniform(-3, 3, size=6)
-    assert closure(raised, q, spatial.close_loop(spatial.forward(raised, q))) <= 100 * EPS
 
 
 def test_the_chosen_twist_leaves_no_special_case():
@@ -389,18 +349,6 @@ def test_what_is_no_pose_is_invalid():
         link.loop(spatial.PUMA_560)
     with pytest.raises(RodgenError, match="tolerance"):
         spatial.close_loop(good, tolerance=-1.0)
-
-
-def test_link_transforms_are_exponentials_of_two_screws():
-    rng = np.random.default_rng(13)
-    for _ in range(10):
-        a, alpha, offset, angle = rng.normal(size=4)
-        first, second = np.zeros((4, 4)), np.zeros((4, 4))
-        first[2, 1], first[1, 2], first[0, 3] = alpha, -alpha, a
-        second[1, 0], second[0, 1], second[2, 3] = angle, -angle, offset
-        np.testing.assert_allclose(
-            spatial.link_transform(a, alpha, offset, angle), expm(first) @ expm(second), atol=1e-14
-        )
 
 
 @pytest.mark.parametrize(

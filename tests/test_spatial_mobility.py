@@ -235,20 +235,6 @@ def test_the_picture_has_every_joint_and_link(mechanism):
             assert axis.range[0] + 15 < value < axis.range[1] - 15
 
 
-def test_names_are_escaped_in_the_picture():
-    mechanism = Mechanism("RR", [1.0], [0.0], name="a < b & c", names=["<1>", '"2"'])
-    figure = planar_representation(mechanism)
-    assert figure.layout.title.text == "a &lt; b &amp; c"
-    assert "&lt;1&gt;" in [note.text for note in figure.layout.annotations]
-
-
-def test_a_missing_joint_is_an_error():
-    with pytest.raises(RodgenError, match="no joint 9; expected 0 to 5"):
-        planar_representation(spatial.PUMA_560, input=9)
-    with pytest.raises(RodgenError, match="no joint 'X'; expected 'R1'"):
-        planar_representation(spatial.PUMA_560, output="X")
-
-
 def test_the_derivation_of_loops_is_closed():
     """Every entry is proved, or refuted with an exact counterexample; the figure of the facts sheet is reported."""
     derivation = spatial_loops.derivation

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_inputs import folded_arm, robot_inputs
+from kernel_inputs import robot_inputs
 from kernel_reference import KERNELS
-from numeric_reverse import search
 from test_reverse_robots import check_is_solution, check_misses_nothing
 
 from rodgen.errors import RodgenError
@@ -86,31 +85,6 @@ def test_newton_from_many_starts_finds_no_more(kind: str, backwards: bool) -> No
     assert check_misses_nothing(mechanism, T, found) >= 4
 
 
-def test_method_names_the_axes_as_the_arm_counts_them() -> None:
-    for kind, (method, _) in KINDS.items():
-        assert spatial.reverse_method(arm_of(kind, 0)) == method
-    backwards = {kind: spatial.reverse_method(arm_of(kind, 0, backwards=True)) for kind in KINDS}
-    assert backwards["wrist"] == "closed form: axes 4, 5 are parallel and axes 1, 2, 3 meet"
-    assert backwards["parallel"] == "closed form: axes 3, 4, 5 are parallel, axes 1, 2 meet"
-    assert backwards["meet 234"] == "pair of equations: axes 3, 4, 5 meet"
-    assert backwards["parallel 123"] == "pair of equations: axes 4, 5, 6 are parallel"
-
-
-def test_published_solutions_of_the_p60() -> None:
-    """The homework's pose: a tool point (2, 3, 5) at (80, 80, 18); two of its eight solutions, in degrees."""
-    a67, axis = np.array([1.0, 2, -1]) / np.sqrt(6), np.array([-1.0, 1, 1]) / np.sqrt(3)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([a67, np.cross(axis, a67), axis], axis=1)
-    pose[:3, 3] = np.array([80.0, 80, 18]) - pose[:3, :3] @ [2, 3, 5]
-    solutions, status = spatial.reverse(spatial.GE_P60, pose)
-    assert (status == ReverseStatus.REGULAR).all()
-    for wanted in (
-        (-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343),
-        (30.7305, 58.1274, -103.3851, -63.9599, 37.6924, 143.7742),
-    ):
-        assert np.abs(np.degrees(solutions) - wanted).max(axis=-1).min() < 1e-4  # the digits given
-
-
 @pytest.mark.parametrize("name", ["robot_wrist_reverse", "robot_parallel_reverse"])
 def test_kernels_solve_their_equations_to_40_digits(name: str) -> None:
     """The closed forms themselves, without rounding: where a pose is exact to 50 digits, so are the angles."""
@@ -164,48 +138,6 @@ def statuses(mechanism: spatial.Mechanism, q: object) -> list[str]:
     return [ReverseStatus(s).name for s in found.status if s != ReverseStatus.NONE]
 
 
-@pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize("kind", ["wrist", "meet 456", "meet 456 and 12"])
-def test_singular_wrist_is_a_family(kind: str, backwards: bool) -> None:
-    """The wrist's middle joint at zero between equal twists: the outer axes are one line."""
-    arm = arm_of(kind, 5, backwards=backwards)
-    alpha = arm.alpha.copy()
-    joint = 1 if backwards else 4
-    alpha[joint - 1], alpha[joint] = 1.1, -1.1
-    arm = spatial.Mechanism("R" * 6, arm.a, alpha, arm.offset)
-    q = np.array([0.3, 0.5, -0.7, 0.9, -1.1, 1.3])
-    q[joint] = 0.0
-    assert "FAMILY" in statuses(arm, q)
-    q[joint] = 1e-6
-    assert "FAMILY" not in statuses(arm, q)
-
-
-@pytest.mark.parametrize("wrist", [False, True])
-def test_straight_elbow_is_double_and_folded_elbow_is_a_family(wrist: bool) -> None:
-    arm = folded_arm(wrist)
-    q = [0.3, 0.4, 0.0, 0.5, 0.6, 0.7]
-    assert set(statuses(arm, q)) == {"DOUBLE"} if wrist else "DOUBLE" in statuses(arm, q)
-    q[2] = np.pi
-    T = spatial.forward(arm, q)
-    found = spatial.reverse(arm, T)
-    check_is_solution(arm, T, found)
-    family = found.solutions[found.status == ReverseStatus.FAMILY]
-    assert len(family)
-    assert (family[:, 1] == 0).all()
-
-
-def test_wrist_centre_on_the_first_axis_is_a_family() -> None:
-    arm = folded_arm(True)
-    T = spatial.forward(arm, [0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
-    T[:3, 3] = [0, 0, 1.5] + T[:3, 2]
-    found = spatial.reverse(arm, T)
-    check_is_solution(arm, T, found)
-    there = found.status <= ReverseStatus.FAMILY
-    assert there.any()
-    assert (found.status[there] == ReverseStatus.FAMILY).all()
-    assert (found.solutions[there, 0] == 0).all()
-
-
 def test_free_first_angle_before_three_parallel_axes() -> None:
     """Zero may leave no solution where other first angles do; Newton's method finds those."""
     alpha, offset = [np.pi / 2, 0, 0, 1.1, -1.4], [0.5, 0.4, -0.9, 0.5 - 0.6 * np.cos(1.1), 0.6, 1.0]
@@ -235,33 +167,6 @@ def test_positions_as_people_write_them(robot: spatial.Mechanism, step: int) -> 
     assert (known | (found.status == ReverseStatus.FAMILY).any(axis=-1)).all()
 
 
-def test_nothing_is_in_reach_far_away_and_what_is_no_pose_is_invalid() -> None:
-    for kind in KINDS:
-        mechanism = arm_of(kind, 3)
-        _, T = some_poses(mechanism, 5, 4)
-        T[0, :3, 3] *= 100
-        T[1, 0, 3] = np.nan
-        T[2, :3, 0] *= -1
-        T[3, 3, 3] = 2
-        found = spatial.reverse(mechanism, T)
-        assert (found.status[0] == ReverseStatus.NONE).all()
-        assert (found.status[1:4] == ReverseStatus.INVALID).all()
-        assert np.isnan(found.solutions[:4]).all()
-        assert found.status[4, 0] == ReverseStatus.REGULAR
-
-
-def test_shapes_are_those_of_the_poses() -> None:
-    for kind in ("wrist", "meet 456"):
-        mechanism = arm_of(kind, 3)
-        _, T = some_poses(mechanism, 6, 4)
-        whole = spatial.reverse(mechanism, T.reshape(2, 3, 4, 4))
-        assert whole.solutions.shape == (2, 3, 8, 6)
-        one = spatial.reverse(mechanism, T[4])
-        assert one.status.shape == (8,)
-        np.testing.assert_allclose(one.solutions, whole.solutions[1, 1], rtol=0, atol=1e-12)
-        assert spatial.reverse(mechanism, T[:0]).status.shape == (0, 8)
-
-
 def test_a_chain_with_slides_is_solved_as_a_loop() -> None:
     quarter = np.pi / 2
     gantry = spatial.Mechanism(
@@ -285,20 +190,6 @@ def test_a_placed_robot_is_solved_in_its_own_coordinates() -> None:
     assert (found.status == ReverseStatus.REGULAR).all()
     assert np.abs(found.solutions - q).max(axis=1).min() < 1e-12
     assert spatial.reverse_method(robot) == spatial.reverse_method(spatial.PUMA_560)
-
-
-def test_lengths_may_have_any_size() -> None:
-    for kind in ("wrist", "parallel", "meet 456", "parallel 123"):
-        arm = arm_of(kind, 2)
-        q, _ = some_poses(arm, 5, 6)
-        counts = []
-        for unit in (1e-100, 1.0, 1e100):
-            scaled = spatial.Mechanism("R" * 6, arm.a * unit, arm.alpha, arm.offset * unit)
-            found = spatial.reverse(scaled, spatial.forward(scaled, q))
-            counts.append((found.status == ReverseStatus.REGULAR).sum())
-            off = np.abs(np.remainder(found.solutions - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
-            assert np.nanmin(off, axis=-1).max() < 1e-9
-        assert counts[0] == counts[1] == counts[2] >= 10
 
 
 def test_what_is_no_arm_of_six_revolute_joints_is_an_error() -> None:
@@ -359,17 +250,3 @@ def test_ssik_is_given_the_same_arm(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (status <= ReverseStatus.FAMILY).sum() == 8
         apart = np.abs(np.remainder(mine[:, None] - its[None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
         assert np.nanmin(apart, axis=1).max() < 1e-9
-
-
-@pytest.mark.slow
-def test_ssik_solves_any_arm() -> None:
-    """The first pose costs ssik a minute of preparation, and no time where it has kept that."""
-    pytest.importorskip("ssik")
-    mechanism = anything(7)
-    q, T = some_poses(mechanism, 10, 8)
-    found = spatial.reverse(mechanism, T)
-    check_is_solution(mechanism, T, found)
-    off = np.abs(np.remainder(found.solutions - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
-    assert np.nanmin(off, axis=-1).max() < 1e-7
-    for row, numeric in enumerate(search(mechanism, T[:3])):
-        assert (found.status[row] <= ReverseStatus.FAMILY).sum() >= len(numeric.solutions)

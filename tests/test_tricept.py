@@ -76,26 +76,6 @@ def test_a_positive_alpha_moves_the_platform_towards_positive_y():
     assert tricept.point([0.0, 0.1, 600.0], PAPER)[0] > 0
 
 
-def test_shapes_broadcast_and_single_poses_are_single():
-    poses = random_poses(24).reshape(2, 3, 4, 3)
-    assert tricept.point(poses, PAPER).shape == (2, 3, 4, 3)
-    assert tricept.legs(poses[0, 0, 0], PAPER).shape == (3,)
-    many, legs, status = tricept.inverse(tricept.point(poses, PAPER), PAPER)
-    assert (many.shape, legs.shape, status.shape) == ((2, 3, 4, 4, 3), (2, 3, 4, 4, 3), (2, 3, 4, 4))
-    one = tricept.inverse(tricept.point(poses[1, 2, 3], PAPER), PAPER)
-    np.testing.assert_array_equal(one[0], many[1, 2, 3])
-    assert tricept.direct(legs[..., 0, :], PAPER)[0].shape == (2, 3, 4, 3)
-    assert tricept.direct_all(legs[..., 0, :], PAPER)[0].shape == (2, 3, 4, 28, 3)
-    assert tricept.direct_all(legs[0, 0, 0, 0], PAPER)[0].shape == (28, 3)
-    assert tricept.sensitivity(poses, PAPER).shape == (2, 3, 4, 3, 5)
-
-
-def test_float32_in_float32_out():
-    poses = random_poses(5).astype(np.float32)
-    assert tricept.point(poses, PAPER).dtype == tricept.legs(poses, PAPER).dtype == np.float32
-    np.testing.assert_allclose(tricept.legs(poses, PAPER), reference_legs(poses, PAPER), rtol=1e-6)
-
-
 # inverse -----------------------------------------------------------------------------------------------
 
 
@@ -154,21 +134,6 @@ def test_limits_are_inclusive_and_judged_rod_by_rod():
         ((legs.min(), np.nextafter(legs.max(), 0)), TriceptStatus.OUT_OF_LIMITS),
     ):
         assert tricept.inverse([30.0, 40.0, 650.0], PAPER, limits)[2][0] == expected
-
-
-@pytest.mark.parametrize("point", [(0, 0, 500), (0, 0, 850), (450, 0, 650)])
-def test_points_beyond_the_limits_of_the_papers_machine(point):
-    poses, legs, status = tricept.inverse(point, PAPER, LEG_LIMITS)
-    assert status[0] == TriceptStatus.OUT_OF_LIMITS
-    assert np.isfinite(poses[0]).all()
-    assert ((legs[0] < 568) | (legs[0] > 858)).any()
-
-
-def test_limits_alone_do_not_exclude_the_turned_platform():
-    """At home the rods of K = −1 are √((R + r)² + z²), within the limits."""
-    _, legs, status = tricept.inverse([0.0, 0.0, 600.0], PAPER, LEG_LIMITS)
-    np.testing.assert_allclose(legs[1], np.hypot(470.0, 600.0), rtol=1e-15)
-    assert status[1] == TriceptStatus.REACHABLE
 
 
 def test_a_point_that_beta_does_not_move_is_a_gimbal_lock():
@@ -262,17 +227,6 @@ def test_matrices_are_derivatives_of_pose_point_and_rods(geometry):
         np.testing.assert_allclose(tricept.sensitivity(pose, geometry), found.A35, rtol=1e-12, atol=1e-14)
 
 
-def test_at_home_a35_has_its_closed_form():
-    z, A = 700.0, np.hypot(190.0, 700.0)
-    a, b = A / (3 * 330), A / (np.sqrt(3) * 330)
-    expected = [
-        [-2 * a, a, a, 0, 0],
-        [0, -b, b, 0, 0],
-        [A / (3 * z)] * 3 + [190 / z, -190 / z],
-    ]
-    np.testing.assert_allclose(tricept.sensitivity([0, 0, z], PAPER), expected, atol=1e-15)
-
-
 def test_equal_radii_leave_the_machine_regular():
     """R = r: the rods are parallel at home, and radii then do not move the point."""
     geometry = Geometry(200.0, 200.0)
@@ -297,29 +251,6 @@ def test_propagation_is_a_u_at(geometry):
     expected = A @ U_x @ A.swapaxes(1, 2)
     np.testing.assert_allclose(U_y, expected, rtol=1e-10, atol=1e-15)
     np.testing.assert_array_equal(U_y, U_y.swapaxes(1, 2))
-
-
-def test_one_covariance_for_all_points_and_one_point_for_all():
-    U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
-    points = reference_point(random_poses(40), PAPER)
-    together, _ = tricept.propagate(points, PAPER, U_x)
-    apart = np.stack([tricept.propagate(x, PAPER, U_x)[0] for x in points])
-    # Each element is a sum whose terms are as large as the variances: that is what rounding is relative to.
-    assert np.all(np.abs(together - apart) <= 1e-14 * np.abs(apart).max((-2, -1), keepdims=True))
-    scaled, status = tricept.propagate(points[0], PAPER, U_x * np.arange(1, 4)[:, None, None])
-    np.testing.assert_allclose(scaled, apart[0] * np.arange(1, 4)[:, None, None], rtol=1e-12, atol=1e-22)
-    assert status.shape == (3,)
-
-
-def test_order_of_the_radii_matters():
-    """U_x is in the order A0, A1, A-1, r, R; with u(r) ≠ u(R) the wrong order is another answer."""
-    right = np.diag([0, 0, 0, 1.0, 4.0])
-    point = reference_point([[0.2, 0.1, 650.0]], PAPER)[0]
-    A = tricept.sensitivity([0.2, 0.1, 650.0], PAPER)
-    U_y, _ = tricept.propagate(point, PAPER, right)
-    np.testing.assert_allclose(U_y, np.outer(A[:, 3], A[:, 3]) + 4 * np.outer(A[:, 4], A[:, 4]), rtol=1e-10)
-    wrong, _ = tricept.propagate(point, PAPER, right[[0, 1, 2, 4, 3]][:, [0, 1, 2, 4, 3]])
-    assert np.abs(U_y - wrong).max() > 0.1
 
 
 def test_covariances_are_taken_and_others_refused():
@@ -375,15 +306,6 @@ def test_propagation_tells_unreachable_out_of_limits_and_invalid():
 # singularities -----------------------------------------------------------------------------------------
 
 
-def test_determinants_and_gains_are_those_of_the_matrices():
-    poses = random_poses(30)
-    found, matrices = tricept.singularity(poses, WITH_Q), tricept.matrices(poses, WITH_Q)
-    np.testing.assert_allclose(found.det_w33, np.linalg.det(matrices.W33), rtol=1e-11)
-    np.testing.assert_allclose(found.det_m33, np.linalg.det(matrices.M33), rtol=1e-12)
-    np.testing.assert_allclose(found.ratio, found.det_w33 / (8 * 330**2 * poses[:, 2] ** 3), rtol=1e-13)
-    np.testing.assert_allclose(found.condition, np.linalg.cond(matrices.A35[..., :3]), rtol=1e-10)
-
-
 def test_a_singular_pose_has_an_infinite_condition():
     """z = 0 at home: the rods lie in the base's plane."""
     found = tricept.singularity([0.0, 0.0, 0.0], PAPER)
@@ -417,25 +339,6 @@ def test_direct_finds_every_pose_of_the_workspace():
     found, status = rodgen.kinematics.backend.kernels.tricept_direct(grid, PAPER.r, PAPER.R)
     assert (status == TriceptStatus.REACHABLE).all()
     np.testing.assert_allclose(tricept.legs(found, PAPER), grid, rtol=1e-14)
-
-
-@pytest.mark.parametrize("geometry", MACHINES)
-def test_direct_turns_inverse_round(geometry):
-    poses = random_poses(300, seed=4, tilt=0.4)
-    points = reference_point(poses, geometry)
-    legs = tricept.inverse(points, geometry)[1][:, 0]
-    found, status = tricept.direct(legs, geometry)
-    assert (status == TriceptStatus.REACHABLE).all()
-    np.testing.assert_allclose(tricept.point(found, geometry), points, rtol=0, atol=1e-10)
-
-
-def test_direct_agrees_with_scipys_solver():
-    rng = np.random.default_rng(7)
-    for legs in rng.uniform(568, 858, (20, 3)):
-        done = root(
-            lambda x, legs=legs: reference_legs(x, PAPER)[0] - legs, [0, 0, legs.mean() - 60], tol=1e-13
-        )
-        np.testing.assert_allclose(tricept.direct(legs, PAPER)[0], done.x, rtol=0, atol=1e-8)
 
 
 def test_rods_that_meet_nowhere_are_unreachable():

@@ -273,14 +273,6 @@ def test_scipy_finds_the_same_extremes(found: tricept.Bounds) -> None:
             assert abs(best - inner) <= 1.1e-3 / scale
 
 
-def test_small_gap_narrows_the_bounds() -> None:
-    low, high = np.array([40.0, -40.0, 660.0]), np.array([60.0, -10.0, 680.0])
-    fine = tricept.bounds(low, high, PAPER, U_PAPER, gap=1e-6)
-    assert fine.complete
-    size = np.abs(fine.inner).max(axis=1, keepdims=True)
-    assert (fine.gap <= 1e-6 * size).all()
-
-
 def test_correlated_covariance_and_tool_offset() -> None:
     rng = np.random.default_rng(5)
     root = rng.normal(size=(5, 5)) * 0.004
@@ -295,15 +287,6 @@ def test_correlated_covariance_and_tool_offset() -> None:
     assert (np.diff(bounds.base_outer, axis=1) >= np.diff(bounds.outer, axis=1)).all()
 
 
-def test_a_point_is_a_box() -> None:
-    place = np.array([20.0, 30.0, 700.0])
-    bounds = tricept.bounds(place, place, PAPER, U_PAPER)
-    exact = elements(place)
-    np.testing.assert_allclose(bounds.outer, np.stack([exact, exact], axis=1), rtol=1e-9, atol=1e-17)
-    assert (bounds.outer[:, 0] <= exact).all()
-    assert (bounds.outer[:, 1] >= exact).all()
-
-
 def test_eq_24_is_an_enclosure_near_the_base_sums_and_not_the_range(found: tricept.Bounds) -> None:
     for n, name in enumerate(ELEMENTS):
         low, high = PRINTED[name]
@@ -314,12 +297,6 @@ def test_eq_24_is_an_enclosure_near_the_base_sums_and_not_the_range(found: trice
         np.testing.assert_allclose([low, high], found.base_inner[n], atol=0.011 * size)
     assert found.excess[2] > 3.5
     assert (found.excess[3:] > 2.6).all()
-
-
-def test_xy_and_yz_are_symmetric_and_xz_is_not(found: tricept.Bounds) -> None:
-    for n in (3, 5):
-        assert found.inner[n, 0] == pytest.approx(-found.inner[n, 1], rel=1e-9)
-    assert abs(found.inner[4].sum()) > 1e-3 * found.inner[4, 1]
 
 
 @pytest.mark.parametrize(
@@ -366,16 +343,6 @@ def test_largest_cube_on_the_axis_is_not_that_of_eq_24() -> None:
         corners = np.stack(np.meshgrid(*[[-larger, larger]] * 3), -1).reshape(-1, 3) + np.array([0, 0, z])
         rods = tricept.inverse(corners, PAPER)[1][:, 0]
         assert rods.min() < LEG_LIMITS[0] or rods.max() > LEG_LIMITS[1]
-
-
-@pytest.mark.thorough
-def test_leaving_the_axis_gives_a_larger_cube() -> None:
-    cube = tricept.largest_cube(PAPER, LEG_LIMITS, "free")
-    assert cube.edge >= 184.93
-    assert (cube.rods.outer[:, 0] >= LEG_LIMITS[0]).all()
-    assert (cube.rods.outer[:, 1] <= LEG_LIMITS[1]).all()
-    about = tricept.largest_cube(PAPER, LEG_LIMITS, cube.centre)
-    assert about.edge == pytest.approx(cube.edge, rel=1e-6)
 
 
 def test_corners_do_not_suffice_for_the_shortest_rod() -> None:
@@ -485,48 +452,6 @@ def test_influences_that_are_none_are_refused() -> None:
     ):
         with pytest.raises(RodgenError, match=words):
             tricept.influence_map(0.0, 0.0, PAPER, pair, element, **region)
-
-
-@pytest.mark.slow
-def test_a_region_is_mapped_by_a_grid_that_just_holds_its_beams() -> None:
-    for region in ({"limits": LEG_LIMITS}, {"box": (LOW, HIGH)}):
-        found = tricept.influence_region(PAPER, ("A0", "r"), "xz", 21, **region)
-        again = tricept.influence_map(found.alpha, found.beta, PAPER, ("A0", "r"), "xz", **region)
-        np.testing.assert_array_equal(found.least, again.least)
-        known = np.isfinite(found.least)
-        assert known.shape == (21, 21)
-        for inside in (
-            known.any(axis=0),
-            known.any(axis=1),
-        ):  # at most two of the steps at either end are outside
-            assert inside[2:-2].all()
-    with pytest.raises(RodgenError, match="no beam"):
-        tricept.influence_region(
-            PAPER, ("A0", "A0"), "xx", box=([0, 0, 9000], [1, 1, 9001]), limits=LEG_LIMITS
-        )
-
-
-def test_beams_outside_have_no_influence() -> None:
-    found = tricept.influence_map([0.0, 1.2, np.nan], 0.0, PAPER, ("A0", "A0"), "xx", limits=LEG_LIMITS)
-    assert np.isfinite(found.least).tolist() == [True, False, False]
-
-
-@pytest.mark.parametrize(
-    ("centre", "edge", "geometry"),
-    [((7.0, 3.0, 700.0), 4.0, PAPER), ((-40.0, 0.0, 650.0), 0.5, PAPER), ((30.0, 110.0, 690.0), 3.0, TOOL)],
-)
-def test_beams_of_a_small_cube_span_its_angles(centre: tuple, edge: float, geometry: Geometry) -> None:
-    box = np.array(centre) - edge / 2, np.array(centre) + edge / 2
-    found = tricept.influence_region(geometry, ("A0", "A0"), "xx", 61, limits=tricept.LEG_LIMITS, box=box)
-    least, greatest = np.nanmin(found.least), np.nanmax(found.greatest)
-    spots = np.linspace(-0.5, 0.5, 15) * edge
-    points = np.array(centre) + np.stack(np.meshgrid(spots, spots, spots), axis=-1).reshape(-1, 3)
-    poses = tricept.pose(points, geometry)[0]
-    values = tricept.sensitivity(poses, geometry)[:, 0, 0] ** 2
-    width = values.max() - values.min()
-    # the samples have the corners, which beams come near to; 61 of them are 2 % of the width apart
-    assert values.min() - 1e-3 * width <= least <= values.min() + 0.1 * width
-    assert values.max() + 1e-3 * width >= greatest >= values.max() - 0.1 * width
 
 
 def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:

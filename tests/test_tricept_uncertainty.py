@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import mpmath
 import numpy as np
 import pytest
@@ -231,16 +229,6 @@ def test_coverage_factor_is_that_of_chi_squared() -> None:
         assert tricept.coverage_factor(p) == pytest.approx(np.sqrt(stats.chi2.ppf(p, 3)), rel=1e-7)
 
 
-def test_ellipsoid_spans_the_covariance() -> None:
-    U_y, _ = tricept.place_covariance([[50, 20, 700], [0, 0, 700], [0, 0, np.nan]], PAPER, U_PAPER)
-    found = tricept.ellipsoid(U_y, 0.95)
-    axes, directions = found.semi_axes[:2], found.directions[:2]
-    back = directions @ (axes[..., None] ** 2 * np.swapaxes(directions, -1, -2)) / found.k**2
-    np.testing.assert_allclose(back, U_y[:2], atol=1e-18)
-    assert (np.diff(axes) <= 0).all()
-    assert np.isnan(found.semi_axes[2]).all()
-
-
 def test_budget_without_correlations_is_a_sum_of_squares() -> None:
     U = tricept.covariance({group: 0.004 for group in tricept.GROUPS if group != "guide_angles"})
     found = tricept.budget([60, -40, 680], TOOL, U)
@@ -296,44 +284,6 @@ def test_budget_of_a_point_without_pose_is_refused(point: list[float]) -> None:
         tricept.monte_carlo(point, PAPER, U_PAPER, draws=1000)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: tricept.ellipsoid(np.eye(2)), r"U_y has the shape \(2, 2\); expected \(\.\.\., 3, 3\)"),
-        (
-            lambda: tricept.is_covariance(np.zeros((3, 5))),
-            r"U has the shape \(3, 5\); expected \(\.\.\., n, n\)",
-        ),
-        (lambda: tricept.budget([0, 0, 700], PAPER, np.zeros((3, 5))), r"\(3, 5\); expected \(43, 43\)"),
-        (lambda: tricept.bounds(0.0, [1, 1, 1], PAPER, U_PAPER), r"low has the shape \(\); expected three"),
-        (lambda: tricept.workspace(PAPER, 5.0), r"limits are 5\.0; expected the least and the greatest"),
-        (
-            lambda: tricept.propagate(np.ones((3, 3)), PAPER, np.zeros((2, 5, 5))),
-            r"point \(3, 3\) and U_x \(2, 5, 5\) do not fit together",
-        ),
-        (
-            lambda: tricept.place_covariance(np.ones((3, 3)), PAPER, np.zeros((2, 43, 43))),
-            r"point \(3, 3\) and U \(2, 43, 43\) do not fit together",
-        ),
-        (
-            lambda: tricept.disturbed_point(np.ones((3, 3)), PAPER, np.zeros((2, 43))),
-            r"pose \(3, 3\) and errors \(2, 43\) do not fit together; expected shapes that broadcast",
-        ),
-        (
-            lambda: tricept.disturbed_point([0, 0], PAPER, np.zeros(43)),
-            r"pose has the shape \(2,\); expected",
-        ),
-        (
-            lambda: tricept.disturbed_point([0, 0, 1], PAPER, np.zeros(5)),
-            r"errors has the shape \(5,\); expected",
-        ),
-    ],
-)
-def test_a_wrong_shape_names_the_argument_and_the_shape_expected(call: Any, words: str) -> None:
-    with pytest.raises(RodgenError, match=words):
-        call()
-
-
 # the exact machine and Monte Carlo ---------------------------------------------------------------------
 
 
@@ -374,25 +324,6 @@ def test_monte_carlo_agrees_with_the_linear_law_where_it_is_linear() -> None:
     assert found.failed == 0
     again = tricept.monte_carlo([50, 20, 700], TOOL, U, draws=100_000, seed=3)
     assert (again.symmetric == found.symmetric).all()
-
-
-def test_rectangular_errors_have_shorter_intervals_than_the_normal_law() -> None:
-    found = tricept.monte_carlo([0, 0, 700], PAPER, U_PAPER, draws=100_000, rectangular=PARAMETERS[:5])
-    u = np.sqrt(np.diag(found.linear_covariance))
-    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), u, rtol=0.01)
-    # Qy is made of two rods alone: a trapezoid, here a triangle, of which 95 % are within u √6 (1 − √0.05)
-    expected = u[1] * np.sqrt(6) * (1 - np.sqrt(0.05))
-    np.testing.assert_allclose(found.symmetric[1], [-expected, expected], rtol=0.02)
-    assert not found.validated[1]
-
-
-def test_monte_carlo_sees_what_the_linear_law_does_not() -> None:
-    U = tricept.covariance({"A0": 20.0, "A1": 20.0})
-    found = tricept.monte_carlo([0, 0, 700], PAPER, U, draws=20_000)
-    # a platform that tilts comes nearer: the mean is off by more than a hundred times its uncertainty
-    u = np.sqrt(found.covariance[2, 2] / 20_000)
-    assert abs(found.mean[2] - 700) > 10 * u
-    assert not found.validated.all()
 
 
 def test_failed_draws_are_counted() -> None:
@@ -441,21 +372,6 @@ def test_monte_carlo_refuses_what_it_cannot_draw() -> None:
 
 
 # maps --------------------------------------------------------------------------------------------------
-
-
-def test_map_is_the_propagation_at_its_points() -> None:
-    found = tricept.uncertainty_map(PAPER, U_PAPER, "y", 30.0, tricept.LEG_LIMITS, n=31)
-    inside = found.status == TriceptStatus.REACHABLE
-    assert inside.any()
-    assert not inside.all()
-    row, column = np.argwhere(inside)[7]
-    U_y, _ = tricept.propagate([found.across[column], 30.0, found.up[row]], PAPER, U_PAPER)
-    np.testing.assert_allclose(found.u[row, column], np.sqrt(np.diag(U_y)), rtol=1e-9)
-    assert np.isnan(found.u[~inside]).all()
-    with pytest.raises(RodgenError, match="workspace"):
-        tricept.uncertainty_map(PAPER, U_PAPER, "y", 3000.0, tricept.LEG_LIMITS)
-    with pytest.raises(RodgenError, match="expected x, y or z"):
-        tricept.uncertainty_map(PAPER, U_PAPER, "w", 50.0, tricept.LEG_LIMITS)
 
 
 def test_a_matrix_that_is_no_covariance_has_no_ellipsoid():
