@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import re
 from pathlib import Path
 from typing import Any
@@ -213,38 +212,35 @@ def test_an_argument_with_a_default_can_be_a_column(
     assert other["q0"] == row["q0"]
 
 
-FAULTS = {
-    (): "no FUNCTION; expected FUNCTION and TABLE",
-    ("solve_axis",): "no TABLE; expected FUNCTION and TABLE",
-    ("solve_axs", "POINTS"): "FUNCTION: 'solve_axs'; expected 'solve_axis', perhaps; see 'rodgen apply --list'",
-    ("--help", "foo"): "FUNCTION: 'foo'; expected ",
-    ("solve_axis", "POINTS"): "points.csv: line 1: no column 'rho_x'; expected one such as 'rho_x [mm]'",
-    ("solve_axis", "nowhere.csv"): "nowhere.csv: file: no such file; expected a CSV or Parquet file",
-    ("tricept.pose", "POINTS"): "--set: no R; expected one, such as --set R=1mm",
-    ("tricept.pose", "POINTS", *PAPER, "--set", "S=1mm"): "'S=1mm'; expected NAME=VALUE, where NAME is 'point',",
-    ("tricept.pose", "POINTS", *PAPER, "--set", "R=1mm"): "--set: R twice; expected one value for an argument",
-    ("tricept.pose", "POINTS", *PAPER, "--set", "R"): "'R'; expected NAME=VALUE, where NAME is",
-    ("tricept.pose", "POINTS", *PAPER[2:], "--set", "R=3"): "'R=3'; expected a value such as R=1mm",
-    ("tricept.pose", "POINTS", *PAPER, "--set", "q=1,2mm"): "'q=1,2mm'; expected a value such as q=1mm,2mm,3mm",
-    ("tricept.pose", "POINTS", *PAPER[2:], "--set", "R=3kg"): "--set R: unit 'kg', which is not a unit of length",
-    ("tricept.pose", "POINTS", *PAPER[2:], "--set", "R=-3m"): "tricept.pose: R is -3000.0; expected a positive length",
-    ("tricept.pose", "POINTS", *PAPER, "--set", "limits=9,3m"): "limits are [9000.0, 3000.0]; expected",
-    ("tricept.pose", "POINTS", *PAPER, "--set", "point=0,0,1m"): "a value for every argument; expected one that is",
-    ("instantaneous_euler.angles_from_euler", "POINTS", "--set", "sequence=ZZZ"): "no column 'alpha'",
-    ("tricept.pose", "POINTS", *PAPER, "-o", "x.xlsx"): "x.xlsx: file: a name that does not say what to write",
-    ("tricept.pose", "POINTS", *PAPER, "-o", "POINTS"): "the input file itself; expected another name",
-}  # fmt: skip
+FAULTS = [
+    (),
+    ("solve_axis",),
+    ("solve_axs", "POINTS"),
+    ("--help", "foo"),
+    ("solve_axis", "POINTS"),
+    ("solve_axis", "nowhere.csv"),
+    ("tricept.pose", "POINTS"),
+    ("tricept.pose", "POINTS", *PAPER, "--set", "S=1mm"),
+    ("tricept.pose", "POINTS", *PAPER, "--set", "R=1mm"),
+    ("tricept.pose", "POINTS", *PAPER, "--set", "R"),
+    ("tricept.pose", "POINTS", *PAPER[2:], "--set", "R=3"),
+    ("tricept.pose", "POINTS", *PAPER, "--set", "q=1,2mm"),
+    ("tricept.pose", "POINTS", *PAPER[2:], "--set", "R=3kg"),
+    ("tricept.pose", "POINTS", *PAPER[2:], "--set", "R=-3m"),
+    ("tricept.pose", "POINTS", *PAPER, "--set", "limits=9,3m"),
+    ("tricept.pose", "POINTS", *PAPER, "--set", "point=0,0,1m"),
+    ("instantaneous_euler.angles_from_euler", "POINTS", "--set", "sequence=ZZZ"),
+    ("tricept.pose", "POINTS", *PAPER, "-o", "x.xlsx"),
+    ("tricept.pose", "POINTS", *PAPER, "-o", "POINTS"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("arguments", FAULTS, ids=" ".join)
 def test_bad_input_is_one_line_and_no_file(
-    arguments: tuple[str, ...], points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    refuses_command, arguments: tuple[str, ...], points: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    before = Path(points).read_bytes()
-    assert FAULTS[arguments] in complaint(capsys, *(points if a == "POINTS" else a for a in arguments))
-    assert (os.listdir(tmp_path), Path(points).read_bytes()) == (["points.csv"], before)
+    refuses_command("apply", *(points if a == "POINTS" else a for a in arguments))
 
 
 def test_an_output_is_whole_or_stays_as_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

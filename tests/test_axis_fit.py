@@ -28,7 +28,6 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 from work import calls_in
 
-from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
 from rodgen.kinematics.axis_fit import pairs as pairs_module
 from rodgen.kinematics.axis_fit.pairs import (
@@ -411,7 +410,7 @@ def test_covariances_have_the_rank_they_say() -> None:
     assert known.point.tolist() == POINT.tolist()
 
 
-def test_nearest_point_propagates_like_differences() -> None:
+def test_nearest_point_propagates_like_differences(refuses) -> None:
     x, y, a = scene(12, 0.01, 31)
     fit = fit_axis(x, y, a)
     target = np.array([50.0, -20.0, 10.0])
@@ -430,8 +429,7 @@ def test_nearest_point_propagates_like_differences() -> None:
     assert asked.point == pytest.approx(place, abs=1e-12)
     assert asked.point_covariance == pytest.approx(covariance)
     assert asked.candidate_points[0].tolist() == asked.point.tolist()
-    with pytest.raises(RodgenError, match="origin is for a free point"):
-        fit_axis(x, y, a, point=POINT, origin=target)
+    refuses(fit_axis, x, y, a, point=POINT, origin=target)
     at_centroid, same = fit.nearest_point(fit.origin)
     assert at_centroid == pytest.approx(fit.point, abs=1e-13)
     assert same == pytest.approx(fit.point_covariance, abs=1e-18)
@@ -975,42 +973,39 @@ def test_residuals_are_measured_less_predicted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    "arguments",
     [
-        (([[1, 2]], [[1, 2]], 1), r"rho has the shape \(1, 2\); expected \(..., 3\)"),
-        ((np.ones((3, 3)), np.ones((4, 3)), 1), "do not fit together"),
-        ((np.ones((3, 3)), np.ones((3, 3)), [1, 2]), "do not fit together"),
-        ((np.ones((0, 3)), np.ones((0, 3)), []), "no pairs"),
-        (([[1, 2, 3], [1, math.nan, 3]], np.ones((2, 3)), 1), r"rho, row 1 .*nan.*; expected finite"),
-        ((np.ones((2, 3)), [[1, 2, math.inf], [1, 2, math.inf]], 1), r"rho_prime, row 0 .*1 more rows"),
-        ((np.ones((2, 3)), np.ones((2, 3)), [1, math.nan]), "angle, row 1"),
-        ((np.ones((2, 3)), np.ones((2, 3)), ["a", "b"]), "angle has the type <U1; expected real numbers"),
+        ([[1, 2]], [[1, 2]], 1),
+        (np.ones((3, 3)), np.ones((4, 3)), 1),
+        (np.ones((3, 3)), np.ones((3, 3)), [1, 2]),
+        (np.ones((0, 3)), np.ones((0, 3)), []),
+        ([[1, 2, 3], [1, math.nan, 3]], np.ones((2, 3)), 1),
+        (np.ones((2, 3)), [[1, 2, math.inf], [1, 2, math.inf]], 1),
+        (np.ones((2, 3)), np.ones((2, 3)), [1, math.nan]),
+        (np.ones((2, 3)), np.ones((2, 3)), ["a", "b"]),
     ],
 )
-def test_bad_input_is_refused_in_words(arguments: Any, sentence: str) -> None:
-    with pytest.raises(RodgenError, match=sentence):
-        fit_axis(*arguments)
+def test_bad_input_is_refused_in_words(refuses, arguments: Any) -> None:
+    refuses(fit_axis, *arguments)
 
 
 @pytest.mark.parametrize(
-    ("options", "sentence"),
+    "options",
     [
-        ({"loss": "l2"}, "expected one of 'linear', 'huber'"),
-        ({"point": "origin"}, "expected 'free' or the three coordinates"),
-        ({"point": (1, 2)}, r"point has shape \(2,\)"),
-        ({"point": (1, 2, math.nan)}, "expected finite coordinates"),
-        ({"sigma": 0.0}, "sigma, row 0 .* not positive"),
-        ({"sigma": [1, 2]}, r"sigma has shape \(2,\); expected one number, or one a pair"),
-        ({"sigma": math.nan}, "sigma, row 0"),
-        ({"weights": [1, -1, 1]}, "weights, row 1 .* negative"),
-        ({"weights": 0}, "all weights are zero"),
-        ({"loss": "huber"}, "needs at least 4"),
+        {"loss": "l2"},
+        {"point": "origin"},
+        {"point": (1, 2)},
+        {"point": (1, 2, math.nan)},
+        {"sigma": 0.0},
+        {"sigma": [1, 2]},
+        {"sigma": math.nan},
+        {"weights": [1, -1, 1]},
+        {"weights": 0},
+        {"loss": "huber"},
     ],
 )
-def test_bad_options_are_refused_in_words(options: dict[str, Any], sentence: str) -> None:
-    x, y, a = scene(3, 0.01, 76)
-    with pytest.raises(RodgenError, match=sentence):
-        fit_axis(x, y, a, **options)
+def test_bad_options_are_refused_in_words(refuses, options: dict[str, Any]) -> None:
+    refuses(fit_axis, *scene(3, 0.01, 76), **options)
 
 
 @pytest.mark.parametrize("loss", ["linear", "huber"])

@@ -18,7 +18,6 @@ from test_machine_jacobians import columns_off, near
 
 from rodgen.calibration.check import check
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.emit._geometry import CONSTANT, geometry_of
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
@@ -211,29 +210,25 @@ def test_file_says_the_branches_and_reads_back_equal(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new"),
     [
-        ('"workpiece"', '"table"', "[[branch]] 1, name: 'table'; expected 'workpiece' or 'tool'"),
-        ('"workpiece"', '"tool"', "[[branch]] 2, name: 'tool' twice; expected it once"),
-        ('["C"]', '["D"]', "[[branch]] 1, joints: no joint 'D'; expected"),
-        ('["C"]', '["C", "X"]', "[[branch]] 2, joints: 'X' twice; expected it once"),
-        ('["C"]', "[]", "[[branch]]: none with 'C'; expected each joint in the joints of a branch"),
-        ('["C"]', '"C"', "[[branch]] 1, joints: the text 'C'; expected the names of its joints"),
-        ('instrument = "tool"', 'instrument = "spindle"', "[measured], instrument: 'spindle'; expected"),
-        ("[[branch]]", "[branch]", "line "),
+        ('"workpiece"', '"table"'),
+        ('"workpiece"', '"tool"'),
+        ('["C"]', '["D"]'),
+        ('["C"]', '["C", "X"]'),
+        ('["C"]', "[]"),
+        ('["C"]', '"C"'),
+        ('instrument = "tool"', 'instrument = "spindle"'),
+        ("[[branch]]", "[branch]"),
     ],
 )
-def test_what_is_no_branch_is_one_sentence(tmp_path, old, new, message):
-    with pytest.raises(InputFileError) as error:
-        machine_from(tmp_path, TABLE.replace(old, new, 1))
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)
+def test_what_is_no_branch_is_one_sentence(refuses, tmp_path, old, new):
+    refuses(machine_from, tmp_path, TABLE.replace(old, new, 1))
 
 
-def test_an_instrument_is_on_a_branch_of_a_machine_that_has_them(tmp_path):
+def test_an_instrument_is_on_a_branch_of_a_machine_that_has_them(refuses, tmp_path):
     text = TABLE[: TABLE.index("[[branch]]")] + TABLE[TABLE.index("[[joint]]") :]
-    with pytest.raises(InputFileError, match=r"instrument: given without \[\[branch\]\]; expected it with"):
-        machine_from(tmp_path, text)
+    refuses(machine_from, tmp_path, text)
 
 
 # diagnoses and checks ------------------------------------------------------------------------------------------

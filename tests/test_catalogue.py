@@ -7,7 +7,7 @@ import sympy as sp
 from lazy import LazyDerivation
 
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE, as_table, definitions
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import component_dimension
@@ -221,7 +221,7 @@ def test_the_table_has_a_row_for_each_effect():
     assert as_table(definitions("zero_offset")) == [row for row in rows if row[1] == "zero_offset"]
 
 
-def test_error_for_an_unknown_name_gives_the_nearest():
+def test_error_for_an_unknown_name_gives_the_nearest(refuses):
     for name, hint in {
         "backlsh": "'backlash', perhaps",
         "Encoder_Excentricity": "'encoder_eccentricity', perhaps",
@@ -230,10 +230,7 @@ def test_error_for_an_unknown_name_gives_the_nearest():
     }.items():
         with pytest.raises(RodgenError, match=re.escape(hint)):
             definitions(name)
-    with pytest.raises(
-        RodgenError, match="squareness at a place of type 'revolute'; expected prismatic, where it"
-    ):
-        definitions("squareness", "revolute")
+    refuses(definitions, "squareness", "revolute")
 
 
 # effects of users ----------------------------------------------------------------------------------------------
@@ -286,46 +283,36 @@ def test_what_a_user_may_write(component, formula, parameters, more):
 
 MANY = {f"p{i}": "arcsec" for i in range(41)}
 BAD = {
-    "name": ({"name": "1st"}, "name: '1st'; expected letters, digits and '_', a letter first, 60 at most"),
-    "empty name": ({"name": ""}, "name: ''; expected letters"),
-    "name with a blank": ({"name": "a b"}, "name: 'a b'; expected letters"),
-    "component": ({"component": "sag"}, "component: 'sag' at a revolute joint; expected one of reading, tx, ty"),
-    "reading of a machine": ({"at": "machine", "formula": "t*a"}, "'reading' at a machine; expected one of tx"),
-    "translation of a direction": ({"component": "tx", "measurand": DIRECTION}, "'tx' at a revolute joint; expected"),
-    "rotation of a point": ({"component": "rx", "at": "target"}, "'rx' at a target; expected one of tx, ty, tz"),
-    "formula": ({"formula": "2q"}, "formula: '2q' at character 1, with no operator between; expected '2*q'"),
-    "unused parameter": ({"formula": "a*q/q"}, "parameters.k: a parameter that is not in the formula; expected those"),
-    "parameter is no name": ({"parameters": {"a-b": "mm"}}, "parameters.a-b: 'a-b'; expected letters, digits"),
-    "parameter with homoglyph": ({"parameters": {"\u0430": "mm"}}, "parameters.\u0430: '\u0430'; expected letters"),
-    "many parameters": (
-        {"parameters": MANY, "formula": " + ".join(MANY)}, "parameters: 41 parameters; expected at most 40"),
-    "unit": ({"parameters": {"a": "arcse", "k": "1"}}, "parameters.a: unknown unit 'arcse'; expected 'arcsec', or"),
-    "no unit": ({"parameters": {"a": "", "k": "1"}}, "parameters.a: no unit; expected one such as mm, arcsec"),
-    "length": ({"parameters": {"a": "mm", "k": "mm/N"}}, "formula: a value in length; expected angle for component"),
-    "sum": ({"parameters": {"a": "mm", "k": "arcsec/N"}}, "'a*sin(q) + k*F' of length and angle; expected two of"),
-    "sine of a length": ({"at": "prismatic", "parameters": {"a": "mm", "k": "mm/N"}}, "'sin(q)', sin of length"),
-    "joint's words": ({"at": "machine", "component": "tx"}, "'q', which only a joint has; expected a joint by"),
-    "no column": ({"columns": {"oil": None}, "formula": "a*q + k*F*oyl"}, "'oyl', no parameter, joint or column"),
-    "wrong column": (
-        {"columns": {"U": parse_unit("V").dimension}, "formula": "a*U + k*F"}, "'a*U + k*F' of"),
-    **{f"parameter {name}": (
-        {"parameters": {name: "arcsec"}, "formula": f"{name}"}, f"parameters.{name}: '{name}', the name of")
+    "name": {"name": "1st"},
+    "empty name": {"name": ""},
+    "name with a blank": {"name": "a b"},
+    "component": {"component": "sag"},
+    "reading of a machine": {"at": "machine", "formula": "t*a"},
+    "translation of a direction": {"component": "tx", "measurand": DIRECTION},
+    "rotation of a point": {"component": "rx", "at": "target"},
+    "formula": {"formula": "2q"},
+    "unused parameter": {"formula": "a*q/q"},
+    "parameter is no name": {"parameters": {"a-b": "mm"}},
+    "parameter with homoglyph": {"parameters": {"\u0430": "mm"}},
+    "many parameters": {"parameters": MANY, "formula": " + ".join(MANY)},
+    "unit": {"parameters": {"a": "arcse", "k": "1"}},
+    "no unit": {"parameters": {"a": "", "k": "1"}},
+    "length": {"parameters": {"a": "mm", "k": "mm/N"}},
+    "sum": {"parameters": {"a": "mm", "k": "arcsec/N"}},
+    "sine of a length": {"at": "prismatic", "parameters": {"a": "mm", "k": "mm/N"}},
+    "joint's words": {"at": "machine", "component": "tx"},
+    "no column": {"columns": {"oil": None}, "formula": "a*q + k*F*oyl"},
+    "wrong column": {"columns": {"U": parse_unit("V").dimension}, "formula": "a*U + k*F"},
+    **{f"parameter {name}": {"parameters": {name: "arcsec"}, "formula": f"{name}"}
        for name in ("q", "s", "v", "t", "T", "F", "pi")},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_error_of_a_bad_effect_of_a_user_is_one_sentence(case):
-    changes, message = BAD[case]
-    with pytest.raises(InputFileError) as caught:
-        own(**changes)
-    told = str(caught.value)
-    assert told.startswith("machine.toml: effect 1, ")
-    assert message in told
-    assert told.isprintable()
+def test_error_of_a_bad_effect_of_a_user_is_one_sentence(refuses, case):
+    refuses(own, **BAD[case])
 
 
 @pytest.mark.parametrize("name", sorted(FUNCTION_NAMES | JOINTS.keys()))
-def test_a_parameter_may_not_hide_a_function_or_a_joint(name):
-    with pytest.raises(InputFileError, match=r"the name of a .*; expected another name"):
-        own(parameters={name: "arcsec"}, formula="q")
+def test_a_parameter_may_not_hide_a_function_or_a_joint(refuses, name):
+    refuses(own, parameters={name: "arcsec"}, formula="q")

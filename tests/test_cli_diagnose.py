@@ -194,50 +194,40 @@ def spoilt(number, text):
 
 
 BAD_DATA = {
-    "unit": (
-        spoilt(0, "AZ [mm],EL [deg],ux,uy,uz"),
-        "bad.csv: line 1, column 'AZ [mm]': unit 'mm', which is not a unit of angle; expected",
-    ),
-    "column": (spoilt(0, "AZ [deg],ux,uy,uz,extra"), "bad.csv: line 1: no column 'EL'"),
-    "readings": (spoilt(0, "AZ [deg],EL [deg],ux,uy,other"), "bad.csv: line 1: no column 'uz'"),
-    "NaN": (spoilt(3, "10,20,nan,0.5,0.5"), "bad.csv: line 4, column 'ux': 'nan'; expected a finite number"),
-    "text": (spoilt(3, "10,twenty,0.1,0.5,0.5"), "bad.csv: line 4, column 'EL [deg]': 'twenty'; expected"),
-    "ragged": (spoilt(3, "10,20"), "bad.csv: line 4"),
-    "length": (spoilt(3, "10,20,0.5,0.5,0.5"), "bad.csv: line 4"),
-    "empty": (HEADER + "\n", "bad.csv: file: no rows"),
-    "nothing": ("", "bad.csv: "),
-    "bytes": ("\x00\x01\x02", "bad.csv: "),
+    "unit": spoilt(0, "AZ [mm],EL [deg],ux,uy,uz"),
+    "column": spoilt(0, "AZ [deg],ux,uy,uz,extra"),
+    "readings": spoilt(0, "AZ [deg],EL [deg],ux,uy,other"),
+    "NaN": spoilt(3, "10,20,nan,0.5,0.5"),
+    "text": spoilt(3, "10,twenty,0.1,0.5,0.5"),
+    "ragged": spoilt(3, "10,20"),
+    "length": spoilt(3, "10,20,0.5,0.5,0.5"),
+    "empty": HEADER + "\n",
+    "nothing": "",
+    "bytes": "\x00\x01\x02",
 }
 
 
 @pytest.mark.parametrize("as_test", [False, True])
 @pytest.mark.parametrize("what", BAD_DATA)
-def test_measurements_that_cannot_be_used_are_one_line(folder, rodgen_command, what, as_test):
-    text, said = BAD_DATA[what]
-    (folder / "bad.csv").write_text(text)
-    before = sorted(path.name for path in folder.iterdir())
+def test_measurements_that_cannot_be_used_are_one_line(folder, refuses_command, what, as_test):
+    (folder / "bad.csv").write_text(BAD_DATA[what])
     data = ["stars.csv", "--test", "bad.csv"] if as_test else ["bad.csv"]
-    code, out, err = rodgen_command("diagnose", "mount.toml", *data, "--json")
-    assert (code, out) == (2, "")
-    assert err.startswith(said)
-    assert err.count("\n") == 1
-    assert "; expected " in err
-    assert sorted(path.name for path in folder.iterdir()) == before
+    refuses_command("diagnose", "mount.toml", *data, "--json")
 
 
-REFUSED = {
-    "diagnose mount.toml": "rodgen diagnose: the following arguments are required: DATA",
-    "diagnose none.toml stars.csv": "none.toml: file: no such file",
-    "diagnose mount.toml none.csv": "none.csv: file: no such file",
-    "diagnose mount.toml stars.csv --test none.csv": "none.csv: file: no such file",
-    "diagnose mount.toml .": ".: file: a folder",
-    "diagnose stars.csv mount.toml": "stars.csv: line 1",
-    "diagnose mount.toml gantry.csv": "gantry.csv: line 1: no column 'AZ'",
-    "diagnose mount.toml stars.csv --test gantry.csv": "gantry.csv: line 1: no column 'AZ'",
-    "diagnose mount.toml stars.csv --seed 1": "unrecognized arguments: --seed 1",
-    "diagnose mount.toml stars.csv --only 1": "--only without -o; expected -o BETTER.toml, too",
-    "diagnose mount.toml stars.csv --only 0 -o x.toml": "argument --only: '0' is not a whole number from 1 up",
-}
+REFUSED = [
+    "diagnose mount.toml",
+    "diagnose none.toml stars.csv",
+    "diagnose mount.toml none.csv",
+    "diagnose mount.toml stars.csv --test none.csv",
+    "diagnose mount.toml .",
+    "diagnose stars.csv mount.toml",
+    "diagnose mount.toml gantry.csv",
+    "diagnose mount.toml stars.csv --test gantry.csv",
+    "diagnose mount.toml stars.csv --seed 1",
+    "diagnose mount.toml stars.csv --only 1",
+    "diagnose mount.toml stars.csv --only 0 -o x.toml",
+]
 
 
 @pytest.mark.thorough(
@@ -246,14 +236,8 @@ REFUSED = {
     "diagnose stars.csv mount.toml",
 )
 @pytest.mark.parametrize("command", REFUSED)
-def test_what_cannot_be_is_one_line_and_leaves_nothing(with_diagnoses, rodgen_command, command):
-    before = {path.name: path.read_bytes() for path in with_diagnoses.iterdir()}
-    code, out, err = rodgen_command(*command.split())
-    assert (code, out) == (2, "")
-    assert REFUSED[command] in err
-    assert err.count("\n") == 1
-    assert "; expected " in err
-    assert {path.name: path.read_bytes() for path in with_diagnoses.iterdir()} == before
+def test_what_cannot_be_is_one_line_and_leaves_nothing(folder, refuses_command, command):
+    refuses_command(*command.split())
 
 
 # diagnose -o --------------------------------------------------------------------------------------------

@@ -40,24 +40,20 @@ def test_a_prior_bounds_and_a_tie_are_written_and_taken_away(file, rodgen_comman
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    "arguments",
     [
-        (["EL.axis.a"], "expected a prior, bounds, or both; or --tie; or --free"),
-        (["EL.axis.a", "--free", "--tie", "EL.axis.b"], "none, or too much"),
-        (["EL.axis.a", "--free"], "[known] and [ties]: nothing of 'EL.axis.a'"),
-        (["EL.axis.c", "--prior", "0 ± 5 arcsec"], "no such parameter"),
-        (["EL.axis.a", "--prior", "5"], "[known], EL.axis.a, prior"),
-        (["EL.axis.a", "--bounds", "9 arcsec,3 arcsec"], "[known], EL.axis.a, bounds"),
-        (["EL.axis.a", "--bounds", "9 arcsec"], "[known], EL.axis.a, bounds"),
-        (["EL.axis.a", "--tie", "EL.axis.a"], "[ties], EL.axis.a: itself"),
+        ["EL.axis.a"],
+        ["EL.axis.a", "--free", "--tie", "EL.axis.b"],
+        ["EL.axis.a", "--free"],
+        ["EL.axis.c", "--prior", "0 ± 5 arcsec"],
+        ["EL.axis.a", "--prior", "5"],
+        ["EL.axis.a", "--bounds", "9 arcsec,3 arcsec"],
+        ["EL.axis.a", "--bounds", "9 arcsec"],
+        ["EL.axis.a", "--tie", "EL.axis.a"],
     ],
 )
-def test_what_cannot_be_said_is_one_line_and_nothing_is_written(file, rodgen_command, arguments, message):
-    text = file.read_text()
-    code, out, err = rodgen_command("set", file, *arguments, "-o", file)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert message in err
-    assert file.read_text() == text
+def test_what_cannot_be_said_is_one_line_and_nothing_is_written(file, refuses_command, arguments):
+    refuses_command("set", file, *arguments, "-o", file)
 
 
 @pytest.mark.parametrize(

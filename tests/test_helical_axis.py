@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 
-from rodgen.errors import RodgenError
 from rodgen.generated import numpy as generated
 from rodgen.kinematics.axis_fit import AxisFit, AxisFitStatus, fit_axis, fit_pose_axis, instantaneous_axes
 from rodgen.kinematics.backend import kernels
@@ -320,44 +319,31 @@ def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    "change",
     [
-        (lambda x, y: ((x[:2], y[:2]), {}), "2 points; without an angle a motion needs three"),
-        (lambda x, y: ((np.outer([1, 2, 3], AXIS), np.outer([1, 2, 3], AXIS)), {}), "lie on one line"),
-        (lambda x, y: ((x, y[:2]), {}), "do not fit together"),
-        (
-            lambda x, y: ((np.tile(x, (2, 1)), np.concatenate([y, y + 1])), {}),
-            "stands in several rows of the table",
-        ),
-        (lambda x, y: ((x, np.where(y == y[1, 1], np.nan, y)), {}), r"rho_prime, row 1 \(counted from 0\)"),
-        (
-            lambda x, y: ((x, y), {"angle": [1, 1, 2.0], "sigma": 1.0, "sigma_angle": 1.0}),
-            "angle, row 2 .* differs",
-        ),
-        (lambda x, y: ((x, y), {"angle": [1, 1, 1.0], "sigma_angle": 1.0}), "the points' sigma to weigh"),
-        (
-            lambda x, y: ((x, y), {"weights": [1, 1, 1.0], "loss": "huber"}),
-            "weights and loss without exact angles",
-        ),
-        (lambda x, y: ((x, y), {"sigma_angle": 1.0}), "there are none"),
-        (lambda x, y: ((x, y), {"move": [1, 2]}), "one label a row"),
+        lambda x, y: ((x[:2], y[:2]), {}),
+        lambda x, y: ((np.outer([1, 2, 3], AXIS), np.outer([1, 2, 3], AXIS)), {}),
+        lambda x, y: ((x, y[:2]), {}),
+        lambda x, y: ((np.tile(x, (2, 1)), np.concatenate([y, y + 1])), {}),
+        lambda x, y: ((x, np.where(y == y[1, 1], np.nan, y)), {}),
+        lambda x, y: ((x, y), {"angle": [1, 1, 2.0], "sigma": 1.0, "sigma_angle": 1.0}),
+        lambda x, y: ((x, y), {"angle": [1, 1, 1.0], "sigma_angle": 1.0}),
+        lambda x, y: ((x, y), {"weights": [1, 1, 1.0], "loss": "huber"}),
+        lambda x, y: ((x, y), {"sigma_angle": 1.0}),
+        lambda x, y: ((x, y), {"move": [1, 2]}),
     ],
 )
-def test_bad_points_are_refused_in_words(change: Any, sentence: str) -> None:
+def test_bad_points_are_refused_in_words(refuses, change: Any) -> None:
     x, y, _ = points([1.0], [0.0])
     arguments, options = change(x, y)
-    with pytest.raises(RodgenError, match=sentence):
-        fit_axis(*arguments, **options)
+    refuses(fit_axis, *arguments, **options)
 
 
-def test_bad_poses_are_refused_in_words() -> None:
+def test_bad_poses_are_refused_in_words(refuses) -> None:
     place, attitude = poses([1.0], [0.0])
-    with pytest.raises(RodgenError, match="one pose"):
-        fit_pose_axis(place[:1], attitude[:1])
-    with pytest.raises(RodgenError, match=r"rotation, row 1 \(counted from 0\) is no rotation"):
-        fit_pose_axis(place, attitude * [[[1.0]], [[1.1]]])
-    with pytest.raises(RodgenError, match="both sigma and sigma_angle"):
-        fit_pose_axis(place, attitude, sigma=0.1)
+    refuses(fit_pose_axis, place[:1], attitude[:1])
+    refuses(fit_pose_axis, place, attitude * [[[1.0]], [[1.1]]])
+    refuses(fit_pose_axis, place, attitude, sigma=0.1)
 
 
 # The command --------------------------------------------------------------------------------------
@@ -559,20 +545,16 @@ def test_a_body_at_rest_and_one_that_only_slides_have_no_axis() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    "change",
     [
-        (lambda t, p, r: (t[:4], p[:4], r[:4]), "4 poses; velocities need 5"),
-        (
-            lambda t, p, r: (np.where(t == t[2], t[1], t), p, r),
-            r"time, row 2 \(counted from 0\) is not after",
-        ),
-        (lambda t, p, r: (t[:-1], p, r), "do not fit together"),
+        lambda t, p, r: (t[:4], p[:4], r[:4]),
+        lambda t, p, r: (np.where(t == t[2], t[1], t), p, r),
+        lambda t, p, r: (t[:-1], p, r),
     ],
 )
-def test_bad_trajectories_are_refused_in_words(change: Any, sentence: str) -> None:
+def test_bad_trajectories_are_refused_in_words(refuses, change: Any) -> None:
     t, place, attitude, *_ = trajectory(8, 0)
-    with pytest.raises(RodgenError, match=sentence):
-        instantaneous_axes(*change(t, place, attitude))
+    refuses(instantaneous_axes, *change(t, place, attitude))
 
 
 def test_the_command_writes_the_axis_of_each_instant(tmp_path: Path, rodgen_command: Command) -> None:

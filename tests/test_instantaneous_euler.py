@@ -16,7 +16,6 @@ from scipy.optimize import least_squares, minimize
 from scipy.spatial.transform import Rotation
 
 import rodgen
-from rodgen.errors import RodgenError
 from rodgen.kinematics import instantaneous_euler as ie
 
 EPS = float(np.finfo(float).eps)
@@ -130,18 +129,14 @@ def test_properties_of_the_three_angles(angles: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", ["ABC", "ZZX", "zYX", "", "XYY", "ZY", "ZYXZ"])
-def test_what_is_no_sequence_is_an_error(name: str) -> None:
-    with pytest.raises(RodgenError, match="the sequence"):
-        ie.angles_from_euler([0.1, 0.2, 0.3], name)
+def test_what_is_no_sequence_is_an_error(refuses, name: str) -> None:
+    refuses(ie.angles_from_euler, [0.1, 0.2, 0.3], name)
 
 
-def test_wrong_shapes_are_an_error() -> None:
-    with pytest.raises(ValueError, match="last axis of 3"):
-        ie.angles_from_euler([0.1, 0.2])
-    with pytest.raises(ValueError, match=r"shape|dimension"):
-        ie.angles_from_matrix(np.eye(4))
-    with pytest.raises(ValueError, match="last axis of 4"):
-        ie.euler_from_quaternion([1.0, 0, 0])
+def test_wrong_shapes_are_an_error(refuses) -> None:
+    refuses(ie.angles_from_euler, [0.1, 0.2])
+    refuses(ie.angles_from_matrix, np.eye(4))
+    refuses(ie.euler_from_quaternion, [1.0, 0, 0])
     with pytest.raises(TypeError):
         ie.angles_from_euler([1j, 0, 0])
 
@@ -355,15 +350,14 @@ def test_rows_too_far_apart_are_reported() -> None:
     assert names(ie.PathStatus, found.status[:, 2]) == ["SMOOTH", "COARSE", "COARSE"]
 
 
-def test_rows_that_are_no_rotation_do_not_break_the_way() -> None:
+def test_rows_that_are_no_rotation_do_not_break_the_way(refuses) -> None:
     quaternions = np.array([[1.0, 0.1, 0.2, 0.3], [np.nan] * 4, [1.0, 0.1, 0.2, 0.31], [0, 0, 0, 0]])
     found = ie.trajectory(quaternions)
     assert names(ie.PathStatus, found.status[:, 0]) == ["SMOOTH", "INVALID", "SMOOTH", "INVALID"]
     assert np.isnan(found.signed[[1, 3]]).all()
     assert np.isnan(found.continuous["ZYX"][[1, 3]]).all()
     assert np.isfinite(found.continuous["ZYX"][[0, 2]]).all()
-    with pytest.raises(ValueError, match=r"\(n, 4\)"):
-        ie.trajectory([1.0, 0, 0, 0])
+    refuses(ie.trajectory, [1.0, 0, 0, 0])
 
 
 # arm ---------------------------------------------------------------------------------------------------
@@ -639,7 +633,7 @@ def test_one_ridge_line_without_a_sense_leaves_two_and_two_lines_leave_one() -> 
         assert apart(two.quaternion, given_one).max() < 1e-8
 
 
-def test_choice_that_cannot_be_made() -> None:
+def test_choice_that_cannot_be_made(refuses) -> None:
     choice = ie.choose(
         [[np.pi / 2, 0, 0], [0.3, 0.3, 0.3], [np.nan, 1, 1]], z=[[1.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0]]
     )
@@ -647,7 +641,5 @@ def test_choice_that_cannot_be_made() -> None:
     assert np.isnan(choice.quaternion).all()
     assert np.isnan(choice.misfit).all()
     assert choice.left.tolist() == [0, 0, 0]
-    with pytest.raises(RodgenError, match="no ridge line"):
-        ie.choose([0.3, 0.3, 0.3])
-    with pytest.raises(ValueError, match="last axis of 3"):
-        ie.choose([0.3, 0.3, 0.3], z=[1.0, 0.0])
+    refuses(ie.choose, [0.3, 0.3, 0.3])
+    refuses(ie.choose, [0.3, 0.3, 0.3], z=[1.0, 0.0])

@@ -19,7 +19,6 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.files.edit import edited_text
 from rodgen.machines.machine import Machine
 
@@ -85,28 +84,24 @@ def test_known_parameters_are_read_and_written_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    'entry',
     [
-        ('"C.axi" = { prior = "0 ± 2" }', "[known], C.axi: no such parameter; expected the key of a parameter"),
-        ('C.axis = { prior = "0 ± 2 mm" }', "[known], C.axis, prior: unit 'mm'; expected one such as arcsec"),
-        ('C.axis = { prior = "0 2" }', "expected a value and its standard deviation, such as"),
-        ('C.axis = { prior = "0 ± 0 deg" }', "expected a value and its standard deviation above 0"),
-        ("C.axis.a = 3", "[known], C.axis, a: unknown key; expected prior or bounds"),
-        ("C = 3", "[known], 'C': no table"),
-        ("C.axis = {}", "[known], C.axis: nothing; expected prior ="),
-        ("C.axis = { bounds = [3, 2] }", "expected two values, the lower one first"),
-        ("C.axis = { bounds = [-inf, inf] }", "expected two values, the lower one first"),
-        ('C.axis = { prior = "4 ± 1", bounds = [0, 2] }', "[known], C.axis, prior: a mean beyond the bounds"),
-        ("C.axis = { least = 3 }", "[known], C.axis, least: unknown key; expected prior or bounds"),
-        ("C.backlash_gradient.b = { bounds = [0, 2] }", "[known], C.backlash_gradient.b: no such parameter"),
+        '"C.axi" = { prior = "0 ± 2" }',
+        'C.axis = { prior = "0 ± 2 mm" }',
+        'C.axis = { prior = "0 2" }',
+        'C.axis = { prior = "0 ± 0 deg" }',
+        "C.axis.a = 3",
+        "C = 3",
+        "C.axis = {}",
+        "C.axis = { bounds = [3, 2] }",
+        "C.axis = { bounds = [-inf, inf] }",
+        'C.axis = { prior = "4 ± 1", bounds = [0, 2] }',
+        "C.axis = { least = 3 }",
+        "C.backlash_gradient.b = { bounds = [0, 2] }",
     ],
 )  # fmt: skip
-def test_errors_name_the_file_and_the_key(entry: str, said: str, tmp_path: Path) -> None:
-    path = written(tmp_path, f"\n[known]\n{entry}\n")
-    with pytest.raises(InputFileError) as error:
-        Machine.load(path)
-    assert str(error.value).startswith(str(path))
-    assert said in str(error.value)
+def test_errors_name_the_file_and_the_key(refuses, entry: str, tmp_path: Path) -> None:
+    refuses(Machine.load, written(tmp_path, f"\n[known]\n{entry}\n"))
 
 
 def test_a_prior_is_a_further_row_of_the_least_squares() -> None:
@@ -207,7 +202,6 @@ def test_readings_that_contradict_a_prior_are_told() -> None:
     assert " standard deviations in C.point.a, the most." in wrong
 
 
-def test_a_deviation_whose_square_vanishes_is_refused(tmp_path: Path) -> None:
+def test_a_deviation_whose_square_vanishes_is_refused(refuses, tmp_path: Path) -> None:
     path = written(tmp_path, '[known]\nC.axis = { prior = "0 ± 1e-200 arcsec" }\n')
-    with pytest.raises(InputFileError, match="standard deviation above 0"):
-        Machine.load(path)
+    refuses(Machine.load, path)

@@ -17,7 +17,6 @@ from machine_simulator import Simulated, arcsec
 
 from rodgen.calibration.simulate import simulate
 from rodgen.cli import main as cli
-from rodgen.errors import InputFileError
 from rodgen.machines.imports.tpoint_model import mount_machine
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.machines.mounts import ALTAZ
@@ -306,12 +305,8 @@ def test_linuxcnc_takes_errors_of_position_out_with_an_emitted_table(place_for_l
     assert np.abs(motors[-1] - axes[-1])[[0, 2]].min() > 0.008
 
 
-def test_a_machine_that_linuxcnc_has_no_axes_for_is_refused(tmp_path):
+def test_a_machine_that_linuxcnc_has_no_axes_for_is_refused(refuses, tmp_path):
     machine = five_axes()
     joints = (replace(machine.joints[0], name="A1"), *machine.joints[1:])
-    with pytest.raises(
-        InputFileError, match="joint A1: no axis of LinuxCNC; expected a name that begins with"
-    ):
-        replace(machine, joints=joints, effects=()).emit("linuxcnc", tmp_path)
-    with pytest.raises(InputFileError, match="no chain that moves a point"):
-        replace(mount_machine(ALTAZ, "Telescope", 0.6), estimate=()).emit("linuxcnc", tmp_path)
+    refuses(replace(machine, joints=joints, effects=()).emit, "linuxcnc", tmp_path)
+    refuses(replace(mount_machine(ALTAZ, "Telescope", 0.6), estimate=()).emit, "linuxcnc", tmp_path)

@@ -197,11 +197,10 @@ def test_change_of_the_coordinate(effects: dict[str, float], q: float, expected:
     assert close(Simulated(table(), effects).measure([[q]]), Simulated(table()).measure([[q + expected]]))
 
 
-def test_period_of_the_file_is_used() -> None:
+def test_period_of_the_file_is_used(refuses) -> None:
     of = machine(joint("X", "prismatic", X, period=10))
     assert close(moved(of, {"X.periodic_drive_error.a": 0.005}, [[2.5]]), [[0.005, 0, 0]])
-    with pytest.raises(ValueError, match="period"):
-        Simulated(slide(), {"X.periodic_drive_error.a": 1.0}).measure([[1]])
+    refuses(Simulated(slide(), {"X.periodic_drive_error.a": 1.0}).measure, [[1]])
 
 
 def test_backlash_leaves_the_joint_short_of_where_it_goes() -> None:
@@ -495,7 +494,7 @@ def test_formulas_see_the_columns_and_act_where_they_are_put() -> None:
     assert speed[0, 1] == pytest.approx(100 * np.sin(np.radians(np.pi)))
 
 
-def test_effects_of_the_file_are_taken_with_what_it_holds() -> None:
+def test_effects_of_the_file_are_taken_with_what_it_holds(refuses) -> None:
     of = table(
         effect=[{"name": "zero_offset", "joint": "C", "hold": {"a": 90}}, {"name": "scale", "joint": "C"}]
     )
@@ -503,6 +502,5 @@ def test_effects_of_the_file_are_taken_with_what_it_holds() -> None:
     of["effect"].append(
         {"name": "own", "joint": "C", "component": "tx", "formula": "a", "parameters": {"a": "mm"}}
     )
-    with pytest.raises(ValueError, match=r"'C\.tx'"):
-        Simulated(of)
+    refuses(Simulated, of)
     assert close(Simulated(of, {"C.tx": lambda columns: 1.0}).measure([[0]]), [[1, 100, 0]])

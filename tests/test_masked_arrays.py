@@ -39,9 +39,8 @@ CALLS = {
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
-def test_masked_elements_are_refused(call):
-    with pytest.raises(rodgen.RodgenError, match="masked elements; expected numbers"):
-        call()
+def test_masked_elements_are_refused(refuses, call):
+    refuses(call)
 
 
 def test_an_array_with_an_empty_mask_is_an_array():
@@ -49,6 +48,5 @@ def test_an_array_with_an_empty_mask_is_an_array():
     np.testing.assert_array_equal(rodgen.rotate(given, [0, 0, 1.0]), rodgen.rotate(given.data, [0, 0, 1.0]))
 
 
-def test_a_masked_cell_of_measurements_is_an_empty_cell():
-    with pytest.raises(rodgen.RodgenError, match=r"row 1.*an empty cell"):
-        rodgen.Measurements.from_frame({"x [mm]": ANGLE})
+def test_a_masked_cell_of_measurements_is_an_empty_cell(refuses):
+    refuses(rodgen.Measurements.from_frame, {"x [mm]": ANGLE})

@@ -84,194 +84,132 @@ def from_bytes(path, content):
 
 MALFORMED = {
     # the header: joints
-    "joint is missing": (in_header("C [deg]", "B [deg]"), "line 1"),
-    "joint with a name near it": (
-        in_header("X [mm]", "X_axis [mm]").replace("C [deg]", "X_axes [deg]"),
-        "line 1",
-    ),
-    "joint in another case": (in_header("C [deg]", "c [deg]"), "line 1, column 'c [deg]'"),
-    "joint without a unit": (in_header("C [deg]", "C"), "line 1, column 'C'"),
-    "empty unit": (in_header("C [deg]", "C []"), "line 1, column 'C'"),
-    "rotary joint in millimetres": (in_header("C [deg]", "C [mm]"), "line 1, column 'C [mm]'"),
-    "slide in degrees": (in_header("X [mm]", "X [deg]"), "line 1, column 'X [deg]'"),
+    "joint is missing": in_header("C [deg]", "B [deg]"),
+    "joint with a name near it": in_header("X [mm]", "X_axis [mm]").replace("C [deg]", "X_axes [deg]"),
+    "joint in another case": in_header("C [deg]", "c [deg]"),
+    "joint without a unit": in_header("C [deg]", "C"),
+    "empty unit": in_header("C [deg]", "C []"),
+    "rotary joint in millimetres": in_header("C [deg]", "C [mm]"),
+    "slide in degrees": in_header("X [mm]", "X [deg]"),
     # the header: units
-    "unknown unit": (in_header("x [mm]", "x [furlings]"), "line 1, column 'x [furlings]'"),
-    "unknown unit of a covariate": (one_more("humidity [wetness]"), "line 1, column 'humidity [wetness]'"),
-    "unit in capitals": (in_header("C [deg]", "C [DEG]"), "line 1, column 'C [DEG]'"),
-    "unit in parentheses": (in_header("x [mm]", "x (mm)"), "line 1, column 4"),
-    "unit of a covariate in parentheses": (one_more("humidity (%)"), "line 1, column 7"),
-    "unit in braces": (in_header("x [mm]", "x {mm}"), "line 1, column 4"),
-    "bracket not closed": (in_header("x [mm]", "x [mm"), "line 1, column 4"),
-    "bracket not opened": (in_header("x [mm]", "x mm]"), "line 1, column 4"),
-    "two units": (in_header("x [mm]", "x [mm] [m]"), "line 1, column 4"),
-    "unit without a name": (one_more("[mm]"), "line 1, column 7"),
-    "column twice, in two units": (in_header("y [mm]", "x [um]"), "line 1"),
-    "numbers for a header": (f"{ROW}\n", "line 1"),
-    "semicolons": (GOOD.replace(",", ";"), "line 1"),
-    "no columns": ('""\n1\n', "line 1"),
+    "unknown unit": in_header("x [mm]", "x [furlings]"),
+    "unknown unit of a covariate": one_more("humidity [wetness]"),
+    "unit in capitals": in_header("C [deg]", "C [DEG]"),
+    "unit in parentheses": in_header("x [mm]", "x (mm)"),
+    "unit of a covariate in parentheses": one_more("humidity (%)"),
+    "unit in braces": in_header("x [mm]", "x {mm}"),
+    "bracket not closed": in_header("x [mm]", "x [mm"),
+    "bracket not opened": in_header("x [mm]", "x mm]"),
+    "two units": in_header("x [mm]", "x [mm] [m]"),
+    "unit without a name": one_more("[mm]"),
+    "column twice, in two units": in_header("y [mm]", "x [um]"),
+    "numbers for a header": f"{ROW}\n",
+    "semicolons": GOOD.replace(",", ";"),
+    "no columns": '""\n1\n',
     # readings
-    "reading is missing": (in_header("y [mm]", "probe [mm]"), "line 1"),
-    "readings of directions": (f"{DIRECTION}\n1,2,1,0,0\n", "line 1", one_target()),
-    "reading in degrees": (in_header("y [mm]", "y [deg]"), "line 1, column 'y [deg]'"),
-    "direction with a unit": (
-        f"{DIRECTION.replace('ux', 'ux [mm]')}\n1,2,1,0,0\n",
-        "line 1, column 'ux [mm]'",
-        one_target("direction"),
-    ),
-    "direction is no unit vector": (
-        f"{DIRECTION}\n1,2,1,0,0\n1,2,0.6,0.8,0.1\n",
-        "line 3, columns ux, uy and uz",
-        one_target("direction"),
-    ),
-    "direction is zero": (
-        f"{DIRECTION}\n1,2,0,0,0\n",
-        "line 2, columns ux, uy and uz",
-        one_target("direction"),
-    ),
-    "two components of a direction": ("X [mm],C [deg],ux,uy\n1,2,1,0\n", "line 1", one_target("direction")),
-    "negative distance": (
-        "X [mm],C [deg],d [mm]\n1,2,3\n1,2,-0.002\n",
-        "line 3, column 'd [mm]'",
-        one_target("distance"),
-    ),
+    "reading is missing": in_header("y [mm]", "probe [mm]"),
+    "readings of directions": (f"{DIRECTION}\n1,2,1,0,0\n", one_target()),
+    "reading in degrees": in_header("y [mm]", "y [deg]"),
+    "direction with a unit": (f"{DIRECTION.replace('ux', 'ux [mm]')}\n1,2,1,0,0\n", one_target("direction")),
+    "direction is no unit vector": (f"{DIRECTION}\n1,2,1,0,0\n1,2,0.6,0.8,0.1\n", one_target("direction")),
+    "direction is zero": (f"{DIRECTION}\n1,2,0,0,0\n", one_target("direction")),
+    "two components of a direction": ("X [mm],C [deg],ux,uy\n1,2,1,0\n", one_target("direction")),
+    "negative distance": ("X [mm],C [deg],d [mm]\n1,2,3\n1,2,-0.002\n", one_target("distance")),
     # targets and runs
-    "no targets where there are two": ("X [mm],C [deg],x [mm],y [mm],z [mm]\n1,2,3,4,5\n", "line 1"),
-    "unknown target": (in_row("ball_1", "ball_3"), "line 3, column 'target'"),
-    "unknown target like none": (in_row("ball_1", "east"), "line 3, column 'target'"),
-    "unknown target where there is one": (in_row("ball_1", "east"), "line 3, column 'target'", one_target()),
-    "blank target": (in_row("ball_1", " "), "line 3, column 'target'"),
-    "target in another case": (in_header("target", "Target"), "line 1, column 3"),
-    "target with a unit": (in_header("target", "target [1]"), "line 1, column 3"),
-    "targets in another column": (in_header("target", "targets"), "line 1"),
-    "blank run": (one_more("run", "1", ""), "line 3, column 'run'"),
+    "no targets where there are two": "X [mm],C [deg],x [mm],y [mm],z [mm]\n1,2,3,4,5\n",
+    "unknown target": in_row("ball_1", "ball_3"),
+    "unknown target like none": in_row("ball_1", "east"),
+    "unknown target where there is one": (in_row("ball_1", "east"), one_target()),
+    "blank target": in_row("ball_1", " "),
+    "target in another case": in_header("target", "Target"),
+    "target with a unit": in_header("target", "target [1]"),
+    "targets in another column": in_header("target", "targets"),
+    "blank run": one_more("run", "1", ""),
     # uncertainties
-    "uncertainty is zero": (one_more("u_x [um]", "1", "0"), "line 3, column 'u_x [um]'", machine(noise=0.1)),
-    "uncertainty is negative": (one_more("u_x [um]", "-1"), "line 2, column 'u_x [um]'", machine(noise=0.1)),
-    "uncertainty without a unit": (one_more("u_x", "1"), "line 1, column 'u_x'", machine(noise=0.1)),
-    "uncertainty of one component": (one_more("u_x [um]", "1"), "line 1"),
-    "uncertainty of no reading": (one_more("u_q [deg]"), "line 1, column 'u_q [deg]'"),
+    "uncertainty is zero": (one_more("u_x [um]", "1", "0"), machine(noise=0.1)),
+    "uncertainty is negative": (one_more("u_x [um]", "-1"), machine(noise=0.1)),
+    "uncertainty without a unit": (one_more("u_x", "1"), machine(noise=0.1)),
+    "uncertainty of one component": one_more("u_x [um]", "1"),
+    "uncertainty of no reading": one_more("u_q [deg]"),
     "uncertainty of a direction in millimetres": (
         f"{DIRECTION},u_ux [mm]\n1,2,1,0,0,1\n",
-        "line 1, column 'u_ux [mm]'",
         one_target("direction", noise=1.0),
     ),
     # the columns on the joints
-    "direction of approach of no joint": (one_more("dir_Q"), "line 1, column 'dir_Q'"),
-    "direction of approach in another case": (one_more("dir_c"), "line 1, column 'dir_c'"),
-    "direction of approach is two": (one_more("dir_C", "1", "2"), "line 3, column 'dir_C'"),
-    "direction of approach with a unit": (one_more("dir_C [deg]"), "line 1, column 'dir_C [deg]'"),
-    "velocity of no joint": (one_more("v_Q [deg/s]"), "line 1, column 'v_Q [deg/s]'"),
-    "velocity in another quantity": (one_more("v_C [mm/s]"), "line 1, column 'v_C [mm/s]'"),
-    "velocity without a unit": (one_more("v_C"), "line 1, column 'v_C'"),
+    "direction of approach of no joint": one_more("dir_Q"),
+    "direction of approach in another case": one_more("dir_c"),
+    "direction of approach is two": one_more("dir_C", "1", "2"),
+    "direction of approach with a unit": one_more("dir_C [deg]"),
+    "velocity of no joint": one_more("v_Q [deg/s]"),
+    "velocity in another quantity": one_more("v_C [mm/s]"),
+    "velocity without a unit": one_more("v_C"),
     # time, load, temperature
-    "time without a unit": (one_more("t"), "line 1, column 't'"),
-    "time in millimetres": (one_more("t [mm]"), "line 1, column 't [mm]'"),
-    "load in kilograms": (one_more("load [kg]"), "line 1, column 'load [kg]'"),
-    "load in another case": (one_more("Load [N]"), "line 1, column 'Load [N]'"),
-    "word of formulas for the load": (one_more("F [N]"), "line 1, column 'F [N]'"),
-    "word of formulas for a temperature": (one_more("T [degC]"), "line 1, column 'T [degC]'"),
-    "word of formulas for a velocity": (one_more("v [mm/s]"), "line 1, column 'v [mm/s]'"),
-    "temperature without a unit": (one_more("T_C"), "line 1, column 'T_C'"),
-    "temperature in millimetres": (one_more("T_air [mm]"), "line 1, column 'T_air [mm]'"),
-    "temperature below absolute zero": (one_more("T_C [degC]", "20", "-300"), "line 3, column 'T_C [degC]'"),
-    "negative kelvins": (one_more("T_C [K]", "-0.5"), "line 2, column 'T_C [K]'"),
-    "difference in kelvins": (one_more("T_C [K]", "293", "0.5"), "line 3, column 'T_C [K]'"),
+    "time without a unit": one_more("t"),
+    "time in millimetres": one_more("t [mm]"),
+    "load in kilograms": one_more("load [kg]"),
+    "load in another case": one_more("Load [N]"),
+    "word of formulas for the load": one_more("F [N]"),
+    "word of formulas for a temperature": one_more("T [degC]"),
+    "word of formulas for a velocity": one_more("v [mm/s]"),
+    "temperature without a unit": one_more("T_C"),
+    "temperature in millimetres": one_more("T_air [mm]"),
+    "temperature below absolute zero": one_more("T_C [degC]", "20", "-300"),
+    "negative kelvins": one_more("T_C [K]", "-0.5"),
+    "difference in kelvins": one_more("T_C [K]", "293", "0.5"),
     # cells and rows
-    "empty cell": (in_row(",3", ","), "line 3, column 'z [mm]'"),
-    "no number": (in_row(",3", ",NaN"), "line 3, column 'z [mm]'"),
-    "decimal comma": (in_row(",3", ',"3,5"'), "line 3, column 'z [mm]'"),
-    "number in words": (in_row("90", "ninety"), "line 3, column 'C [deg]'"),
-    "too large once it is in millimetres": (
-        f"{in_header('x [mm]', 'x [km]')}{ROW.replace(',1,', ',1e305,')}\n",
-        "line 3, column 'x [km]'",
-    ),
-    "too few cells": (f"{GOOD}1,2\n", "line 3"),
-    "blank lines before": (
-        f"\n{HEADER}\n\n{ROW}\n\r\n{ROW.replace('90', 'x')}\n",
-        "line 6, column 'C [deg]'",
-    ),
-    "blank lines before, found when bound": (
-        f"\n{GOOD}\n\r\n\n{ROW.replace('1,', '3,', 1)}\n",
-        "line 7, column 'target'",
-    ),
+    "empty cell": in_row(",3", ","),
+    "no number": in_row(",3", ",NaN"),
+    "decimal comma": in_row(",3", ',"3,5"'),
+    "number in words": in_row("90", "ninety"),
+    "too large once it is in millimetres": f"{in_header('x [mm]', 'x [km]')}{ROW.replace(',1,', ',1e305,')}\n",
+    "too few cells": f"{GOOD}1,2\n",
+    "blank lines before": f"\n{HEADER}\n\n{ROW}\n\r\n{ROW.replace('90', 'x')}\n",
+    "blank lines before, found when bound": f"\n{GOOD}\n\r\n\n{ROW.replace('1,', '3,', 1)}\n",
     # Parquet
-    "parquet: text": (parquet_bytes(columns() | {"C [deg]": ["a", "b", "c"]}), "column 'C [deg]'"),
-    "parquet: null": (
-        parquet_bytes(columns() | {"C [deg]": [1.0, None, 2.0]}),
-        "row 1 (from 0), column 'C [deg]'",
-    ),
-    "parquet: infinite": (
-        parquet_bytes(columns() | {"C [deg]": [1.0, 2.0, -np.inf]}),
-        "row 2 (from 0), column 'C [deg]'",
-    ),
-    "parquet: truth values for targets": (
-        parquet_bytes(columns() | {"target": [True, False, True]}),
-        "column 'target'",
-    ),
-    "parquet: target is null": (
-        parquet_bytes(columns() | {"target": ["ball_1", None, "ball_2"]}),
-        "row 1 (from 0), column 'target'",
-    ),
-    "parquet: run is not a number": (
-        parquet_bytes(columns() | {"run": [1.0, np.nan, 1.0]}),
-        "row 1 (from 0), column 'run'",
-    ),
-    "parquet: unknown target": (
-        parquet_bytes(columns() | {"target": ["ball_1", "ball_2", "ball_4"]}),
-        "row 2 (from 0), column 'target'",
-    ),
-    "parquet: timestamps": (
-        parquet_bytes(columns() | {"t [s]": pa.array([1, 2, 3], pa.timestamp("ms"))}),
-        "column 't [s]'",
-    ),
-    "parquet: lists": (parquet_bytes(columns() | {"spectrum": [[1], [2], [3]]}), "column 'spectrum'"),
-    "parquet: unknown unit": (
-        parquet_bytes(columns() | {"w [wetness]": [1.0, 2.0, 3.0]}),
-        "schema, column 'w [wetness]'",
-    ),
-    "parquet: no columns": (parquet_bytes({}), "schema"),
+    "parquet: text": parquet_bytes(columns() | {"C [deg]": ["a", "b", "c"]}),
+    "parquet: null": parquet_bytes(columns() | {"C [deg]": [1.0, None, 2.0]}),
+    "parquet: infinite": parquet_bytes(columns() | {"C [deg]": [1.0, 2.0, -np.inf]}),
+    "parquet: truth values for targets": parquet_bytes(columns() | {"target": [True, False, True]}),
+    "parquet: target is null": parquet_bytes(columns() | {"target": ["ball_1", None, "ball_2"]}),
+    "parquet: run is not a number": parquet_bytes(columns() | {"run": [1.0, np.nan, 1.0]}),
+    "parquet: unknown target": parquet_bytes(columns() | {"target": ["ball_1", "ball_2", "ball_4"]}),
+    "parquet: timestamps": parquet_bytes(columns() | {"t [s]": pa.array([1, 2, 3], pa.timestamp("ms"))}),
+    "parquet: lists": parquet_bytes(columns() | {"spectrum": [[1], [2], [3]]}),
+    "parquet: unknown unit": parquet_bytes(columns() | {"w [wetness]": [1.0, 2.0, 3.0]}),
+    "parquet: no columns": parquet_bytes({}),
 }
 
 
 @pytest.mark.parametrize("name", MALFORMED)
-def test_malformed_measurements_are_named_by_their_place(name, tmp_path):
-    content, place, *of = MALFORMED[name]
-    path = tmp_path / "data.csv"
-    with pytest.raises(InputFileError) as caught:
-        bind(*of or [machine()], from_bytes(path, content))
-    assert caught.value.place == place
-    assert str(caught.value).startswith(f"{path}: {place}: ")
-    assert str(caught.value).isprintable()
+def test_malformed_measurements_are_named_by_their_place(refuses, name, tmp_path):
+    entry = MALFORMED[name]
+    content, of = entry if isinstance(entry, tuple) else (entry, machine())
+    refuses(lambda: bind(of, from_bytes(tmp_path / "data.csv", content)))
 
 
-def test_missing_file_is_reported(tmp_path):
-    with pytest.raises(InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet"):
-        Measurements.load(tmp_path / "nowhere.csv")
+def test_missing_file_is_reported(refuses, tmp_path):
+    refuses(Measurements.load, tmp_path / "nowhere.csv")
 
 
 BAD_FRAMES = {
-    "no table": (3, "file"),
-    "no columns": ({}, "columns"),
-    "name is no text": ({0: [1.0]}, "columns"),
-    "lengths differ": ({"a": [1, 2], "b": [1]}, "column 'b'"),
-    "one value": ({"a": 1.0}, "column 'a'"),
-    "matrix": ({"a": np.zeros((2, 2))}, "column 'a'"),
-    "complex": ({"a": np.array([1j])}, "column 'a'"),
-    "twice": ({"x [mm]": [1.0], "x [m]": [1.0]}, "columns"),
-    "mask": ({"a": np.ma.array([1.0, 2.0], mask=[False, True])}, "row 1 (from 0), column 'a'"),
-    "none": ({"a": [1.0, None]}, "row 1 (from 0), column 'a'"),
-    "infinite": ({"a": [np.inf]}, "row 0 (from 0), column 'a'"),
-    "dates": ({"t [s]": np.array(["2020-01-01"], "M8[s]")}, "column 't [s]'"),
+    "no table": 3,
+    "no columns": {},
+    "name is no text": {0: [1.0]},
+    "lengths differ": {"a": [1, 2], "b": [1]},
+    "one value": {"a": 1.0},
+    "matrix": {"a": np.zeros((2, 2))},
+    "complex": {"a": np.array([1j])},
+    "twice": {"x [mm]": [1.0], "x [m]": [1.0]},
+    "mask": {"a": np.ma.array([1.0, 2.0], mask=[False, True])},
+    "none": {"a": [1.0, None]},
+    "infinite": {"a": [np.inf]},
+    "dates": {"t [s]": np.array(["2020-01-01"], "M8[s]")},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD_FRAMES)
-def test_malformed_frame_is_named_by_its_column(name):
-    frame, place = BAD_FRAMES[name]
-    with pytest.raises(InputFileError) as caught:
-        Measurements.from_frame(frame, name="table 3")
-    assert caught.value.place == place
-    assert str(caught.value).startswith(f"table 3: {place}: ")
+def test_malformed_frame_is_named_by_its_column(refuses, name):
+    refuses(Measurements.from_frame, BAD_FRAMES[name], name="table 3")
 
 
 def test_binding_what_is_good_is_no_error(tmp_path):
@@ -566,18 +504,14 @@ def test_uncertainty_of_a_direction_is_an_angle(unit, radian):
     np.testing.assert_allclose(observations.sigma, [[2 * radian] * 3], rtol=3e-16)
 
 
-def test_readings_may_be_missing_in_a_plan():
+def test_readings_may_be_missing_in_a_plan(refuses):
     plan = Measurements.from_frame({"X [mm]": [0.0, 1.0], "C [deg]": [0.0, 1.0]})
     observations = bind(one_target(), plan, allow_missing_readings=True)
     assert observations.reading.shape == (2, 3)
     assert np.isnan(observations.reading).all()
-    with pytest.raises(
-        InputFileError, match="data: columns: no column 'x'; expected one such as 'x \\[mm\\]'"
-    ):
-        bind(one_target(), plan)
+    refuses(bind, one_target(), plan)
     some = Measurements.from_frame({"X [mm]": [0.0], "C [deg]": [0.0], "x [mm]": [0.0]})
-    with pytest.raises(InputFileError, match="no column 'y'"):
-        bind(one_target(), some, allow_missing_readings=True)
+    refuses(bind, one_target(), some, allow_missing_readings=True)
 
 
 def test_travel_is_the_machines_or_the_datas():
@@ -933,10 +867,9 @@ def test_column_of_words_is_kept_and_takes_no_part(tmp_path):
 
 
 @pytest.mark.parametrize("column", ["x", "dir_C", "load"])
-def test_words_where_numbers_belong_are_named(column, tmp_path):
+def test_words_where_numbers_belong_are_named(refuses, column, tmp_path):
     path = tmp_path / "data.csv"
     names = {"x": "x", "dir_C": "dir_C,x [mm]", "load": "load,x [mm]"}[column]
     cells = "word" if column == "x" else "word,1"
     path.write_text(f"X [mm],C [deg],{names},y [mm],z [mm],target\n0,0,{cells},2,3,ball_1\n")
-    with pytest.raises(InputFileError, match=f"line 2, column '{column}': 'word'; expected a number$"):
-        bind(machine(), Measurements.load(path))
+    refuses(bind, machine(), Measurements.load(path))

@@ -128,36 +128,21 @@ def test_the_command_writes_and_lists(tmp_path, rodgen_command: Run):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "expected"),
+    "arguments",
     [
-        (["turn-table"], "rodgen new: no kind 'turn-table'; expected 'turntable', perhaps"),
-        (
-            ["equatorial-fork"],
-            "rodgen new: no latitude of an equatorial mount; expected --latitude, such as 31.7deg",
-        ),
-        (
-            ["equatorial-fork", "--latitude", "95deg"],
-            "rodgen new: the latitude 95 deg of an equatorial mount; expected --latitude, such as 31.7deg",
-        ),
-        (["turntable", "--code", "[w b X t]"], "a code of turntable; expected none: it is no machine tool"),
-        (
-            ["3-axis", "--code", "[w X Y Z t]"],
-            "the code '[w X Y Z t]'; expected axes X, Y, Z, A, B, C, each once",
-        ),
-        (
-            ["3-axis", "--code", "[w X b X Z t]"],
-            "the code '[w X b X Z t]'; expected axes X, Y, Z, A, B, C, each once",
-        ),
-        (["3-axis", "--code", "w b t"], "the code 'w b t'; expected axes"),
-        (["turntable", "--balls", "2"], "balls of turntable; expected none: it is no machine tool"),
-        (["head-table", "--balls", "2"], "balls of [w C b X Y Z B t]; expected one or more, and all rotary"),
+        ["turn-table"],
+        ["equatorial-fork"],
+        ["equatorial-fork", "--latitude", "95deg"],
+        ["turntable", "--code", "[w b X t]"],
+        ["3-axis", "--code", "[w X Y Z t]"],
+        ["3-axis", "--code", "[w X b X Z t]"],
+        ["3-axis", "--code", "w b t"],
+        ["turntable", "--balls", "2"],
+        ["head-table", "--balls", "2"],
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(arguments, expected, rodgen_command: Run):
-    code, out, err = rodgen_command("new", *arguments)
-    assert (code, out) == (2, "")
-    assert expected in err
-    assert err.count("\n") == 1
+def test_what_is_wrong_is_said_in_one_sentence(arguments, refuses_command):
+    refuses_command("new", *arguments)
 
 
 def test_a_kind_that_is_not_there_has_no_file():

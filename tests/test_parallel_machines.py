@@ -352,32 +352,31 @@ def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_pre
 
 # files -----------------------------------------------------------------------------------------------------------
 
-FAULTS: dict[str, tuple[str, str, str]] = {
-    "a family that is none": ('family = "tricept"', 'family = "heptapod"', "family"),
-    "joints with a family": ("[measured]", '[[joint]]\nname = "X"\naxis = [1, 0, 0]\n[measured]', "joint"),
-    "no geometry": ("[geometry]\nR = 330\nr = 140\nq = [0, 0, 120]", "", "geometry"),
-    "no R": ("R = 330\n", "", "R"),
-    "a radius of 0": ("R = 330", "R = 0", "R"),
-    "a negative radius": ("r = 140", "r = -140", "r"),
-    "a radius that is not a number": ("R = 330", "R = nan", "R"),
-    "a radius that is text": ("R = 330", 'R = "330"', "R"),
-    "h of a Tricept": ("R = 330", "R = 330\nh = 3", "h"),
-    "a start of a Tricept": ("R = 330", "R = 330\nstart = [0, 0, 1]", "start"),
-    "q of two numbers": ("q = [0, 0, 120]", "q = [0, 0]", "q"),
-    "an estimate of a joint": ('["R", "r"]', '["A0.axis"]', "estimate"),
-    "an estimate of another family's number": ('["R", "r"]', '["h"]', "estimate"),
-    "an estimate twice": ('["R", "r"]', '["R", "R"]', "estimate"),
-    "an estimate that is in geometry": ('["R", "r"]', '["geometry", "R"]', "estimate"),
-    "an effect of chains": ("[measured]", '[[effect]]\nname = "scale"\njoint = "A0"\n[measured]', "leg_scale"),
-    "another family's leg": ("[measured]", '[[effect]]\nname = "leg_scale"\njoint = "L1"\n[measured]', "L1"),
-    "an effect of a leg at no leg": ("[measured]", '[[effect]]\nname = "leg_scale"\n[measured]', "joint"),
+FAULTS: dict[str, tuple[str, str]] = {
+    "a family that is none": ('family = "tricept"', 'family = "heptapod"'),
+    "joints with a family": ("[measured]", '[[joint]]\nname = "X"\naxis = [1, 0, 0]\n[measured]'),
+    "no geometry": ("[geometry]\nR = 330\nr = 140\nq = [0, 0, 120]", ""),
+    "no R": ("R = 330\n", ""),
+    "a radius of 0": ("R = 330", "R = 0"),
+    "a negative radius": ("r = 140", "r = -140"),
+    "a radius that is not a number": ("R = 330", "R = nan"),
+    "a radius that is text": ("R = 330", 'R = "330"'),
+    "h of a Tricept": ("R = 330", "R = 330\nh = 3"),
+    "a start of a Tricept": ("R = 330", "R = 330\nstart = [0, 0, 1]"),
+    "q of two numbers": ("q = [0, 0, 120]", "q = [0, 0]"),
+    "an estimate of a joint": ('["R", "r"]', '["A0.axis"]'),
+    "an estimate of another family's number": ('["R", "r"]', '["h"]'),
+    "an estimate twice": ('["R", "r"]', '["R", "R"]'),
+    "an estimate that is in geometry": ('["R", "r"]', '["geometry", "R"]'),
+    "an effect of chains": ("[measured]", '[[effect]]\nname = "scale"\njoint = "A0"\n[measured]'),
+    "another family's leg": ("[measured]", '[[effect]]\nname = "leg_scale"\njoint = "L1"\n[measured]'),
+    "an effect of a leg at no leg": ("[measured]", '[[effect]]\nname = "leg_scale"\n[measured]'),
     "an error motion of a leg": (
         "[measured]",
         '[[effect]]\nname = "mine"\njoint = "A0"\ncomponent = "tx"\nformula = "a*q"\nparameters = { a = "1" }\n'
         'meaning = "m"\n[measured]',
-        "component",
     ),
-    "a target that is called like a leg": ('name = "p"', 'name = "A-1"', "A-1"),
+    "a target that is called like a leg": ('name = "p"', 'name = "A-1"'),
 }  # fmt: skip
 PLAIN = """\
 name = "T"
@@ -401,19 +400,11 @@ parameters = ["R", "r"]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_the_file_is_one_clear_line(fault, tmp_path, capsys):
-    old, new, word = FAULTS[fault]
+def test_a_fault_of_the_file_is_one_clear_line(refuses, fault, tmp_path):
+    old, new = FAULTS[fault]
     assert old in PLAIN
-    path = tmp_path / "machine.toml"
-    path.write_text(PLAIN.replace(old, new))
-    with pytest.raises(InputFileError) as caught:
-        Machine.load(path)
-    assert re.search(rf"\b{word}\b", str(caught.value))
-    assert cli.main(["fit", str(path), str(path)]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    assert str(path) in err
+    (tmp_path / "machine.toml").write_text(PLAIN.replace(old, new))
+    refuses(Machine.load, tmp_path / "machine.toml")
 
 
 def test_files_of_the_families_come_back_as_they_were(tmp_path):

@@ -650,16 +650,12 @@ def test_command_prints_json(files, capsys):
 
 
 @pytest.mark.parametrize(
-    ("more", "text"),
+    "more",
     [
-        (["-n", "0"], "'0' is not a whole number from 1 to 500"),
-        (["--for", "C.axle"], "command line: --for: no parameter 'C.axle'"),
-        (["-o", "{data}"], "the input file itself"),
+        ["-n", "0"],
+        ["--for", "C.axle"],
+        ["-o", "{data}"],
     ],
 )
-def test_wrong_commands_are_one_line(files, capsys, more, text):
-    assert main(["plan", *files, *(x.format(data=files[1]) for x in more)]) == 2
-    shown = capsys.readouterr()
-    assert not shown.out
-    assert text in shown.err
-    assert shown.err.count("\n") == 1
+def test_wrong_commands_are_one_line(files, refuses_command, more):
+    refuses_command("plan", *files, *(x.format(data=files[1]) for x in more))

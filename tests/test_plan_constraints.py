@@ -11,7 +11,6 @@ from rodgen.calibration.fit import fit
 from rodgen.calibration.plan import Plan, load_constraints, plan
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.templates import machine_template
 
@@ -123,7 +122,7 @@ def test_stars_are_within_the_travel_of_the_mount_and_well_seen(travel, planned)
 
 
 @pytest.mark.parametrize("travel", [[0.05, 0.3], [1.45, 1.55]], ids=["low", "zenith"])
-def test_a_mount_that_sees_no_star_well_is_planned_for_all_the_same(travel, planned):
+def test_a_mount_that_sees_no_star_well_is_planned_for_all_the_same(refuses, travel, planned):
     low = fit_of({**MOUNT, "joint": [MOUNT["joint"][0], {**MOUNT["joint"][1], "travel": travel}]})
     found = planned(low, "[limits]\nAZ = [1, 4]", wanted=["EL.axis", "AZ.axis"])
     assert found.count == 14
@@ -131,8 +130,7 @@ def test_a_mount_that_sees_no_star_well_is_planned_for_all_the_same(travel, plan
         found.notes
     )
     assert "Stars are taken at" not in " ".join(found.notes)
-    with pytest.raises(InputFileError, match=r"limits.toml: allowed 'AZ < 0': no reading within the travel"):
-        planned(low, 'allowed = ["AZ < 0"]', wanted=["EL.axis"])
+    refuses(planned, low, 'allowed = ["AZ < 0"]', wanted=["EL.axis"])
 
 
 def test_a_german_mount_s_stars_have_altitudes_and_both_sides_of_its_pier(planned):
@@ -230,40 +228,30 @@ def test_readings_of_a_session_are_the_most_that_are_planned(table, planned):
 
 
 @pytest.mark.thorough(
-    "[limits]\\nX = [300, 200]-[limits], X: [300, 200]; expected the lower number first",
-    "[limits]\\nU = [0, 1]-[limits], U: unknown key",
-    "[artefact]\\nballs = [9000, 0, 0]-[artefact], balls: [9000, 0, 0]; expected a list of places",
+    "[limits]\\nX = [300, 200]", "[limits]\\nU = [0, 1]", "[artefact]\\nballs = [9000, 0, 0]"
 )
 @pytest.mark.parametrize(
-    ("text", "said"),
+    "text",
     [
-        (
-            'allowed = ["X < 100", "X > 200"]',
-            "'X > 200'; no reading within the travel and the limits meets it",
-        ),
-        ('allowed = ["x > 9 m"]', "allowed 'x > 9 m': no reading within the travel and the limits meets it"),
-        ("[[keep_out]]\nx = [-9000, 9000]", "keep_out: no reading within the travel and the limits meets it"),
-        ("[limits]\nX = [600, 700]", "[limits], X: limits outside the travel of the machine file"),
-        ("[limits]\nX = [300, 200]", "[limits], X: [300, 200]; expected the lower number first"),
-        ("[limits]\nU = [0, 1]", "[limits], U: unknown key"),
-        ("[artefact]\nballs = [[9000, 0, 0]]", "[artefact], balls: out of reach"),
-        ("[artefact]\nballs = [9000, 0, 0]", "[artefact], balls: [9000, 0, 0]; expected a list of places"),
-        ('allowed = ["X"]', "allowed: 'X'; expected a formula, < or >, and a number"),
-        ('allowed = ["X < 3 deg"]', "unit 'deg'; expected a unit of length"),
-        ('allowed = ["V < 3"]', "the name 'V'; expected"),
-        ('allowed = ["X + A < 3"]', "'X + A' of length and angle"),
-        ("[session]\nreadings = 0", "[session], readings: 0; expected a whole number from 1 up"),
-        ("[move]\nsettle = 2", "move: unknown key"),
-        ("[[keep_out]]\n", "keep_out 1: empty"),
+        'allowed = ["X < 100", "X > 200"]',
+        'allowed = ["x > 9 m"]',
+        "[[keep_out]]\nx = [-9000, 9000]",
+        "[limits]\nX = [600, 700]",
+        "[limits]\nX = [300, 200]",
+        "[limits]\nU = [0, 1]",
+        "[artefact]\nballs = [[9000, 0, 0]]",
+        "[artefact]\nballs = [9000, 0, 0]",
+        'allowed = ["X"]',
+        'allowed = ["X < 3 deg"]',
+        'allowed = ["V < 3"]',
+        'allowed = ["X + A < 3"]',
+        "[session]\nreadings = 0",
+        "[move]\nsettle = 2",
+        "[[keep_out]]\n",
     ],
 )
-def test_contradictions_and_mistakes_are_one_sentence(table, planned, text, said):
-    with pytest.raises(InputFileError) as error:
-        planned(table, text)
-    message = str(error.value)
-    assert "limits.toml: " in message
-    assert said.replace("; no", ": no") in message
-    assert "\n" not in message
+def test_contradictions_and_mistakes_are_one_sentence(refuses, table, planned, text):
+    refuses(planned, table, text)
 
 
 # the command ---------------------------------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from hidden_effects import Hidden, Sealed, Truth, trunnion
 import rodgen
 from rodgen.calibration.diagnose import diagnose
 from rodgen.cli import main as cli
-from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
@@ -169,31 +168,26 @@ def test_the_table_of_the_file_decides_what_is_named():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    'text',
     [
-        ("EL.scale = 3", "[plausibility], EL.scale: no table; expected"),
-        ("EL.gravity = { odds = 1 }", "[plausibility], EL.gravity, name: no effect 'gravity' in the catalogue"),
-        ("X.scale = { odds = 1 }", "[plausibility], X.scale, place: no joint or target 'X'"),
-        ("scale = { odd = 1 }", "[plausibility], scale, odd: unknown key; expected odds"),
-        ("scale = {}", "[plausibility], scale: nothing; expected odds"),
-        ("scale = { usual = [] }", "[plausibility], scale, usual: '[]'; expected a size"),
-        (
-            'scale = { usual = "2e-3", largest = "1e-3" }',
-            "[plausibility], scale, largest: 0.001, less than the usual 0.002; expected",
-        ),
-        ("scale = { odds = -1 }", "[plausibility], scale, odds: '-1'; expected a number from 0"),
-        ("scale = { odds = true }", "[plausibility], scale, odds: 'True'; expected a number from 0"),
-        ('scale = { usual = "3 mm" }', "[plausibility], scale, usual: '3 mm', which no parameter"),
-        ('scale = { usual = "3 foo" }', "[plausibility], scale, usual: unknown unit 'foo'"),
-        ("scale = { largest = 3 }", "[plausibility], scale, largest: '3'; expected a size with its unit"),
-        ('scale = { sign = "minus" }', "[plausibility], scale, sign: 'minus'; expected \"any\" or"),
-        ("straightness = { odds = 1 }", "[plausibility], straightness: an effect that this machine cannot have"),
+        "EL.scale = 3",
+        "EL.gravity = { odds = 1 }",
+        "X.scale = { odds = 1 }",
+        "scale = { odd = 1 }",
+        "scale = {}",
+        "scale = { usual = [] }",
+        'scale = { usual = "2e-3", largest = "1e-3" }',
+        "scale = { odds = -1 }",
+        "scale = { odds = true }",
+        'scale = { usual = "3 mm" }',
+        'scale = { usual = "3 foo" }',
+        "scale = { largest = 3 }",
+        'scale = { sign = "minus" }',
+        "straightness = { odds = 1 }",
     ],
 )  # fmt: skip
-def test_what_the_table_cannot_say_is_one_sentence_with_its_place(text, message):
-    with pytest.raises(InputFileError) as error:
-        with_table(text)
-    assert str(error.value).startswith(f"m.toml: {message}")
+def test_what_the_table_cannot_say_is_one_sentence_with_its_place(refuses, text):
+    refuses(with_table, text)
 
 
 def balanced(folder, key=""):

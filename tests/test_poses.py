@@ -183,34 +183,21 @@ def test_the_four_notations_say_the_same():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        (
-            {"qw": [2.0, 0.5], "qx": [0.0, 0.5], "qy": [0.0, 0.5], "qz": [0.0, 0.5]},
-            "a quaternion of length 2",
-        ),
-        (
-            {"qw": [1.0, 0.0], "qx": [0.0, 0.0], "qy": [0.0, 0.0], "qz": [0.0, 0.0]},
-            "a quaternion of length 0",
-        ),
-        ({"qw": [1.0, 1.0], "qx": [0.0, 0.0], "qy": [0.0, 0.0]}, "no column 'qz'"),
-        ({}, "no columns of an attitude"),
-        ({f"{x} [deg]": [0.0, 0.0] for x in ("rx", "ry", "rz", "roll")}, "attitudes in 2 notations"),
-        ({x: [0.0, 0.0] for x in ("rx", "ry", "rz")}, "no unit"),
-        (written("matrix", np.array([np.eye(3), np.diag([1.0, 1.0, -1.0])])), "a matrix that mirrors"),
-        (written("matrix", np.array([np.eye(3), 1.01 * np.eye(3)])), "a matrix whose columns are off"),
+        {"qw": [2.0, 0.5], "qx": [0.0, 0.5], "qy": [0.0, 0.5], "qz": [0.0, 0.5]},
+        {"qw": [1.0, 0.0], "qx": [0.0, 0.0], "qy": [0.0, 0.0], "qz": [0.0, 0.0]},
+        {"qw": [1.0, 1.0], "qx": [0.0, 0.0], "qy": [0.0, 0.0]},
+        {},
+        {f"{x} [deg]": [0.0, 0.0] for x in ("rx", "ry", "rz", "roll")},
+        {x: [0.0, 0.0] for x in ("rx", "ry", "rz")},
+        written("matrix", np.array([np.eye(3), np.diag([1.0, 1.0, -1.0])])),
+        written("matrix", np.array([np.eye(3), 1.01 * np.eye(3)])),
     ],
 )
-def test_what_is_no_attitude_is_one_sentence(change, said):
+def test_what_is_no_attitude_is_one_sentence(refuses, change):
     columns = {name: values[:2] for name, values in measured()[0].items()}
-    with pytest.raises(InputFileError, match=said) as error:
-        _ = Case(ARM, {**columns, **change}).observations
-    message = str(error.value)
-    assert "\n" not in message
-    if "length 0" in said or "matrix" in said:
-        assert "row 1 (from 0)" in message
-    if "length 2" in said:
-        assert "row 0 (from 0)" in message
+    refuses(lambda: Case(ARM, {**columns, **change}).observations)
 
 
 # fits ----------------------------------------------------------------------------------------------------------
@@ -379,27 +366,21 @@ def test_correlations_of_each_row_are_those_of_one_or_of_its_covariance():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        ({"corr_x_y": None}, "no column 'corr_x_y'.*because .measured. says correlation = .columns."),
-        (
-            {"corr_x_y": 0.9, "corr_x_z": 0.9, "corr_y_z": -0.9},
-            "row 0.*a correlation that is not positive definite",
-        ),
-        ({"cov_x_x [mm]": 1.0}, "unit 'mm'; expected one of a product such as mm"),
-        ({"cov_x_x [mm^2]": 1.0}, "no column 'cov_y_y'"),
+        {"corr_x_y": None},
+        {"corr_x_y": 0.9, "corr_x_z": 0.9, "corr_y_z": -0.9},
+        {"cov_x_x [mm]": 1.0},
+        {"cov_x_x [mm^2]": 1.0},
     ],
 )
-def test_what_is_no_correlation_of_a_row_is_one_sentence(change, said):
+def test_what_is_no_correlation_of_a_row_is_one_sentence(refuses, change):
     columns, _ = measured(rows=4)
     stated = {"measured": {"kind": "point", "frame": "free", "correlation": "columns", "noise": 0.1}}
     made = {**columns, **{f"corr_{pair}": np.zeros(4) for pair in ("x_y", "x_z", "y_z")}}
     made |= {name: None if value is None else np.full(4, value) for name, value in change.items()}
-    with pytest.raises(InputFileError, match=said) as error:
-        _ = Case(
-            ARM | stated, {name: values for name, values in made.items() if values is not None}
-        ).observations
-    assert "\n" not in str(error.value)
+    given = {name: values for name, values in made.items() if values is not None}
+    refuses(lambda: Case(ARM | stated, given).observations)
 
 
 @pytest.mark.thorough
@@ -457,7 +438,7 @@ def test_a_fit_of_poses_is_kept_with_the_weights_that_it_found(tmp_path):
     assert said["rms_of_attitudes"] == pytest.approx(SIGMA[1] * 648000 / np.pi, rel=0.2)
 
 
-def test_simulated_poses_have_the_noise_that_was_typed():
+def test_simulated_poses_have_the_noise_that_was_typed(refuses):
     columns, attitude = measured(noise=(0.0, 0.0), rows=200)
     case = Case(ARM, {**columns, **written("quaternion", attitude)})
     made = simulate(case.machine, Measurements.from_frame(case.data), noise="0.2mm, 40 arcsec", seed=2)
@@ -465,8 +446,7 @@ def test_simulated_poses_have_the_noise_that_was_typed():
     fit = case.machine.fit(made.data)
     assert fit.rms == pytest.approx(0.2, rel=0.1)
     assert fit.observations.arm == pytest.approx(0.2 / (40 * np.pi / 648000), rel=0.1)
-    with pytest.raises(InputFileError, match="1 number; expected that of a coordinate and that of a turn"):
-        simulate(case.machine, Measurements.from_frame(case.data), noise="0.2mm")
+    refuses(simulate, case.machine, Measurements.from_frame(case.data), noise="0.2mm")
 
 
 @pytest.mark.slow

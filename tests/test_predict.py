@@ -9,7 +9,6 @@ import pytest
 from rodgen.calibration.predict import Prediction
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 NOISE = 0.004
@@ -98,7 +97,7 @@ def test_the_same_holds_for_a_machine_on_legs():
     np.testing.assert_allclose(mean, fit.determinacy.rank / readings * 0.006**2, rtol=1e-6)
 
 
-def test_a_run_that_was_not_measured_has_no_place():
+def test_a_run_that_was_not_measured_has_no_place(refuses):
     base = table(("target",)).add("frame_shift")
     c = np.linspace(0, 300, 12)
     read = places(np.zeros(12), c)
@@ -108,8 +107,7 @@ def test_a_run_that_was_not_measured_has_no_place():
     again = Measurements.from_frame({"X [mm]": [0.0], "C [deg]": [5.0], "run": ["2"]})
     assert np.isfinite(fit.predict(again).place).all()
     other = Measurements.from_frame({"X [mm]": [0.0], "C [deg]": [5.0], "run": ["3"]})
-    with pytest.raises(InputFileError, match="run '3', which was not measured; expected '1' or '2'"):
-        fit.predict(other)
+    refuses(fit.predict, other)
 
 
 def test_the_command_adds_places_and_their_uncertainty(tmp_path, capsys):

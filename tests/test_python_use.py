@@ -17,7 +17,7 @@ import rodgen
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError
 from rodgen.kinematics import delta, hexapod, instantaneous_euler, screws, spatial, three_sps_s, tricept
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
@@ -105,12 +105,10 @@ def test_a_fit_predicts_and_is_tested_on_a_table_in_memory(fit, columns):
     assert fit.diagnose(test=columns).rms.before_test == pytest.approx(fit.rms, rel=0.2)
 
 
-def test_a_column_without_its_unit_is_one_sentence(table, columns):
+def test_a_column_without_its_unit_is_one_sentence(refuses, table, columns):
     frame = pandas_frame(columns).rename(columns={"C [deg]": "C"})
-    with pytest.raises(InputFileError, match=r"^data: columns, column 'C': no unit; expected .*'C \[deg\]'"):
-        table.fit(frame)
-    with pytest.raises(InputFileError, match="an object of type int; expected a mapping"):
-        table.fit(7)
+    refuses(table.fit, frame)
+    refuses(table.fit, 7)
 
 
 @pytest.fixture(scope="module")
@@ -179,21 +177,17 @@ def test_residuals_of_copied_rows_stand_in_the_rows_as_they_were_given(table, co
     assert "72 rows" in many._repr_html_()
 
 
-def test_residuals_are_an_array(fit):
+def test_residuals_are_an_array(refuses, fit):
     pairs = [(fit.residuals * 2, "product"), (fit.residuals[:3], "part"), (np.sqrt(fit.residuals**2), "root")]
     assert {type(made) for made, _ in pairs} == {np.ndarray}
     assert isinstance(float(fit.residuals.mean()), float)
     assert type(pickle.loads(pickle.dumps(fit.residuals))) is np.ndarray
-    with pytest.raises(TypeError, match="no longer the residuals of a fit"):
-        fit.residuals.reshape(-1).to_pandas()
+    refuses(fit.residuals.reshape(-1).to_pandas)
 
 
-def test_a_dataframe_without_pandas_is_one_sentence(fit, monkeypatch):
+def test_a_dataframe_without_pandas_is_one_sentence(refuses, fit, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(
-        RodgenError, match=r"^a DataFrame needs pandas, which is not installed; pip install pandas$"
-    ):
-        fit.parameters.to_pandas()
+    refuses(fit.parameters.to_pandas)
 
 
 def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results):
@@ -266,17 +260,15 @@ def test_an_error_in_the_input_is_short_in_a_notebook(table):
     assert 'table.fit({"C": [1.0], "x [mm]": [2.0]})' in lines[0]
 
 
-def test_a_fit_draws_its_residuals(fit, monkeypatch):
+def test_a_fit_draws_its_residuals(refuses, fit, monkeypatch):
     pytest.importorskip("plotly")
     assert len(fit.plot().data) > 0
     assert [*fit.plot("C").data[0].x[:3]] == [0, 30, 60]
     assert [*fit.plot().data[0].x[:3]] == [0, 1, 2]
-    with pytest.raises(RodgenError, match="'W' is none of "):
-        fit.plot("W")
+    refuses(fit.plot, "W")
     monkeypatch.setitem(sys.modules, "rodgen.output.figures.residuals", None)
     monkeypatch.setitem(sys.modules, "plotly", None)
-    with pytest.raises(RodgenError, match=r"expected it: pip install 'rodgen\[plot\]'"):
-        fit.plot()
+    refuses(fit.plot)
 
 
 def public_classes():
@@ -393,7 +385,7 @@ def test_a_saved_fit_needs_no_other_file(tmp_path, columns, table):
 
 
 @pytest.mark.thorough
-def test_what_is_no_saved_fit_is_one_sentence(fit, tmp_path):
+def test_what_is_no_saved_fit_is_one_sentence(refuses, fit, tmp_path):
     path = tmp_path / "fit.json"
     fit.save(path)
     about = json.loads(path.read_text())
@@ -421,18 +413,13 @@ def test_what_is_no_saved_fit_is_one_sentence(fit, tmp_path):
     assert complaint(json.dumps(about | {"format": 9})) == "format: 9; expected 2"
     assert complaint("nothing").startswith("file: 'JSONDecodeError")
     path.write_bytes(b"PK\x03\x04\xff")
-    with pytest.raises(InputFileError, match="bytes that are not UTF-8"):
-        Fit.load(path)
-    with pytest.raises(
-        InputFileError, match=r"none\.json: file: no such file; expected a fit as Fit\.save writes it"
-    ):
-        Fit.load(tmp_path / "none.json")
+    refuses(Fit.load, path)
+    refuses(Fit.load, tmp_path / "none.json")
 
 
-def test_a_fit_to_part_of_observations_cannot_be_saved(fit, tmp_path):
+def test_a_fit_to_part_of_observations_cannot_be_saved(refuses, fit, tmp_path):
     some = fit.refit(observations=fit.observations.take(slice(None, None, -1)))
-    with pytest.raises(InputFileError, match="to some rows of observations"):
-        some.save(tmp_path / "fit.json")
+    refuses(some.save, tmp_path / "fit.json")
     assert not (tmp_path / "fit.json").exists()
 
 
@@ -453,31 +440,25 @@ ROWS = {"C [deg]": [0.0, 90.0], "x [mm]": [100.0, 0.0], "y [mm]": [0.0, 100.0], 
 
 
 @pytest.mark.parametrize(
-    ("made", "message"),
+    'made',
     [
-        (lambda: rodgen.Joint("C", "rotary"), "joint C, type: 'rotary'; expected 'revolute', perhaps"),
-        (lambda: rodgen.Joint("C", "revolute"), "joint C, axis: [0, 0, 0], which has no direction"),
-        (lambda: rodgen.Joint("C", "revolute", (0, 1)), "joint C, axis: '(0, 1)'; expected three numbers"),
-        (lambda: rodgen.Joint("C", "revolute", (0, 0, 1), drive="wurm"), "drive: 'wurm'; expected 'worm', perhaps"),
-        (lambda: rodgen.Target("ball", "near"), "target ball, point: 'near'; expected three numbers"),
-        (lambda: built(C, C).fit(ROWS), "[[joint]] 2, name: 'C', as another joint"),
-        (lambda: built(C, estimate=("C.axes",)).fit(ROWS), "[estimate], parameters: 'C.axes'; expected 'C.axis'"),
-        (lambda: built(C, gravity=(0, 0, -9.81)).fit(ROWS), "gravity: a vector of length 9.81; expected"),
-        (
-            lambda: built(
+        lambda: rodgen.Joint("C", "rotary"),
+        lambda: rodgen.Joint("C", "revolute"),
+        lambda: rodgen.Joint("C", "revolute", (0, 1)),
+        lambda: rodgen.Joint("C", "revolute", (0, 0, 1), drive="wurm"),
+        lambda: rodgen.Target("ball", "near"),
+        lambda: built(C, C).fit(ROWS),
+        lambda: built(C, estimate=("C.axes",)).fit(ROWS),
+        lambda: built(C, gravity=(0, 0, -9.81)).fit(ROWS),
+        lambda: built(
                 rodgen.Joint("A", "revolute", (1, 0, 0), branch="workpiece"),
                 rodgen.Joint("C", "revolute", (0, 0, 1), branch="tool"),
                 rodgen.Joint("B", "revolute", (0, 1, 0), branch="workpiece"),
             ).fit(ROWS),
-            "joints: in the order A, C and B; expected from instrument to target:",
-        ),
     ],
 )  # fmt: skip
-def test_a_machine_built_in_python_is_checked_as_a_file_is(made, message):
-    with pytest.raises(rodgen.RodgenError) as error:
-        made()
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)
+def test_a_machine_built_in_python_is_checked_as_a_file_is(refuses, made):
+    refuses(made)
 
 
 def test_an_axis_of_any_length_is_a_direction_in_python_too():

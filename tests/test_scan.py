@@ -130,7 +130,7 @@ def test_a_worker_is_killed_in_the_middle(machine, folder, in_memory):
         assert_same(found, in_memory)
 
 
-def test_a_damaged_row_group_is_named(machine, folder, tmp_path):
+def test_a_damaged_row_group_is_named(refuses, machine, folder, tmp_path):
     shutil.copytree(folder, tmp_path / "week")
     file = tmp_path / "week/day2.parquet"
     column = pq.read_metadata(file).row_group(1).column(0)
@@ -138,19 +138,17 @@ def test_a_damaged_row_group_is_named(machine, folder, tmp_path):
     start = column.data_page_offset
     data[start : start + column.total_compressed_size] = b"\xff" * column.total_compressed_size
     file.write_bytes(data)
-    with pytest.raises(InputFileError, match=r"day2.parquet: row group 1: damaged Parquet data"):
-        fit(machine, Measurements.scan(tmp_path / "week"))
+    refuses(fit, machine, Measurements.scan(tmp_path / "week"))
 
 
-def test_a_wrong_cell_is_named_with_its_file_and_row(machine, folder, tmp_path):
+def test_a_wrong_cell_is_named_with_its_file_and_row(refuses, machine, folder, tmp_path):
     shutil.copytree(folder, tmp_path / "week")
     table = pq.read_table(tmp_path / "week/day1.parquet")
     x = table["x [mm]"].to_numpy().copy()
     x[1234] = np.nan
     pq.write_table(table.set_column(table.schema.names.index("x [mm]"), "x [mm]", pa.array(x)),
                    tmp_path / "week/day1.parquet", row_group_size=GROUP)  # fmt: skip
-    with pytest.raises(InputFileError, match=r"day1.parquet: row 1234 \(from 0\), column 'x \[mm\]'"):
-        fit(machine, Measurements.scan(tmp_path / "week"))
+    refuses(fit, machine, Measurements.scan(tmp_path / "week"))
 
 
 @pytest.mark.parametrize(
@@ -175,25 +173,20 @@ def test_another_unit_or_column_in_one_file_is_told_before_anything_is_read(
 
 
 def test_a_unit_that_does_not_fit_the_machine_is_told_before_anything_is_read(
-    machine, frame, tmp_path, monkeypatch
+    refuses, machine, frame, tmp_path, monkeypatch
 ):
     pq.write_table(
         pa.table({name.replace("C [deg]", "C [mm]"): x for name, x in frame.items()}), tmp_path / "a.parquet"
     )
     scan = Measurements.scan(tmp_path / "a.parquet")
     monkeypatch.setattr("rodgen.calibration.problem.blocks.Blocks.ask", None)
-    with pytest.raises(
-        InputFileError, match=r"a.parquet: schema, column 'C \[mm\]': unit 'mm', which is not a unit of angle"
-    ):
-        fit(machine, scan)
+    refuses(fit, machine, scan)
 
 
-def test_no_file_and_no_rows_are_told(machine, frame, tmp_path):
-    with pytest.raises(InputFileError, match="no such file; expected Parquet files"):
-        Measurements.scan(tmp_path / "*.parquet")
+def test_no_file_and_no_rows_are_told(refuses, machine, frame, tmp_path):
+    refuses(Measurements.scan, tmp_path / "*.parquet")
     pq.write_table(pa.table(frame).slice(0, 0), tmp_path / "a.parquet")
-    with pytest.raises(InputFileError, match="no rows"):
-        fit(machine, Measurements.scan(tmp_path))
+    refuses(fit, machine, Measurements.scan(tmp_path))
 
 
 def test_a_file_without_rows_among_others_changes_nothing(machine, folder, frame, in_memory, tmp_path):
@@ -263,10 +256,9 @@ def test_gross_errors_of_the_sample_are_taken_off_the_sums(machine, frame, tmp_p
     assert found.held_out().rms == pytest.approx(expected.held_out().rms, rel=2e-2)
 
 
-def test_what_is_not_done_in_parts_is_refused(machine, folder, frame):
+def test_what_is_not_done_in_parts_is_refused(refuses, machine, folder, frame):
     aside = machine.setting_aside(Measurements.from_frame(frame, name="day0.parquet"), rows=[3], why="bumped")
-    with pytest.raises(InputFileError, match=r"\[measured\], set_aside: rows of .*; expected none"):
-        fit(aside, Measurements.scan(folder))
+    refuses(fit, aside, Measurements.scan(folder))
     poses = dataclasses.replace(machine, measured=Measured("pose", "free"))
     with pytest.raises(InputFileError):
         fit(poses, Measurements.scan(folder))
@@ -318,14 +310,13 @@ def test_predictions_for_many_files_are_those_for_the_table(machine, in_memory, 
     assert main([*command, "-o", str(tmp_path / "made")]) == 2  # is there already
 
 
-def test_no_prediction_is_left_where_a_part_is_wrong(machine, in_memory, folder, tmp_path):
+def test_no_prediction_is_left_where_a_part_is_wrong(refuses, machine, in_memory, folder, tmp_path):
     shutil.copytree(folder, tmp_path / "week")
     file = tmp_path / "week/day3.parquet"
     table = pq.read_table(file)
     wrong = pa.array(np.where(np.arange(len(table)) == 900, np.nan, table["C [deg]"].to_numpy()))
     pq.write_table(table.set_column(1, "C [deg]", wrong), file)
-    with pytest.raises(InputFileError, match=r"day3.parquet: row 900"):
-        predict_parts(in_memory, Measurements.scan(tmp_path / "week"), tmp_path / "made")
+    refuses(predict_parts, in_memory, Measurements.scan(tmp_path / "week"), tmp_path / "made")
     assert [entry.name for entry in tmp_path.iterdir()] == ["week"]
 
 

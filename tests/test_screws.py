@@ -1,7 +1,6 @@
 """Lines and screws: exact ones and numeric ones, against geometry that does not use them."""
 
 import numpy as np
-import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
@@ -230,12 +229,8 @@ def test_batches_ranks_of_nothing_and_lengths():
     assert screws.reciprocal_system(np.zeros((0, 6))).rank == 0
 
 
-def test_wrong_shapes_and_numbers_are_an_error():
-    with pytest.raises(ValueError, match=r"a has the shape \(2,\); expected \(..., 3\)"):
-        screws.line_through([1, 2], [1, 2, 3])
-    with pytest.raises(TypeError, match="a has the type complex128"):
-        screws.reciprocal_product(np.ones(6) * 1j, np.ones(6))
-    with pytest.raises(ValueError, match="length is 0"):
-        screws.reciprocal_system(np.ones((2, 6)), length=0)
-    with pytest.raises(ValueError, match=r"expected \(..., 3, 3\)"):
-        screws.transform(np.ones(3), [0, 0, 0])
+def test_wrong_shapes_and_numbers_are_an_error(refuses):
+    refuses(screws.line_through, [1, 2], [1, 2, 3])
+    refuses(screws.reciprocal_product, np.ones(6) * 1j, np.ones(6))
+    refuses(screws.reciprocal_system, np.ones((2, 6)), length=0)
+    refuses(screws.transform, np.ones(3), [0, 0, 0])

@@ -17,7 +17,7 @@ import rodgen
 from rodgen.calibration.simulate import read_truth, truth_as_json
 from rodgen.data.tables import copy_with
 from rodgen.data.units import number_and_unit
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError
 from rodgen.machines.rules import UnfitEffectError
 from rodgen.machines.typed_effects import assignments, typed_effect
 
@@ -192,82 +192,75 @@ def test_drawn_effects_are_of_many_kinds():
     assert len(found) >= 5
 
 
-def test_what_a_fit_would_hide_is_not_drawn():
+def test_what_a_fit_would_hide_is_not_drawn(refuses):
     machine, data = example("mount")
     # the direction that is seen at zero is fitted: an offset of the encoder is the same
-    with pytest.raises(InputFileError, match="nothing of it would show in this design"):
-        rodgen.simulate(machine, data, ["zero_offset@EL"], noise="1arcsec")
+    refuses(rodgen.simulate, machine, data, ["zero_offset@EL"], noise="1arcsec")
 
 
 # what is wrong -----------------------------------------------------------------------------------------
 
-WRONG = {
-    "backlash": "backlash: missing; expected a revolute joint: 'C'",
-    "backlsh@C": r"no effect 'backlsh' in the catalogue; expected 'backlash'",
-    "backlash@D": "no joint or target 'D'",
-    "backlash@C:c=1": "hold.c: no parameter of backlash; expected 'b'",
-    "backlash@C:b=1mm": "unit 'mm'; expected one such as arcsec",
-    "backlash@C:b=1 furlongsecond": "unknown unit",
-    "backlash@C:b=": "'b='; expected NAME=VALUE",
-    "backlash@C:b=1,b=2": "'b' twice; expected it once",
-    "backlash@C:b=nan": "'nan'; expected a number, such as 0 or 12arcsec",
-    "backlash@C:b=1e999": "'1e999'; expected a number",
-    "backlash@C@D": "expected NAME, NAME@JOINT or NAME@JOINT:a=12arcsec,b=3arcsec",
-    "backlash[1]@C:b=1": r"backlash\[1\]; expected a set-up in the column 'run', of frame_shift alone",
-    "frame_shift:x=1": "no set-up; expected '1', '2' or '3'",
-    "frame_shift[9]:x=1": r"frame_shift\[9\]; expected a set-up",
-    "periodic_drive_error@C:a=1arcsec": "no P; expected its value, in deg",
-    "periodic_drive_error@C:a=1arcsec,P=-5": "hold.P",
-    "thermal_offset@C:k=1": r"no column 'T_C \[degC\]'; expected one, because the effect thermal_offset at C uses T",
-    "": "''; expected NAME",
-}
+WRONG = [
+    "backlash",
+    "backlsh@C",
+    "backlash@D",
+    "backlash@C:c=1",
+    "backlash@C:b=1mm",
+    "backlash@C:b=1 furlongsecond",
+    "backlash@C:b=",
+    "backlash@C:b=1,b=2",
+    "backlash@C:b=nan",
+    "backlash@C:b=1e999",
+    "backlash@C@D",
+    "backlash[1]@C:b=1",
+    "frame_shift:x=1",
+    "frame_shift[9]:x=1",
+    "periodic_drive_error@C:a=1arcsec",
+    "periodic_drive_error@C:a=1arcsec,P=-5",
+    "thermal_offset@C:k=1",
+    "",
+]
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_what_is_wrong_with_an_effect_is_one_line(text):
+def test_what_is_wrong_with_an_effect_is_one_line(refuses, text):
     machine, data = example("rotary_table")
-    with pytest.raises(InputFileError, match=WRONG[text]) as caught:
-        rodgen.simulate(machine, data, [text])
-    assert "\n" not in str(caught.value)
+    refuses(rodgen.simulate, machine, data, [text])
 
 
 @pytest.mark.parametrize(
-    ("noise", "message"),
+    "noise",
     [
-        ("3xx", "noise: 3xx: unknown unit 'xx'"),
-        ("3s", "unit 's'; expected a number from 0 up with its unit, such as 2um"),
-        ("-3um", "no such number"),
-        ("", "no such number"),
-        ("um", "no such number"),
+        "3xx",
+        "3s",
+        "-3um",
+        "",
+        "um",
     ],
 )
-def test_what_is_wrong_with_the_noise_is_one_line(noise, message):
+def test_what_is_wrong_with_the_noise_is_one_line(refuses, noise):
     machine, data = example("rotary_table")
-    with pytest.raises(InputFileError, match=message):
-        rodgen.simulate(machine, data, noise=noise)
+    refuses(rodgen.simulate, machine, data, noise=noise)
 
 
-def test_a_size_is_not_drawn_where_no_noise_is_known():
+def test_a_size_is_not_drawn_where_no_noise_is_known(refuses):
     machine, data = example("mount")
-    with pytest.raises(RodgenError, match="noise that is not known"):
-        rodgen.simulate(machine, data, hidden=True)
+    refuses(rodgen.simulate, machine, data, hidden=True)
 
 
-def test_an_effect_that_the_machine_has_already_is_refused():
+def test_an_effect_that_the_machine_has_already_is_refused(refuses):
     machine, data = example("gantry_rotary")
-    with pytest.raises(InputFileError, match="scale at X twice; expected it once"):
-        rodgen.simulate(machine, data, ["scale@X:k=1e-5"])
+    refuses(rodgen.simulate, machine, data, ["scale@X:k=1e-5"])
 
 
-def test_a_design_needs_no_readings_but_its_commands():
+def test_a_design_needs_no_readings_but_its_commands(refuses):
     machine, _ = example("rotary_table")
     design = rodgen.Measurements.from_frame({"C [deg]": [0.0, 90.0], "target": ["ball_1", "ball_2"]})
     made = rodgen.simulate(machine, design, noise=0.0)
     assert list(made.columns) == ["x [mm]", "y [mm]", "z [mm]"]
     assert list(made.data.columns) == ["C", "target", "x", "y", "z"]
     assert made.data.columns["x"].values.tolist() == made.columns["x [mm]"].tolist()
-    with pytest.raises(InputFileError, match="no column 'C'"):
-        rodgen.simulate(machine, rodgen.Measurements.from_frame({"target": ["ball_1"]}))
+    refuses(rodgen.simulate, machine, rodgen.Measurements.from_frame({"target": ["ball_1"]}))
 
 
 def test_readings_are_in_the_units_of_the_design():
@@ -304,16 +297,11 @@ def test_a_truth_is_read_as_it_was_written(tmp_path):
 @pytest.mark.parametrize(
     "text", ["", "{}", "[]", '{"truth": "%%%"}', '{"truth": []}', "\xff", '{"truth": {"effects": 5}}']
 )
-def test_a_damaged_truth_is_one_line(tmp_path, text):
+def test_a_damaged_truth_is_one_line(refuses, tmp_path, text):
     path = tmp_path / "truth.json"
     path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(
-        InputFileError,
-        match=r"no truth of a simulation; expected a file that 'rodgen simulate --truth' wrote",
-    ):
-        read_truth(path)
-    with pytest.raises(InputFileError, match="no such file"):
-        read_truth(tmp_path / "none.json")
+    refuses(read_truth, path)
+    refuses(read_truth, tmp_path / "none.json")
 
 
 # tables that are written again -------------------------------------------------------------------------
@@ -335,7 +323,7 @@ def test_parquet_gets_numbers(tmp_path):
     assert table == {"C [deg]": [0.5, 1.0], "target": ["ball", "ball"], "x [mm]": [1.5, 2.5]}
 
 
-def test_nothing_is_written_when_something_goes_wrong(tmp_path):
+def test_nothing_is_written_when_something_goes_wrong(refuses, tmp_path):
     source, output = tmp_path / "a.csv", tmp_path / "b.csv"
     source.write_text("C [deg]\n0\n1\n")
     for columns, message in (
@@ -345,10 +333,8 @@ def test_nothing_is_written_when_something_goes_wrong(tmp_path):
     ):
         with pytest.raises(InputFileError, match=message):
             copy_with(str(source), output, columns)
-    with pytest.raises(InputFileError, match="the input file itself"):
-        copy_with(str(source), source, {})
-    with pytest.raises(InputFileError, match="it is read twice"):
-        copy_with("-", output, {})
+    refuses(copy_with, str(source), source, {})
+    refuses(copy_with, "-", output, {})
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 

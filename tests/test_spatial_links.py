@@ -113,25 +113,24 @@ def test_a_transform_and_its_inverse_make_the_unit_matrix():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    "arguments",
     [
-        (("", [], []), "no joints"),
-        (("RX", [1], [0]), "joint 2 is 'X'"),
-        (("RR", [1, 2, 3], [0, 0, 0]), "3 lengths a and 3 angles alpha for 2 joints"),
-        (("RR", [np.nan], [0]), "not finite"),
-        (("RP", [1], [0], [0, 3.0]), "offset of joint 2 is 3; expected NaN"),
-        (("RP", [1], [0], [np.nan, np.nan]), "offset of joint 1 is nan; expected a number"),
-        (("RH", [1], [0]), "pitch of joint 2 is 0; expected the length per rad"),
-        (("RR", [1], [0], None, None, [0, 2.0]), "not a screw"),
-        (("RR", [1], [0], None, [0.0, np.nan]), "angle of joint 1 is 0; expected NaN"),
-        (("RR", [1], [0], [0.0]), "offset has 1 numbers for 2 joints"),
-        (("RR", ["x"], [0]), "a has the type"),
-        (("RR", [[1]], [0]), "one row"),
+        ("", [], []),
+        ("RX", [1], [0]),
+        ("RR", [1, 2, 3], [0, 0, 0]),
+        ("RR", [np.nan], [0]),
+        ("RP", [1], [0], [0, 3.0]),
+        ("RP", [1], [0], [np.nan, np.nan]),
+        ("RH", [1], [0]),
+        ("RR", [1], [0], None, None, [0, 2.0]),
+        ("RR", [1], [0], None, [0.0, np.nan]),
+        ("RR", [1], [0], [0.0]),
+        ("RR", ["x"], [0]),
+        ("RR", [[1]], [0]),
     ],
 )
-def test_error_for_what_is_no_mechanism_is_one_sentence(arguments, words):
-    with pytest.raises(RodgenError, match=words):
-        Mechanism(*arguments)
+def test_error_for_what_is_no_mechanism_is_one_sentence(refuses, arguments):
+    refuses(Mechanism, *arguments)
 
 
 def test_a_mechanism_is_a_value():
@@ -334,7 +333,7 @@ def test_the_tolerance_is_where_both_cases_are_alike():
     assert max(off_by(1.1e-8, 1e-8), off_by(0.9e-8, 1e-8)) <= 2e-6
 
 
-def test_what_is_no_pose_is_invalid():
+def test_what_is_no_pose_is_invalid(refuses):
     good = spatial.forward(spatial.PUMA_560, np.ones(6))
     poses = np.stack([good] * 4)
     poses[1, 0, 0] = np.nan
@@ -343,28 +342,24 @@ def test_what_is_no_pose_is_invalid():
     link = spatial.close_loop(poses)
     assert link.status.tolist() == [0, 3, 3, 3]
     assert np.isnan(link.S7[1:]).all()
-    with pytest.raises(RodgenError, match="INVALID"):
-        one(link, 1).loop(spatial.PUMA_560)
-    with pytest.raises(RodgenError, match="expected that of one pose"):
-        link.loop(spatial.PUMA_560)
-    with pytest.raises(RodgenError, match="tolerance"):
-        spatial.close_loop(good, tolerance=-1.0)
+    refuses(one(link, 1).loop, spatial.PUMA_560)
+    refuses(link.loop, spatial.PUMA_560)
+    refuses(spatial.close_loop, good, tolerance=-1.0)
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    "call",
     [
-        (lambda: spatial.close_loop(1j * np.eye(4)), "the pose has the type"),
-        (lambda: spatial.close_loop(None), "the pose has the type"),
-        (lambda: spatial.close_loop(np.eye(3)), r"the pose has the shape \(3, 3\); expected \(..., 4, 4\)"),
-        (lambda: spatial.inverse_transform(1j * np.eye(4)), "the transformation has the type"),
-        (lambda: spatial.transform([[1.0], [2.0, 3.0]]), "the rotation is not an array"),
-        (lambda: spatial.vector_and_angle(np.eye(2)), r"the matrix has the shape \(2, 2\)"),
-        (lambda: spatial.from_product_of_exponentials("x"), "the screws"),
-        (lambda: spatial.from_denavit_hartenberg("R", [1j], [0], [0]), "a has the type"),
-        (lambda: Mechanism("RR", [1j], [0.0]), "a has the type"),
+        lambda: spatial.close_loop(1j * np.eye(4)),
+        lambda: spatial.close_loop(None),
+        lambda: spatial.close_loop(np.eye(3)),
+        lambda: spatial.inverse_transform(1j * np.eye(4)),
+        lambda: spatial.transform([[1.0], [2.0, 3.0]]),
+        lambda: spatial.vector_and_angle(np.eye(2)),
+        lambda: spatial.from_product_of_exponentials("x"),
+        lambda: spatial.from_denavit_hartenberg("R", [1j], [0], [0]),
+        lambda: Mechanism("RR", [1j], [0.0]),
     ],
 )
-def test_error_for_what_is_no_array_of_numbers_is_one_sentence(call, words):
-    with pytest.raises(RodgenError, match=words):
-        call()
+def test_error_for_what_is_no_array_of_numbers_is_one_sentence(refuses, call):
+    refuses(call)

@@ -6,7 +6,6 @@ import numeric_reverse
 import numpy as np
 import pytest
 
-from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import Mechanism, ReverseStatus, loop_reverse, reverse_loop, reverse_sliding
 
@@ -246,22 +245,21 @@ def test_poses_that_are_none_are_invalid():
 
 
 @pytest.mark.parametrize(
-    ("mechanism", "given", "message"),
+    ("mechanism", "given"),
     [
-        (spatial.PUMA_560, {0: 0.0}, "open chain; expected a closed loop"),
-        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {}, "expected 6, which is 1 given"),
-        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {(3, "S"): 0.0}, "group 3, of degree 16"),
-        (Mechanism("RRRRRPR", [1.0] * 7, [1.0] * 7), {0: 0.0}, "group 3, of degree 16"),
-        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {("C9", "S"): 0.0}, r"no variable \('C9', 'S'\)"),
-        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: 0.0, (0, "theta"): 0.0}, "given twice"),
-        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: "x"}, "expected a number"),
-        (Mechanism("HCCC", [1.0] * 4, [1.0] * 4, pitch=[1, 0, 0, 0]), {0: 0.0}, "joint H1 is a screw"),
-        (Mechanism("RSSR", [1.0] * 4, [1.0] * 4), {0: 0.0}, "call expanded"),
+        (spatial.PUMA_560, {0: 0.0}),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {}),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {(3, "S"): 0.0}),
+        (Mechanism("RRRRRPR", [1.0] * 7, [1.0] * 7), {0: 0.0}),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {("C9", "S"): 0.0}),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: 0.0, (0, "theta"): 0.0}),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: "x"}),
+        (Mechanism("HCCC", [1.0] * 4, [1.0] * 4, pitch=[1, 0, 0, 0]), {0: 0.0}),
+        (Mechanism("RSSR", [1.0] * 4, [1.0] * 4), {0: 0.0}),
     ],
 )
-def test_what_cannot_be_solved_is_an_error(mechanism, given, message):
-    with pytest.raises(RodgenError, match=message):
-        reverse_loop(mechanism, given)
+def test_what_cannot_be_solved_is_an_error(refuses, mechanism, given):
+    refuses(reverse_loop, mechanism, given)
 
 
 def test_a_loop_of_seven_turning_joints_is_an_arm_with_six():
@@ -276,12 +274,8 @@ def test_a_loop_of_seven_turning_joints_is_an_arm_with_six():
     assert np.isnan(found.solutions[0]).all()
 
 
-def test_robots_that_cannot_be_solved_are_an_error():
-    with pytest.raises(RodgenError, match="closed loop; expected an open chain"):
-        reverse_sliding(Mechanism("CCCR", [1.0] * 4, [1.0] * 4), np.eye(4))
-    with pytest.raises(RodgenError, match="group 4"):
-        reverse_sliding(spatial.PUMA_560, np.eye(4))
-    with pytest.raises(RodgenError, match="expected 6"):
-        reverse_sliding(Mechanism("RP", [1.0], [1.0]), np.eye(4))
-    with pytest.raises(RodgenError, match=r"expected \(..., 4, 4\)"):
-        reverse_sliding(Mechanism("PPPRRR", [1.0] * 5, [1.0] * 5), np.eye(3))
+def test_robots_that_cannot_be_solved_are_an_error(refuses):
+    refuses(reverse_sliding, Mechanism("CCCR", [1.0] * 4, [1.0] * 4), np.eye(4))
+    refuses(reverse_sliding, spatial.PUMA_560, np.eye(4))
+    refuses(reverse_sliding, Mechanism("RP", [1.0], [1.0]), np.eye(4))
+    refuses(reverse_sliding, Mechanism("PPPRRR", [1.0] * 5, [1.0] * 5), np.eye(3))

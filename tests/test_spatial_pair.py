@@ -329,7 +329,7 @@ def test_what_is_not_finite_is_invalid():
     assert (pair.status[[0, 3]] != ReverseStatus.INVALID).all()
 
 
-def test_interface():
+def test_interface(refuses):
     M = np.random.default_rng(17).normal(size=(2, 3, 2, 3, 3))
     pair = spatial.solve_pair(M)
     assert pair.theta1.shape == pair.theta2.shape == pair.status.shape == (2, 3, 8)
@@ -337,12 +337,9 @@ def test_interface():
     one = spatial.solve_pair(M[1, 2].tolist())
     np.testing.assert_array_equal(one.theta1, pair.theta1[1, 2])
     assert spatial.solve_pair(np.zeros((0, 2, 3, 3))).theta1.shape == (0, 8)
-    with pytest.raises(ValueError, match=r"expected \(\.\.\., 2, 3, 3\)"):
-        spatial.solve_pair(np.zeros((3, 3)))
-    with pytest.raises(ValueError, match="expected 'fast', 'sylvester' or 'bezout'"):
-        spatial.solve_pair(M, method="newton")
-    with pytest.raises(TypeError, match="complex"):
-        spatial.solve_pair(M + 0j)
+    refuses(spatial.solve_pair, np.zeros((3, 3)))
+    refuses(spatial.solve_pair, M, method="newton")
+    refuses(spatial.solve_pair, M + 0j)
 
 
 def test_biquadratics_are_the_same_equations():
@@ -466,7 +463,7 @@ def test_rounding_does_not_make_a_tangent_case_infeasible():
         assert (np.abs(miss) <= 8 * EPS * r).all()
 
 
-def test_interface_of_one_equation():
+def test_interface_of_one_equation(refuses):
     theta, status = spatial.solve_trig(np.ones((2, 1)), 2.0, [0.0, 0.5, 1.0])
     assert theta.shape == (2, 3, 2)
     assert status.shape == (2, 3)
@@ -477,9 +474,6 @@ def test_interface_of_one_equation():
     np.testing.assert_array_equal(out[0], theta[0])
     single, _ = spatial.solve_trig(*(np.float32(x) for x in (1.0, 2.0, 0.5)))
     assert single.dtype == np.float32
-    with pytest.raises(TypeError, match="A has type complex128; expected real numbers"):
-        spatial.solve_trig(1j, 2.0, 0.5)
-    with pytest.raises(TypeError, match="B has type <U1; expected real numbers"):
-        spatial.solve_trig(1.0, ["x"], 0.5)
-    with pytest.raises(ValueError, match=r"A \(3,\) and D \(2,\) do not fit together"):
-        spatial.solve_trig(np.ones(3), 2.0, np.ones(2))
+    refuses(spatial.solve_trig, 1j, 2.0, 0.5)
+    refuses(spatial.solve_trig, 1.0, ["x"], 0.5)
+    refuses(spatial.solve_trig, np.ones(3), 2.0, np.ones(2))

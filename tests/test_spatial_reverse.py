@@ -8,7 +8,6 @@ from kernel_inputs import robot_inputs
 from kernel_reference import KERNELS
 from test_reverse_robots import check_is_solution, check_misses_nothing
 
-from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import ReverseStatus
 
@@ -192,15 +191,11 @@ def test_a_placed_robot_is_solved_in_its_own_coordinates() -> None:
     assert spatial.reverse_method(robot) == spatial.reverse_method(spatial.PUMA_560)
 
 
-def test_what_is_no_arm_of_six_revolute_joints_is_an_error() -> None:
-    with pytest.raises(RodgenError, match="expected RRRRRR"):
-        spatial.reverse(spatial.Mechanism("RP", [1.0], [0.5]), np.eye(4))
-    with pytest.raises(RodgenError, match="closed loop"):
-        spatial.reverse(spatial.Mechanism("R" * 6, [1.0] * 6, [0.5] * 6), np.eye(4))
-    with pytest.raises(RodgenError, match="shape"):
-        spatial.reverse(spatial.PUMA_560, np.eye(3))
-    with pytest.raises(RodgenError, match="real"):
-        spatial.reverse(spatial.PUMA_560, np.eye(4) * 1j)
+def test_what_is_no_arm_of_six_revolute_joints_is_an_error(refuses) -> None:
+    refuses(spatial.reverse, spatial.Mechanism("RP", [1.0], [0.5]), np.eye(4))
+    refuses(spatial.reverse, spatial.Mechanism("R" * 6, [1.0] * 6, [0.5] * 6), np.eye(4))
+    refuses(spatial.reverse, spatial.PUMA_560, np.eye(3))
+    refuses(spatial.reverse, spatial.PUMA_560, np.eye(4) * 1j)
 
 
 @pytest.mark.parametrize(
@@ -212,10 +207,9 @@ def test_what_is_no_arm_of_six_revolute_joints_is_an_error() -> None:
         ([0, 0, 0, 0, 0], [90, 90, 90, 90, 90], [0, 0, 0, 0, 0, 0]),  # all axes through one point
     ],
 )
-def test_an_arm_that_is_singular_everywhere_is_an_error(a: list, alpha: list, offset: list) -> None:
+def test_an_arm_that_is_singular_everywhere_is_an_error(refuses, a: list, alpha: list, offset: list) -> None:
     arm = spatial.Mechanism("R" * 6, a, np.radians(alpha), offset)
-    with pytest.raises(RodgenError, match="depend on each other"):
-        spatial.reverse(arm, np.eye(4))
+    refuses(spatial.reverse, arm, np.eye(4))
 
 
 def anything(seed: int) -> spatial.Mechanism:
@@ -226,12 +220,12 @@ def anything(seed: int) -> spatial.Mechanism:
 
 
 def test_without_ssik_the_error_for_a_general_arm_says_what_to_install(
+    refuses,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ssik", None)
     assert spatial.reverse_method(anything(1)) == "general: ssik"
-    with pytest.raises(RodgenError, match=r"rodgen\[ik\]"):
-        spatial.reverse(anything(1), np.eye(4))
+    refuses(spatial.reverse, anything(1), np.eye(4))
 
 
 @pytest.mark.slow  # ssik is installed for make test-slow only

@@ -198,34 +198,31 @@ def test_numbers_agree_with_many_digits(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    "name",
     [
-        ("Q_2", "not a name"),
-        (None, "not a name"),
-        ("X", "not a name"),
-        ("X_24", "neither rise nor fall"),
-        ("X_232", "neither rise nor fall"),
-        ("X_6", "from 1 to 5"),
-        ("X_4321", "1 to 3 subscripts"),
-        ("U_1", "2 to 4 subscripts"),
-        ("Xb_21", "no bar"),
-        ("Ub_21", "no bar"),
-        ("Y*_21", "no star"),
+        "Q_2",
+        None,
+        "X",
+        "X_24",
+        "X_232",
+        "X_6",
+        "X_4321",
+        "U_1",
+        "Xb_21",
+        "Ub_21",
+        "Y*_21",
     ],
 )
-def test_what_is_no_name_is_refused(name: object, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        sphere.notation(name, np.zeros(5), np.zeros(5))  # type: ignore[arg-type]
+def test_what_is_no_name_is_refused(refuses, name: object) -> None:
+    refuses(sphere.notation, name, np.zeros(5), np.zeros(5))  # type: ignore[arg-type]
 
 
-def test_twists_and_angles_of_one_number_are_needed() -> None:
-    with pytest.raises(ValueError, match="expected one n"):
-        sphere.notation("X_2", np.zeros(4), np.zeros(5))
-    with pytest.raises(ValueError, match="no more than 5"):
-        sphere.notation("X_123456", np.zeros(8), np.zeros(8))
+def test_twists_and_angles_of_one_number_are_needed(refuses) -> None:
+    refuses(sphere.notation, "X_2", np.zeros(4), np.zeros(5))
+    refuses(sphere.notation, "X_123456", np.zeros(8), np.zeros(8))
 
 
-def test_direction_cosines_are_columns_of_the_product() -> None:
+def test_direction_cosines_are_columns_of_the_product(refuses) -> None:
     alpha, theta = RNG.uniform(-3, 3, size=(2, 10, 7))
     joints, links = sphere.direction_cosines(alpha, theta)
     for k in range(len(alpha)):
@@ -242,10 +239,8 @@ def test_direction_cosines_are_columns_of_the_product() -> None:
         row = "".join(map(str, range(j - 1, 1, -1)))
         xyz = [sphere.notation(f"{letter}_{row}", alpha, theta) for letter in "XYZ"]
         assert np.abs(joints[:, j - 1] - np.stack(xyz, axis=-1)).max() < 16 * EPS
-    with pytest.raises(ValueError, match="last axis"):
-        sphere.direction_cosines(0.0, 0.0)
-    with pytest.raises(TypeError, match="real"):
-        sphere.direction_cosines(1j * alpha, theta)
+    refuses(sphere.direction_cosines, 0.0, 0.0)
+    refuses(sphere.direction_cosines, 1j * alpha, theta)
 
 
 # The printed toolkit -------------------------------------------------------------------------------------
@@ -303,11 +298,9 @@ def test_printed_equations_hold_as_they_stand(n: int) -> None:
         assert found == len(laws(n)) + 6 * n
 
 
-def test_toolkit_refuses_what_it_has_not() -> None:
-    with pytest.raises(ValueError, match="3 to 7"):
-        sphere.toolkit(8)
-    with pytest.raises(ValueError, match="expected 'text'"):
-        sphere.toolkit(4, "html")  # type: ignore[arg-type]
+def test_toolkit_refuses_what_it_has_not(refuses) -> None:
+    refuses(sphere.toolkit, 8)
+    refuses(sphere.toolkit, 4, "html")
 
 
 # The derivation ------------------------------------------------------------------------------------------

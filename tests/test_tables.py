@@ -46,131 +46,105 @@ def cell(text):
 
 MALFORMED = {
     # the file as a whole
-    "empty": (b"", "file"),
-    "only blank lines": (b"\n\r\n \n", "file"),
-    "excel workbook": (b"PK\x03\x04" + b"x" * 99, "file"),
-    "old excel workbook": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"x" * 99, "file"),
-    "utf-16": (GOOD.encode("utf-16"), "file"),
-    "hdf5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 99, "file"),
-    "binary": (bytes(range(1, 9)) + b"\0\n", "line 1, column 1"),
-    "binary, long": (b"\1\0" * 3_000_000, "file"),
-    "no line end": (b"x" * 3_000_000, "file"),
-    "carriage returns alone, long": (b"1,2\r" * 900_000, "file"),
-    "damaged gzip": (gzip.compress(GOOD.encode() * 50)[:-30], "file"),
-    "gzip around parquet": (gzip.compress(parquet_bytes(pair_columns())), "file"),
-    "truncated parquet": (parquet_bytes(pair_columns())[:-50], "file"),
-    "parquet magic alone": (b"PAR1", "file"),
+    "empty": b"",
+    "only blank lines": b"\n\r\n \n",
+    "excel workbook": b"PK\x03\x04" + b"x" * 99,
+    "old excel workbook": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"x" * 99,
+    "utf-16": GOOD.encode("utf-16"),
+    "hdf5": b"\x89HDF\r\n\x1a\n" + b"\0" * 99,
+    "binary": bytes(range(1, 9)) + b"\0\n",
+    "binary, long": b"\1\0" * 3_000_000,
+    "no line end": b"x" * 3_000_000,
+    "carriage returns alone, long": b"1,2\r" * 900_000,
+    "damaged gzip": gzip.compress(GOOD.encode() * 50)[:-30],
+    "gzip around parquet": gzip.compress(parquet_bytes(pair_columns())),
+    "truncated parquet": parquet_bytes(pair_columns())[:-50],
+    "parquet magic alone": b"PAR1",
     # the header
-    "header only": (f"{HEADER}\n", "line 2"),
-    "header only, blank lines": (f"{HEADER}\n\n\n", "line 4"),
-    "no header": (f"{ROW}\n{ROW}\n", "line 1"),
-    "comment": (f"# measured on Monday\n{GOOD}", "line 1"),
-    "semicolons": (GOOD.replace(",", ";"), "line 1"),
-    "tabs": (GOOD.replace(",", "\t"), "line 1"),
-    "missing column": (place_in_header("rho_prime_y [mm]", "temperature [K]"), "line 1"),
-    "misspelt column": (place_in_header("rho_prime_y [mm]", "Rho_Prime_y [mm]"), "line 1"),
-    "duplicate column": (place_in_header("rho_y [mm]", "rho_x [mm]"), "line 1"),
-    "duplicate column in two units": (place_in_header("rho_y [mm]", "rho_y [mm],rho_x [um]"), "line 1"),
-    "two columns without a name": (f"{HEADER},,\n{ROW},,\n", "line 1"),
-    "missing unit": (place_in_header("rho_z [mm]", "rho_z"), "line 1, column 'rho_z'"),
-    "empty unit": (place_in_header("rho_z [mm]", "rho_z []"), "line 1, column 'rho_z []'"),
-    "unit in parentheses": (place_in_header("rho_z [mm]", "rho_z (um)"), "line 1, column 3"),
-    "unclosed bracket": (place_in_header("angle [deg]", "angle [deg"), "line 1, column 7"),
-    "unknown unit": (place_in_header("rho_z [mm]", "rho_z [furlings]"), "line 1, column 'rho_z [furlings]'"),
-    "unit in capitals": (place_in_header("rho_z [mm]", "rho_z [MM]"), "line 1, column 'rho_z [MM]'"),
-    "unknown unit in capitals": (place_in_header("[deg]", "[Deg]"), "line 1, column 'angle [Deg]'"),
-    "wrong dimension": (
-        place_in_header("rho_prime_x [mm]", "rho_prime_x [deg]"),
-        "line 1, column 'rho_prime_x [deg]'",
-    ),
-    "angle in millimetres": (place_in_header("angle [deg]", "angle [mm]"), "line 1, column 'angle [mm]'"),
-    "angle in per cent": (place_in_header("[deg]", "[%]"), "line 1, column 'angle [%]'"),
-    "unit with a number": (place_in_header("[deg]", "[10 deg]"), "line 1, column 'angle [10 deg]'"),
-    "unit that never ends": (place_in_header("[deg]", "[9**9**9**9]"), "line 1, column 'angle [9**9**9**9]'"),
-    "square unit": (place_in_header("rho_z [mm]", "rho_z [mm**2]"), "line 1, column 'rho_z [mm**2]'"),
-    "header in Latin-1": (GOOD.replace("rho_z [mm]", "rho_z [µm]").encode("latin-1"), "line 1, column 3"),
+    "header only": f"{HEADER}\n",
+    "header only, blank lines": f"{HEADER}\n\n\n",
+    "no header": f"{ROW}\n{ROW}\n",
+    "comment": f"# measured on Monday\n{GOOD}",
+    "semicolons": GOOD.replace(",", ";"),
+    "tabs": GOOD.replace(",", "\t"),
+    "missing column": place_in_header("rho_prime_y [mm]", "temperature [K]"),
+    "misspelt column": place_in_header("rho_prime_y [mm]", "Rho_Prime_y [mm]"),
+    "duplicate column": place_in_header("rho_y [mm]", "rho_x [mm]"),
+    "duplicate column in two units": place_in_header("rho_y [mm]", "rho_y [mm],rho_x [um]"),
+    "two columns without a name": f"{HEADER},,\n{ROW},,\n",
+    "missing unit": place_in_header("rho_z [mm]", "rho_z"),
+    "empty unit": place_in_header("rho_z [mm]", "rho_z []"),
+    "unit in parentheses": place_in_header("rho_z [mm]", "rho_z (um)"),
+    "unclosed bracket": place_in_header("angle [deg]", "angle [deg"),
+    "unknown unit": place_in_header("rho_z [mm]", "rho_z [furlings]"),
+    "unit in capitals": place_in_header("rho_z [mm]", "rho_z [MM]"),
+    "unknown unit in capitals": place_in_header("[deg]", "[Deg]"),
+    "wrong dimension": place_in_header("rho_prime_x [mm]", "rho_prime_x [deg]"),
+    "angle in millimetres": place_in_header("angle [deg]", "angle [mm]"),
+    "angle in per cent": place_in_header("[deg]", "[%]"),
+    "unit with a number": place_in_header("[deg]", "[10 deg]"),
+    "unit that never ends": place_in_header("[deg]", "[9**9**9**9]"),
+    "square unit": place_in_header("rho_z [mm]", "rho_z [mm**2]"),
+    "header in Latin-1": GOOD.replace("rho_z [mm]", "rho_z [µm]").encode("latin-1"),
     # cells
-    "text": (cell("left"), "line 3, column 'rho_z [mm]'"),
-    "empty cell": (cell(""), "line 3, column 'rho_z [mm]'"),
-    "blank cell": (cell("  "), "line 3, column 'rho_z [mm]'"),
-    "nan": (cell("nan"), "line 3, column 'rho_z [mm]'"),
-    "-inf": (cell("-inf"), "line 3, column 'rho_z [mm]'"),
-    "#N/A": (cell("#N/A"), "line 3, column 'rho_z [mm]'"),
-    "too large": (cell("1e999"), "line 3, column 'rho_z [mm]'"),
-    "decimal comma": (cell('"1,5"'), "line 3, column 'rho_z [mm]'"),
-    "degrees sign": (f"{GOOD}3,4,12,12,-3,4,90°\n", "line 3, column 'angle [deg]'"),
-    "unit in the cell": (cell("12 mm"), "line 3, column 'rho_z [mm]'"),
-    "typographic minus": (cell("−12"), "line 3, column 'rho_z [mm]'"),
-    "fortran exponent": (cell("1.2D+01"), "line 3, column 'rho_z [mm]'"),
-    "thousands": (cell("1'200.5"), "line 3, column 'rho_z [mm]'"),
-    "digits of another script": (cell("١٢"), "line 3, column 'rho_z [mm]'"),
-    "hexadecimal": (cell("0x10"), "line 3, column 'rho_z [mm]'"),
-    "underscore": (cell("1_000"), "line 3, column 'rho_z [mm]'"),
-    "escape sequence": (cell("\x1b[31m"), "line 3, column 'rho_z [mm]'"),
-    "very long cell": (cell("y" * 200_000), "line 3, column 'rho_z [mm]'"),
-    "two faults": (f"{GOOD}\nx,4,12,12,-3,4,90\n3,4,y,12,-3,4,z\n", "line 4, column 'rho_x [mm]'"),
+    "text": cell("left"),
+    "empty cell": cell(""),
+    "blank cell": cell("  "),
+    "nan": cell("nan"),
+    "-inf": cell("-inf"),
+    "#N/A": cell("#N/A"),
+    "too large": cell("1e999"),
+    "decimal comma": cell('"1,5"'),
+    "degrees sign": f"{GOOD}3,4,12,12,-3,4,90°\n",
+    "unit in the cell": cell("12 mm"),
+    "typographic minus": cell("−12"),
+    "fortran exponent": cell("1.2D+01"),
+    "thousands": cell("1'200.5"),
+    "digits of another script": cell("١٢"),
+    "hexadecimal": cell("0x10"),
+    "underscore": cell("1_000"),
+    "escape sequence": cell("\x1b[31m"),
+    "very long cell": cell("y" * 200_000),
+    "two faults": f"{GOOD}\nx,4,12,12,-3,4,90\n3,4,y,12,-3,4,z\n",
     # rows
-    "too few cells": (f"{GOOD}3,4,12\n", "line 3"),
-    "too many cells": (f"{GOOD}{ROW},1\n", "line 3"),
-    "cut off": (f"{GOOD}3,4,12,12,-3", "line 3"),
-    "decimal commas": (f"{GOOD}{ROW.replace(',', ',0,')},0\n", "line 3"),
-    "semicolons in a row": (f"{GOOD}{ROW.replace(',', ';')}\n", "line 3"),
-    "row after a blank line": (f"{GOOD}\n\n3,4\n", "line 5"),
-    "commas alone": (f"{GOOD},,,,,,\n", "line 3, column 'rho_x [mm]'"),
-    "unclosed quote": (cell('"12'), "line 3"),
-    "quoted line break": (f'{HEADER},note\n{ROW},"a\nb"\n', "line 2"),
-    "carriage return alone": (f"{HEADER}\n{ROW}\r{ROW}\n", "line 2, column 7"),
-    "zero byte": (cell("1\0"), "line 3, column 3"),
-    "Latin-1": (f"{GOOD}3,4,12,12,-3,4,90°\n".encode("latin-1"), "line 3, column 7"),
-    "damaged UTF-8": (f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n", "line 3, column 3"),
+    "too few cells": f"{GOOD}3,4,12\n",
+    "too many cells": f"{GOOD}{ROW},1\n",
+    "cut off": f"{GOOD}3,4,12,12,-3",
+    "decimal commas": f"{GOOD}{ROW.replace(',', ',0,')},0\n",
+    "semicolons in a row": f"{GOOD}{ROW.replace(',', ';')}\n",
+    "row after a blank line": f"{GOOD}\n\n3,4\n",
+    "commas alone": f"{GOOD},,,,,,\n",
+    "unclosed quote": cell('"12'),
+    "quoted line break": f'{HEADER},note\n{ROW},"a\nb"\n',
+    "carriage return alone": f"{HEADER}\n{ROW}\r{ROW}\n",
+    "zero byte": cell("1\0"),
+    "Latin-1": f"{GOOD}3,4,12,12,-3,4,90°\n".encode("latin-1"),
+    "damaged UTF-8": f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n",
     # Parquet
-    "parquet: text": (parquet_bytes(pair_columns() | {"rho_y [mm]": ["1", "2", "3"]}), "column 'rho_y [mm]'"),
-    "parquet: truth values": (
-        parquet_bytes(pair_columns() | {"rho_y [mm]": [True, False, True]}),
-        "column 'rho_y [mm]'",
-    ),
-    "parquet: null": (
-        parquet_bytes(pair_columns() | {"rho_y [mm]": [1.0, None, 3.0]}),
-        "row 1 (from 0), column 'rho_y [mm]'",
-    ),
-    "parquet: nan": (
-        parquet_bytes(pair_columns() | {"angle [deg]": [1.0, 2.0, np.nan]}),
-        "row 2 (from 0), column 'angle [deg]'",
-    ),
-    "parquet: no rows": (parquet_bytes(pair_columns(0)), "file"),
-    "parquet: missing column": (parquet_bytes({"x": [1.0]}), "schema"),
-    "parquet: missing unit": (
-        parquet_bytes({k.replace("angle [deg]", "angle"): v for k, v in pair_columns().items()}),
-        "schema, column 'angle'",
+    "parquet: text": parquet_bytes(pair_columns() | {"rho_y [mm]": ["1", "2", "3"]}),
+    "parquet: truth values": parquet_bytes(pair_columns() | {"rho_y [mm]": [True, False, True]}),
+    "parquet: null": parquet_bytes(pair_columns() | {"rho_y [mm]": [1.0, None, 3.0]}),
+    "parquet: nan": parquet_bytes(pair_columns() | {"angle [deg]": [1.0, 2.0, np.nan]}),
+    "parquet: no rows": parquet_bytes(pair_columns(0)),
+    "parquet: missing column": parquet_bytes({"x": [1.0]}),
+    "parquet: missing unit": parquet_bytes(
+        {k.replace("angle [deg]", "angle"): v for k, v in pair_columns().items()}
     ),
 }
 
 
 @pytest.mark.parametrize("name", MALFORMED)
-def test_malformed_file_is_named_by_its_place(name, tmp_path):
-    content, place = MALFORMED[name]
-    path = tmp_path / "pairs.csv"
+def test_malformed_file_is_named_by_its_place(refuses, name, tmp_path):
+    content, path = MALFORMED[name], tmp_path / "pairs.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(InputFileError) as caught:
-        read_motions(path)
-    text = str(caught.value)
-    assert caught.value.place == place
-    assert text.startswith(f"{path}: {place}: ")
-    assert len(text.splitlines()) == 1
-    assert text.isprintable()
+    refuses(read_motions, path)
 
 
-def test_missing_file_and_folder_are_reported(tmp_path):
-    with pytest.raises(
-        InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet file"
-    ):
-        read_motions(tmp_path / "nowhere.csv")
-    with pytest.raises(InputFileError, match=r": file: a folder; expected a CSV or Parquet file"):
-        read_motions(tmp_path)
-    with pytest.raises(InputFileError, match=r": file: cannot be read \(.*null byte\); expected a CSV"):
-        read_motions("a\0b")
-    with pytest.raises(InputFileError, match=r": file: cannot be read \(Not a directory\); expected a CSV"):
-        read_motions(__file__ + "/pairs.csv")
+def test_missing_file_and_folder_are_reported(refuses, tmp_path):
+    refuses(read_motions, tmp_path / "nowhere.csv")
+    refuses(read_motions, tmp_path)
+    refuses(read_motions, "a\0b")
+    refuses(read_motions, __file__ + "/pairs.csv")
 
 
 def test_error_is_one_line_pickles_and_is_a_value_error():
@@ -230,14 +204,11 @@ def test_readable_file_gives_its_numbers(name, tmp_path):
     assert pairs.rho.flags.c_contiguous
 
 
-def test_standard_input_is_read_as_csv(monkeypatch):
+def test_standard_input_is_read_as_csv(refuses, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(GOOD.encode())))
     np.testing.assert_array_equal(read_motions("-").rho, [[3, 4, 12]])
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(parquet_bytes(pair_columns()))))
-    with pytest.raises(
-        InputFileError, match="standard input: file: Parquet from a pipe; expected CSV, or the name"
-    ):
-        read_motions("-")
+    refuses(read_motions, "-")
 
 
 def test_exact_conversions_are_exact():
@@ -270,7 +241,7 @@ def test_every_column_may_have_its_own_unit(tmp_path):
 
 @pytest.mark.parametrize("line", [2, 3, 20, 41])
 @pytest.mark.parametrize("block", [500, 1 << 20])
-def test_line_of_a_fault_does_not_depend_on_the_blocks_of_arrow(block, line, monkeypatch, tmp_path):
+def test_line_of_a_fault_does_not_depend_on_the_blocks_of_arrow(refuses, block, line, monkeypatch, tmp_path):
     rows = [HEADER, *[f"{i},{i + 0.5},{-i},{i},1,2,{i % 360}" for i in range(1, 41)]]
     path = tmp_path / "pairs.csv"
     path.write_text("\r\n".join(rows))
@@ -278,31 +249,22 @@ def test_line_of_a_fault_does_not_depend_on_the_blocks_of_arrow(block, line, mon
     np.testing.assert_array_equal(read_motions(path).rho[:, 1], np.arange(1, 41) + 0.5)
     rows[line - 1] = "1,2,x,4,5,6,7"
     path.write_text("\n".join(rows))
-    with pytest.raises(
-        InputFileError, match=rf": line {line}, column 'rho_z \[mm\]': 'x'; expected a number$"
-    ):
-        read_motions(path)
+    refuses(read_motions, path)
 
 
-def test_row_of_a_fault_in_parquet_does_not_depend_on_the_row_groups(tmp_path):
+def test_row_of_a_fault_in_parquet_does_not_depend_on_the_row_groups(refuses, tmp_path):
     columns = pair_columns(40)
     columns["rho_z [mm]"][33] = np.inf
     path = tmp_path / "pairs.parquet"
     pq.write_table(pa.table(columns), path, row_group_size=16)
-    with pytest.raises(
-        InputFileError, match=r"row 33 \(from 0\), column 'rho_z \[mm\]': 'inf'; expected a finite"
-    ):
-        read_motions(path)
+    refuses(read_motions, path)
 
 
-def test_a_table_larger_than_memory_is_refused(tmp_path, monkeypatch):
+def test_a_table_larger_than_memory_is_refused(refuses, tmp_path, monkeypatch):
     monkeypatch.setattr(_csv, "_most_bytes", lambda: 1_000_000)
     path = tmp_path / "pairs.csv.gz"
     path.write_bytes(gzip.compress(GOOD.encode() + b"\n" * 3_000_000))
-    with pytest.raises(
-        InputFileError, match=r"file: more than 0\.0 GB; expected less than memory holds; many P"
-    ):
-        read_motions(path)
+    refuses(read_motions, path)
 
 
 # any bytes ---------------------------------------------------------------------------------------------
@@ -513,20 +475,14 @@ def test_output_that_cannot_be_written_is_named(name, tmp_path):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
 @pytest.mark.parametrize("rows", [1, 20_000])
-def test_full_disk_is_reported(rows):
+def test_full_disk_is_reported(refuses, rows):
     table = pa.table({"x": np.arange(float(rows))})
-    with pytest.raises(
-        InputFileError, match=r"/dev/full: file: cannot be written \(No space left on device\)"
-    ):
-        write_table("/dev/full", table)
+    refuses(write_table, "/dev/full", table)
 
 
-def test_nested_columns_need_parquet(tmp_path):
+def test_nested_columns_need_parquet(refuses, tmp_path):
     nested = pa.table({"x": [[1.0], [2.0]]})
-    with pytest.raises(
-        InputFileError, match=r"column 'x': the type 'list.*'; expected Parquet as the output"
-    ):
-        write_table(tmp_path / "out.csv", nested)
+    refuses(write_table, tmp_path / "out.csv", nested)
     write_table(tmp_path / "out.parquet", nested)
     assert pq.read_table(tmp_path / "out.parquet").to_pydict() == nested.to_pydict()
 

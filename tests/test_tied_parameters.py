@@ -143,7 +143,7 @@ def test_fitted_machine_holds_what_was_tied_wherever_it_goes(tmp_path):
     assert fit(model, made.observations).rms == pytest.approx(found.rms, rel=1e-12)
 
 
-def test_tie_in_python_is_that_of_the_file_and_may_be_written_with_tables():
+def test_tie_in_python_is_that_of_the_file_and_may_be_written_with_tables(refuses):
     made, plain = case(TIES).machine, case().machine
     built = plain
     for key, text in TIES.items():
@@ -152,14 +152,13 @@ def test_tie_in_python_is_that_of_the_file_and_may_be_written_with_tables():
     text = toml(case().file) + '\n[ties]\nA.encoder_eccentricity = { a = "2 * B.encoder_eccentricity.a" }\n'
     assert [*machine_of(text, "machine.toml").ties] == ["A.encoder_eccentricity.a"]
     assert not made.without_effect("encoder_eccentricity", "A").ties
-    with pytest.raises(InputFileError, match="which is tied; expected a parameter that is not"):
-        made.knowing("A.encoder_eccentricity", prior="0 ± 3 arcsec")
+    refuses(made.knowing, "A.encoder_eccentricity", prior="0 ± 3 arcsec")
 
 
 A, B = "A.encoder_eccentricity.a", "B.encoder_eccentricity.a"
 
 
-def test_an_effect_is_removed_from_a_file_with_what_the_file_says_of_its_parameters(tmp_path):
+def test_an_effect_is_removed_from_a_file_with_what_the_file_says_of_its_parameters(refuses, tmp_path):
     blocks = "".join(
         f'[[effect]]\njoint = "{e["joint"]}"\nname = "{e["name"]}"\n'
         for e in [effect("encoder_eccentricity", "B"), effect("encoder_eccentricity", "A")]
@@ -174,33 +173,26 @@ def test_an_effect_is_removed_from_a_file_with_what_the_file_says_of_its_paramet
     assert [effect.place for effect in found.effects] == ["B"]
     assert (found.ties, [*found.known]) == ({}, ["B.encoder_eccentricity"])
     assert "# one type of encoder" in text
-    with pytest.raises(
-        InputFileError, match=r"\[ties\], A.*: a tie to 'encoder_eccentricity at B', which is to be"
-    ):
-        edited_text(path, Machine.load(path).without_effect("encoder_eccentricity", "B"))
+    refuses(edited_text, path, Machine.load(path).without_effect("encoder_eccentricity", "B"))
 
 
 @pytest.mark.parametrize(
-    ("ties", "message"),
+    'ties',
     [
-        ({"A.encoder_eccentricty.a": B}, f"A.encoder_eccentricty.a: no such parameter; expected '{A}'"),
-        ({A: "2 * B.encoder_eccentricty.a"}, f"no parameter 'B.encoder_eccentricty.a'; expected '{B}', perhaps"),
-        ({A: f"{B} * {B}"}, "a formula that is not linear"),
-        ({A: f"{B} + 3"}, "3 without a unit; expected a number with its unit"),
-        ({A: "3 * Z.scale.k"}, "a value in a plain number; expected one in angle"),
-        ({A: "3 arcsec"}, "a constant; expected hold, or another parameter"),
-        ({A: A}, "itself; expected parameters that are not tied"),
-        ({B: "B.encoder_eccentricity.b", A: B}, "which is tied, too; expected"),
-        ({A: B, B: "B.encoder_eccentricity.b"}, f"a tie of what '{A}' is tied to; expected that of another parameter"),
-        ({A: f"2 {B}"}, f"'2 {B}' at character 1, with no operator between; expected '2*{B}'"),
+        {"A.encoder_eccentricty.a": B},
+        {A: "2 * B.encoder_eccentricty.a"},
+        {A: f"{B} * {B}"},
+        {A: f"{B} + 3"},
+        {A: "3 * Z.scale.k"},
+        {A: "3 arcsec"},
+        {A: A},
+        {B: "B.encoder_eccentricity.b", A: B},
+        {A: B, B: "B.encoder_eccentricity.b"},
+        {A: f"2 {B}"},
     ],
 )  # fmt: skip
-def test_what_is_no_tie_is_one_sentence(ties, message):
-    with pytest.raises(InputFileError) as error:
-        machine_of(toml(case().file | {"ties": ties}), "machine.toml")
-    assert message in str(error.value)
-    assert str(error.value).startswith("machine.toml: [ties], ")
-    assert "\n" not in str(error.value)
+def test_what_is_no_tie_is_one_sentence(refuses, ties):
+    refuses(machine_of, toml(case().file | {"ties": ties}), "machine.toml")
 
 
 @pytest.mark.parametrize(
@@ -219,11 +211,10 @@ def test_what_a_file_cannot_say_of_ties_is_one_sentence(text, message):
     assert message in str(error.value)
 
 
-def test_a_held_parameter_is_not_tied_but_others_may_be_tied_to_it():
+def test_a_held_parameter_is_not_tied_but_others_may_be_tied_to_it(refuses):
     file = dict(case().file)
     file["effect"] = [EFFECTS[0] | {"hold": {"a": 1e-3}}, *EFFECTS[1:]]
-    with pytest.raises(InputFileError, match="a parameter that is held; expected one of the two"):
-        machine_of(toml(file | {"ties": {B: A}}), "machine.toml")
+    refuses(machine_of, toml(file | {"ties": {B: A}}), "machine.toml")
     machine = machine_of(toml(file | {"ties": {A: f"3*{B}"}}), "machine.toml")
     found = fit(machine, Measurements.from_frame(case().data))
     assert found.machine.values[A] == pytest.approx(3e-3, rel=1e-12)

@@ -197,28 +197,25 @@ def test_points_without_a_pose_are_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("uncertainties", "correlations", "words"),
+    ("uncertainties", "correlations"),
     [
-        ({"rod": 1.0}, {}, "not a parameter"),
-        ({"rods": -1.0}, {}, "from 0 up"),
-        ({"rods": np.nan}, {}, "from 0 up"),
-        ({"rods": 1.0}, {("A0", "A1"): 2.0}, "-1 to 1"),
-        ({"rods": 1.0}, {("rods", "rods"): -0.9}, "not positive semidefinite"),
-        ({}, {("A0", "A1"): 0.5}, "uncertainty of A0 is 0; expected one above 0"),
-        ({"rods": 1.0}, {("A0", "q_x"): 0.5}, "uncertainty of q_x is 0"),
-        ({"A0": 1.0, "A1": 1.0}, {("rods", "rods"): 0.5}, "uncertainty of A-1 is 0"),
+        ({"rod": 1.0}, {}),
+        ({"rods": -1.0}, {}),
+        ({"rods": np.nan}, {}),
+        ({"rods": 1.0}, {("A0", "A1"): 2.0}),
+        ({"rods": 1.0}, {("rods", "rods"): -0.9}),
+        ({}, {("A0", "A1"): 0.5}),
+        ({"rods": 1.0}, {("A0", "q_x"): 0.5}),
+        ({"A0": 1.0, "A1": 1.0}, {("rods", "rods"): 0.5}),
     ],
 )
-def test_bad_uncertainties_are_refused(uncertainties: dict, correlations: dict, words: str) -> None:
-    with pytest.raises(RodgenError, match=words):
-        tricept.covariance(uncertainties, correlations)
+def test_bad_uncertainties_are_refused(refuses, uncertainties: dict, correlations: dict) -> None:
+    refuses(tricept.covariance, uncertainties, correlations)
 
 
-def test_wrong_sizes_are_refused() -> None:
-    with pytest.raises(RodgenError, match="5 by 5"):
-        tricept.place_covariance([0, 0, 700], PAPER, np.eye(4))
-    with pytest.raises(RodgenError, match="not symmetric"):
-        tricept.check_covariance([[1, 0.5], [0.4, 1]], 2)
+def test_wrong_sizes_are_refused(refuses) -> None:
+    refuses(tricept.place_covariance, [0, 0, 700], PAPER, np.eye(4))
+    refuses(tricept.check_covariance, [[1, 0.5], [0.4, 1]], 2)
 
 
 # ellipsoid and budget ----------------------------------------------------------------------------------
@@ -276,12 +273,10 @@ def test_budget_has_no_shares_of_rounding(count: int) -> None:
 
 
 @pytest.mark.parametrize("point", [[0, 0, 0], [0, 0, -700], [300, 0, 0], [20, -30, -650]])
-def test_budget_of_a_point_without_pose_is_refused(point: list[float]) -> None:
+def test_budget_of_a_point_without_pose_is_refused(refuses, point: list[float]) -> None:
     assert tricept.propagate(point, PAPER, U_PAPER)[1] != TriceptStatus.REACHABLE
-    with pytest.raises(RodgenError, match="no regular pose"):
-        tricept.budget(point, PAPER, U_PAPER)
-    with pytest.raises(RodgenError, match="no regular pose"):
-        tricept.monte_carlo(point, PAPER, U_PAPER, draws=1000)
+    refuses(tricept.budget, point, PAPER, U_PAPER)
+    refuses(tricept.monte_carlo, point, PAPER, U_PAPER, draws=1000)
 
 
 # the exact machine and Monte Carlo ---------------------------------------------------------------------

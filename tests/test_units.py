@@ -110,37 +110,34 @@ def test_a_temperature_with_its_own_zero_differs_from_a_difference(text, zero):
     assert parse_unit("delta_degC").zero is None
 
 
-BAD = {
-    "": "no unit; expected one such as mm, arcsec or 1/K, or 1 for a plain number",
-    "   ": "no unit; expected one such as",
-    "(mm)": "unit '(mm)' with parentheses; expected 'mm', without them",
-    "arcsec/(N*mm)": "unit 'arcsec/(N*mm)' with parentheses; expected 'arcsec/N/mm', without them",
-    "N m": "unknown unit 'N m'; expected 'N*m', or another unit",
-    "Deg": "unknown unit 'Deg'; expected 'deg', or another unit",
-    "'mm'": "unknown unit ''mm''; expected 'mm', or another unit",
-    "mm/": "unknown unit 'mm/'; expected 'mm', or another unit",
-    "arcse": "unknown unit 'arcse'; expected 'arcsec', or another unit",
-    "frobs": "unknown unit 'frobs'; expected a unit such as mm, arcsec, N or mm/K",
-    "10 mm": "unknown unit '10 mm'; expected a unit such as",
-    "1e3*mm": "unknown unit '1e3*mm'; expected",
-    "mm**10": "unknown unit 'mm**10'; expected",
-    "9**9**9**9": "unknown unit '9**9**9**9'; expected",
-    "mm.real": "unknown unit 'mm.real'; expected",
-    "__import__('os')": "unknown unit '__import__('os')'; expected",
-    "dB": "logarithmic unit 'dB'; expected a linear one",
-    "m\0m": "unknown unit 'm\\x00m'; expected",
-    "m" * 61: "expected a unit such as",
-    "Ym**9*Ym**9*Ym**9*Ym**9": "whose size is beyond floating point; expected a unit of a usual size",
-    "ym**9*ym**9*ym**9*ym**9": "whose size is beyond floating point; expected a unit of a usual size",
-}
+BAD = [
+    "",
+    "   ",
+    "(mm)",
+    "arcsec/(N*mm)",
+    "N m",
+    "Deg",
+    "'mm'",
+    "mm/",
+    "arcse",
+    "frobs",
+    "10 mm",
+    "1e3*mm",
+    "mm**10",
+    "9**9**9**9",
+    "mm.real",
+    "__import__('os')",
+    "dB",
+    "m\0m",
+    "m" * 61,
+    "Ym**9*Ym**9*Ym**9*Ym**9",
+    "ym**9*ym**9*ym**9*ym**9",
+]
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_a_bad_unit_is_reported_in_one_sentence(text):
-    with pytest.raises(UnitError) as caught:
-        parse_unit(text)
-    assert BAD[text] in str(caught.value)
-    assert str(caught.value).isprintable()
+def test_a_bad_unit_is_reported_in_one_sentence(refuses, text):
+    refuses(parse_unit, text)
 
 
 @settings(max_examples=120, deadline=None)

@@ -55,7 +55,7 @@ def test_the_error_of_the_telescope_falls_and_rises_again(session):
     assert of_all.needed
 
 
-def test_rows_are_set_aside_and_brought_back(session, files):
+def test_rows_are_set_aside_and_brought_back(refuses, session, files):
     base = session.state
     state = session.do(Aside([3, 4, 17], why="clouds"))
     assert state.observations.data.place(int(np.flatnonzero(state.aside)[0])) == "line 3"
@@ -73,10 +73,8 @@ def test_rows_are_set_aside_and_brought_back(session, files):
     assert session.do(Back([4])).aside.sum() == 2
     assert session.do(Back([3, 17])).fit.rms == pytest.approx(base.fit.rms, rel=1e-9)
     assert session.state.text == base.text
-    with pytest.raises(RodgenError, match=r"line 1 of mmt_2021\.csv, which is no measurement"):
-        session.do(Aside([1]))
-    with pytest.raises(RodgenError, match=r"all 80 rows of mmt_2021\.csv"):
-        session.do(Aside(base.numbers.tolist()))
+    refuses(session.do, Aside([1]))
+    refuses(session.do, Aside(base.numbers.tolist()))
     assert session.at == 3
 
 
@@ -97,7 +95,7 @@ def test_parameters_are_held_and_bounded(session):
     assert session.state.fit.estimates["tube_flexure.a"].value == pytest.approx(free, rel=1e-6)
 
 
-def test_parameters_are_tied_and_free_again(session, tmp_path):
+def test_parameters_are_tied_and_free_again(refuses, session, tmp_path):
     for joint in ("AZ", "EL"):
         session.do(Add({"name": "encoder_eccentricity", "joint": joint}))
     of, other = "EL.encoder_eccentricity.a", "AZ.encoder_eccentricity.a"
@@ -107,8 +105,7 @@ def test_parameters_are_tied_and_free_again(session, tmp_path):
     assert values[of] == pytest.approx(3 - 2 * values[other], rel=1e-9)
     assert tied.rms > free.rms
     assert f'[ties]\n"{of}" = "-2 * {other} + 3 arcsec"\n' in session.state.text
-    with pytest.raises(RodgenError, match="is tied to; expected"):
-        session.do(Tie(other, of))
+    refuses(session.do, Tie(other, of))
     session.do(Tie(of, other))
     assert session.state.text.count(f'"{of}"') == 1
     session.save(tmp_path / "mount.rodgen")
@@ -117,7 +114,7 @@ def test_parameters_are_tied_and_free_again(session, tmp_path):
     assert session.state.machine.ties == {}
 
 
-def test_a_formula_of_ones_own_is_added(session):
+def test_a_formula_of_ones_own_is_added(refuses, session):
     own = {
         "name": "sag",
         "joint": "EL",
@@ -126,12 +123,11 @@ def test_a_formula_of_ones_own_is_added(session):
         "parameters": {"k": "arcsec"},
     }
     assert session.do(Add(own)).fit.rms == pytest.approx(0.97, abs=0.005)
-    with pytest.raises(RodgenError, match="formula"):
-        session.do(Add({**own, "name": "other", "formula": "k*cos(q"}))
+    refuses(session.do, Add({**own, "name": "other", "formula": "k*cos(q"}))
     assert session.do(Remove("sag", "EL")).fit.rms == pytest.approx(2.71, abs=0.005)
 
 
-def test_a_session_is_saved_with_every_action_and_replays(session, files, tmp_path):
+def test_a_session_is_saved_with_every_action_and_replays(refuses, session, files, tmp_path):
     session.save(tmp_path / "mount.rodgen")
     session.do(Add(FLEXURE, why="it bends"))
     session.do(Aside([5]))
@@ -145,8 +141,7 @@ def test_a_session_is_saved_with_every_action_and_replays(session, files, tmp_pa
     assert [s.action for s in again.states[1:]] == [s.action for s in session.states[1:]]
     assert again.redo().fit.rms == session.redo().fit.rms
     files[1].write_text(files[1].read_text().replace("347.2778909", "347.2778908"))
-    with pytest.raises(RodgenError, match="not the measurements of"):
-        Session.load(tmp_path / "mount.rodgen")
+    refuses(Session.load, tmp_path / "mount.rodgen")
 
 
 @pytest.mark.parametrize(
