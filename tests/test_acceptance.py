@@ -19,6 +19,7 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.data.poses import positions
 
 
+@pytest.mark.thorough
 def test_a_pair_is_judged_together(tmp_path):
     """A sagging tube all but undoes refraction: the first of them alone raised the error on poses left out."""
     case = real("altaz", 50)

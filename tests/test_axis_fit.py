@@ -384,10 +384,10 @@ def test_known_point_regions_hold_95_percent(count: int) -> None:
 
 @pytest.mark.thorough
 def test_sigma_is_estimated_without_bias() -> None:
-    _, _, fits = draws(12, 0.01, 1300)
+    _, _, fits = draws(12, 0.01, 300)
     variances = np.array([f.sigma**2 for f in fits]) / 0.01**2
     # χ² with 32 degrees of freedom over 32: standard deviation sqrt(2/32).
-    assert variances.mean() == pytest.approx(1.0, abs=4 * math.sqrt(2 / 32 / 1300))
+    assert variances.mean() == pytest.approx(1.0, abs=4 * math.sqrt(2 / 32 / 300))
 
 
 @pytest.mark.parametrize("count", [250, pytest.param(1000, marks=slow)])
@@ -808,8 +808,8 @@ def test_two_pairs_of_equal_angle_determine_all() -> None:
     assert fit.dof == 2
 
 
-@pytest.mark.thorough("3", "4", "5")
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.thorough("3")
+@pytest.mark.parametrize("seed", [3, 4, *(pytest.param(n, marks=slow) for n in (0, 1, 2, 5, 6, 7))])
 def test_any_mixture_of_degenerate_pairs_is_fitted_as_well_as_can_be(seed: int) -> None:
     """No exception, no warning, a unit axis, plain JSON, and no other line that fits better."""
     rng = np.random.default_rng(seed)
@@ -903,7 +903,7 @@ def test_no_slide_is_said_to_be_zero_and_none_is_fitted() -> None:
 @pytest.mark.parametrize("slide", [0.0, 0.5])
 def test_95_percent_intervals_of_a_slide(rest: str, slide: float) -> None:
     """Also where all pairs have one rest pose, whose errors are in all of them."""
-    z, count = [], 400
+    z, count = [], 200
     for seed in range(count):
         rng = np.random.default_rng(seed)
         balls = np.array([[4.0, 1, 0], [-1, 3, 2], [0, -2, 5]]) + POINT

@@ -42,7 +42,7 @@ def differences(numbers: np.ndarray, step: float = 1e-20) -> np.ndarray:
 
 
 def test_jacobian_is_that_of_the_solver() -> None:
-    rho, rho_prime, angle = sample(15, 1)
+    rho, rho_prime, angle = sample(5, 1)
     jacobian, status = rodgen.axis_jacobian(rho, rho_prime, angle)
     assert (status == AxisStatus.TWO_AXES).all()
     condition = rodgen.axis_condition(rho, rho_prime, angle)

@@ -16,7 +16,6 @@ from commands import run, run_process
 import rodgen
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.words import three_digits
-from rodgen.cli import main as cli
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 FILES = {
@@ -150,14 +149,6 @@ def test_a_machine_with_nothing_to_estimate_is_diagnosed(folder, rodgen_command)
     assert ("encoder_eccentricity", "C") in named  # a weight about C does the same
 
 
-@pytest.mark.thorough
-def test_standard_input_is_read(with_diagnoses):
-    with open("gantry.csv", encoding="utf-8") as stream:
-        done = run_process("diagnose", "gantry.toml", "-", "--json", folder=with_diagnoses, stdin=stream)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert parsed(done.stdout) == parsed((with_diagnoses / "gantry.json").read_text())
-
-
 def test_cannot_tell_is_an_answer(folder, rodgen_command):
     lines = (folder / "stars.csv").read_text().splitlines()
     (folder / "few.csv").write_text("\n".join(lines[:5]) + "\n")
@@ -170,20 +161,6 @@ def test_cannot_tell_is_an_answer(folder, rodgen_command):
     code, out, _ = rodgen_command("diagnose", "mount.toml", "few.csv")
     assert code == 0
     assert f"These data cannot tell: {found['reason'][:30]}" in out
-
-
-@pytest.mark.thorough
-def test_progress_shows_where_somebody_looks_and_nowhere_else(folder, capfd, monkeypatch):
-    command = ["diagnose", "mount.toml", "stars.csv", "--json"]
-    assert cli.main(command) == 0
-    quiet = capfd.readouterr()
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert cli.main(command) == 0
-    shown = capfd.readouterr()
-    assert quiet.err == ""
-    assert "testing effects" in shown.err
-    assert shown.err.rstrip("\n").endswith("\r")  # and is taken away again
-    assert shown.out == quiet.out
 
 
 def spoilt(number, text):
@@ -358,13 +335,3 @@ def test_without_plotly_and_what_else_is_not_needed(with_diagnoses):
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert "encoder_eccentricity at C" in done.stdout
-
-
-@pytest.mark.thorough
-def test_errors_are_weighted_where_stated_uncertainties_differ(rodgen_command):
-    """Along z the tracker is eight times worse: in millimetres the error hardly falls."""
-    place = EXAMPLES / "positioner"
-    code, out, _ = rodgen_command("diagnose", place / "machine.toml", place / "data.csv")
-    assert code == 0
-    assert "the error falls from 1.95 to 0.981 stated uncertainties." in " ".join(out.split())
-    assert "uncertainties" not in rodgen_command("diagnose", FILES["mount.toml"], FILES["stars.csv"])[1]

@@ -424,6 +424,7 @@ def test_what_varies_too_fast_for_the_curves_is_not_denied(tmp_path: Path) -> No
     )
 
 
+@pytest.mark.thorough
 def test_what_may_be_there_is_neither_claimed_nor_denied(bench: Bench) -> None:
     for seed in range(4):
         comparison = bench.compare(noise(bench.clean.shape, seed))

@@ -71,6 +71,7 @@ def test_the_published_terms_are_among_what_these_stars_cannot_tell_apart():
     assert not {("encoder_eccentricity", "AZ"), ("backlash", "EL"), ("backlash", "AZ")} & (first | second)
 
 
+@pytest.mark.thorough
 def test_the_telescope_s_effects_that_are_said_to_be_the_same_are_the_same_when_fitted():
     machine, data = rodgen.Machine.load(MOUNT / "machine.toml"), rodgen.Measurements.load(STARS)
     assert far_aliases(machine, data, telescope().to_dict()) == []

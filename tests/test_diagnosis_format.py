@@ -64,6 +64,7 @@ def test_a_diagnosis_is_written_as_the_formats_say(name):
     check_numbers(found, rows_of(files(name)[1]))
 
 
+@pytest.mark.thorough
 def test_further_measurements_are_predicted(tmp_path, capsys):
     machine, data = files("one effect")
     _, other = hidden("rotary_table", 1001, raises=2.0).write(tmp_path)
@@ -95,6 +96,7 @@ def test_errors_held_out_are_larger_than_fitted(name):
             assert fitted < held_out < 1.5 * fitted
 
 
+@pytest.mark.thorough
 def test_outliers_are_row_numbers_of_the_file():
     found = diagnosed("outliers")
     case = hidden(*CASES["outliers"][:2], **CASES["outliers"][2])

@@ -301,6 +301,7 @@ def test_a_quarter_of_a_turn_does_not_tell_a_scale_from_an_eccentricity() -> Non
 # ISO 230-2: five positions, five runs in both directions
 
 
+@pytest.mark.thorough
 def test_five_positions_that_lie_on_a_line_are_scale_and_play() -> None:
     q, s, run = bidirectional(ISO)
     more = {"run": run, "dir_X": s}

@@ -246,12 +246,14 @@ def test_a_zero_turns_the_angle_of_one_axis_by_as_much_in_every_row() -> None:
     np.testing.assert_allclose(both, -1, rtol=1e-4)
 
 
+@pytest.mark.thorough
 def test_sizes_of_a_large_ellipticity_and_a_lag_are_right() -> None:
     lag, wave = sorted(diagnosed("large_ellipticity").steps, key=lambda step: len(step.parameters))
     assert lag.parameters["tau"].value == pytest.approx(0.034, rel=0.01)
     assert math.hypot(*(e.value for e in wave.parameters.values())) == pytest.approx(5400, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_further_rows_of_a_large_ellipticity_are_predicted() -> None:
     folder = FIELD / "large_ellipticity"
     fit = rodgen.Machine.load(folder / "machine.toml").fit(rodgen.Measurements.load(folder / "data.csv"))
@@ -289,6 +291,7 @@ def test_parallel_joints_are_no_error(command: str, rodgen_command: Command) -> 
     assert code == 0, errors
 
 
+@pytest.mark.thorough
 def test_parallel_joints_of_a_table_are_imported_and_diagnosed(
     tmp_path: Path, rodgen_command: Command
 ) -> None:
@@ -302,6 +305,7 @@ def test_parallel_joints_of_a_table_are_imported_and_diagnosed(
     assert rodgen.Machine.load(made).joints[2].name == "J3"
 
 
+@pytest.mark.thorough
 def test_attitudes_that_are_nine_degrees_off_are_not_called_noise() -> None:
     found = diagnosed("mounted_anew")
     assert "missing that" not in text_of(found)

@@ -74,6 +74,7 @@ def test_what_cannot_be_diagnosed_is_named(fleet: tuple[Path, Truth, Fleet]) -> 
     assert all(machine.error in text for machine in found.failed)
 
 
+@pytest.mark.thorough
 def test_what_is_done_is_not_done_again(fleet: tuple[Path, Truth, Fleet]) -> None:
     folder, _, _ = fleet
     results = folder / "results/machines"
@@ -262,7 +263,7 @@ def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, deg
         assert change < level * 1.15 + expected  # the number of places bounds it
 
 
-@pytest.mark.thorough("12-2")
+@pytest.mark.thorough
 @pytest.mark.parametrize(("machines", "nights"), [(1, 10), (3, 5), (12, 2)])
 def test_scatter_that_few_differences_tell_is_not_taken_for_known(machines: int, nights: int) -> None:
     random, p = np.random.default_rng(5), []

@@ -523,6 +523,7 @@ def test_instantaneous_95_percent_intervals_hold_95_percent(spin: float) -> None
     assert shares(spin, 40, 80) == pytest.approx([0.95] * 4, abs=0.01 + 3.29 * math.sqrt(0.95 * 0.05 / 800))
 
 
+@pytest.mark.thorough
 def test_a_body_at_rest_and_one_that_only_slides_have_no_axis() -> None:
     t = np.linspace(0, 1, 50)
     for slide, status in ((0.0, ScrewStatus.ZERO), (50.0, ScrewStatus.COUPLE)):

@@ -25,6 +25,7 @@ def titles(found):
     return [step.effect.title for step in found.steps]
 
 
+@pytest.mark.thorough
 def test_two_usual_effects_of_a_telescope_are_named_for_a_rare_one_that_does_the_same(diagnosed):
     found = diagnosed("altaz", 27)  # it has refraction and lateral_windup at AZ
     assert titles(found) == ["tube_flexure (TF)", "refraction (TX)"]

@@ -187,6 +187,7 @@ def test_the_part_of_a_wobble_that_turns_the_balls_stays_near_zero(tmp_path: Pat
     assert found.estimates["C.tilt_error_motion.u_c2"].std < 0.5
 
 
+@pytest.mark.thorough
 def test_a_time_constant_that_the_readings_hardly_determine_stays_positive(tmp_path: Path) -> None:
     """Steps towards the file made an explosion of a warm-up, with four times the error."""
     files = real("trunnion", 35).write(tmp_path)

@@ -188,7 +188,7 @@ def modes_of(case: Legged, row: int) -> np.ndarray:
     return MODES[legs]
 
 
-@pytest.mark.thorough("distance", "direction")
+@pytest.mark.thorough("distance")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_assembly_mode_is_the_one_nearest_the_readings(kind):
     """Rows are brought into one mode each; the readings determine it among all others."""

@@ -160,6 +160,7 @@ def test_the_table_of_the_file_overrules_odds_sizes_and_signs():
     assert machine_of(machine_text(machine), "m.toml") == machine
 
 
+@pytest.mark.thorough
 def test_the_table_of_the_file_decides_what_is_named():
     data = rodgen.Measurements.load(MOUNT / "mmt_2021.csv")
     found = diagnose(with_table("tube_flexure = { odds = 0 }\nEL.scale = { odds = 1000 }"), data)

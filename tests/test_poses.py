@@ -66,7 +66,7 @@ def turns(matrices: np.ndarray) -> np.ndarray:
 # the model -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough("estimate1")
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimate", [("C.axis", "B.point", "target"), ("B.axis",)])
 def test_poses_are_those_of_the_simulator_and_columns_its_derivatives(estimate):
     case = posed(estimate=estimate)

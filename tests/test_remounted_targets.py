@@ -46,6 +46,7 @@ def arm(folder: Path, turns, heights, *, kind="pose", rows=12, attitude=""):
     return Machine.load(folder / "machine.toml").fit(data)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("attitude", ["", ", attitude = [10, 0, 40]"])
 def test_a_marker_that_was_turned_between_runs_is_found_and_measured(attitude, tmp_path):
     base = arm(tmp_path, (0, 20, 38), (1300, 1297, 1302), attitude=attitude)

@@ -109,6 +109,7 @@ def test_other_commands_count_the_same_rows(
             np.testing.assert_allclose(table[name].values, values, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_python_has_the_same_machine(trunnion: Trunnion) -> None:
     machine, data = trunnion.diagnosis.machine, Measurements.load(trunnion.data)
     assert machine.measured.set_aside == Machine.load(trunnion.better).measured.set_aside
@@ -125,6 +126,7 @@ def test_python_has_the_same_machine(trunnion: Trunnion) -> None:
     assert diagnose(machine, table).machine.fit(other).observations.n == 224
 
 
+@pytest.mark.thorough
 def test_a_watch_says_which_rows_of_its_reference_do_not_count(
     trunnion: Trunnion, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -143,6 +145,7 @@ def test_a_report_and_a_diagnosis_say_which_rows_do_not_count(trunnion: Trunnion
     assert "lines 20, 57, 101, 150, 199 (outlier of the diagnosis)" in page.read_text()
 
 
+@pytest.mark.thorough
 def test_every_command_names_the_same_rows_before_the_diagnosis(trunnion: Trunnion, tmp_path: Path) -> None:
     files = trunnion.machine, trunnion.data
     gross = printed("fit", *files, "--json")["gross"]

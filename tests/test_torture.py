@@ -117,7 +117,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-@pytest.mark.thorough("fsync-2")
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "at"), [("fsync", 1), ("fsync", 2), ("replace", 2)])
 def test_a_command_that_is_killed_leaves_whole_files(name, at, tmp_path):
     """Old ones, or where it is killed between two names, a new one."""

@@ -105,6 +105,14 @@ KINDS = {
     "column seen by directions": Kind(TELESCOPE, "EL.reading", lambda c: ARCSEC * c["flow"] ** 2, {"flow"}),
     "height seen by distances": Kind(RANGE, "C.tz", lambda c: np.sin(5 * c["q"]), {"C"}),
 }
+FEW = (
+    "fifth harmonic of a table's height", "step at an angle", "exponential in time", "product of two joints",
+    "load times wave", "height seen by distances", "column seen by directions",
+)  # fmt: skip
+"""A kind of each driver and of each reading; `make test-slow` has the others, which take the same way."""
+every_kind = pytest.mark.parametrize(
+    "name", [k if k in FEW else pytest.param(k, marks=pytest.mark.slow) for k in KINDS]
+)
 LIKE = {"axis that wobbles thrice": ("tilt_error_motion", "AZ")}
 """Effects of the catalogue that say the same with other harmonics: over half a turn they may explain as much."""
 INNOCENT = {"table": TABLE, "gantry": GANTRY, "telescope": TELESCOPE, "range": RANGE}
@@ -200,9 +208,9 @@ def drivers_in(form: Candidate) -> set[str]:
     return {str(called.get(name, name)) for name in used}
 
 
-@pytest.mark.thorough("step at an angle-0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", KINDS)
+@every_kind
 def test_driver_of_what_raises_the_error_by_a_half(name: str, seed: int) -> None:
     forms, catalogued, *_ = told(name, seed, BY_A_HALF)
     if not forms:
@@ -212,7 +220,7 @@ def test_driver_of_what_raises_the_error_by_a_half(name: str, seed: int) -> None
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", KINDS)
+@every_kind
 def test_form_predicts_readings_that_it_has_not_seen(name: str) -> None:
     """Within what the noise of the readings makes of the parameters, of which it has more than the truth at times."""
     forms, _, _, columns, effects, noise = told(name, 2, 3.0)

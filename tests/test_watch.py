@@ -79,7 +79,7 @@ def sigmas(**effects: float) -> float:
     return float(np.std(some.measure(dict(effects)) - some.measure({})) / bench().sigma)
 
 
-@pytest.mark.thorough("axial_error_motion at C-C.axial_error_motion.c1-4.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("title", "key", "size"),
     [
@@ -123,6 +123,7 @@ def test_an_effect_that_the_first_readings_show_as_well_is_listed_with_the_commo
     assert "do not tell it apart from encoder_eccentricity at C" in alarm.text
 
 
+@pytest.mark.thorough
 def test_what_changed_together_is_named_together_and_how_things_are_then() -> None:
     moved = {
         "C.zero_offset.a": 0.05,
@@ -144,6 +145,7 @@ def test_what_changed_together_is_named_together_and_how_things_are_then() -> No
     )
 
 
+@pytest.mark.thorough
 def test_readings_that_scatter_more_are_said_to() -> None:
     watch, rows = Watch(reference(), rate="100/h"), readings(150, 8)
     random = np.random.default_rng(3)
@@ -183,6 +185,7 @@ def test_rows_that_a_rule_or_a_run_sets_aside_are_not_watched() -> None:
     assert alarm.after in {-1, 40, 41}
 
 
+@pytest.mark.thorough
 def test_an_alarm_says_that_readings_are_where_the_reference_has_none() -> None:
     rows, new = readings(300, 1), readings(300, 2, **{"C.zero_offset.a": 0.05})
     part, other = rows["C [deg]"] < 120, (new["C [deg]"] > 150) & (new["C [deg]"] < 270)
@@ -213,6 +216,7 @@ def test_what_was_always_there_is_no_change() -> None:
     assert watch.update(readings(300, 2, **effects)) == []
 
 
+@pytest.mark.thorough
 def test_one_bad_reading_is_an_outlier_and_an_instrument_that_is_stuck_an_alarm() -> None:
     rows = readings(120, 4)
     rows["y [mm]"][30] += 0.5

@@ -35,6 +35,7 @@ def trunnion(folder: Path, known: str, **truth: float) -> tuple[Machine, Measure
     return Machine.load(folder / "machine.toml"), Measurements.load(folder / "data.csv")
 
 
+@pytest.mark.thorough
 def test_a_wrong_bound_is_named_first_and_explained_by_no_effect(tmp_path: Path) -> None:
     """It ended in five effects that are not there."""
     machine, data = trunnion(tmp_path, "C.point.a = { bounds = [-0.05, 0.05] }", C__point__a=0.3)
@@ -54,6 +55,7 @@ def test_a_wrong_bound_is_named_first_and_explained_by_no_effect(tmp_path: Path)
     assert " Apart from that, nothing is missing" in " ".join(diagnosis.summary().split())
 
 
+@pytest.mark.thorough
 def test_a_wrong_bound_of_an_effect_is_named_with_the_effect(tmp_path: Path) -> None:
     known = 'C.backlash.b = { bounds = ["0 arcsec", "2 arcsec"] }'
     diagnosis = diagnose(*trunnion(tmp_path, known, C__backlash__b=0.01))
