@@ -150,15 +150,6 @@ def test_dask_computes_nothing_before_it_is_asked() -> None:
         condition.compute()
 
 
-def test_dask_mixes_with_numpy_numbers_and_chunks_of_the_core_axis() -> None:
-    rho, rho_prime, _ = lazy_sample()
-    lazy = da.from_array(rho, chunks=(40, 2))
-    axes, _ = rodgen.solve_axis(lazy, rho_prime, 2.5)
-    np.testing.assert_allclose(axes.compute(), rodgen.solve_axis(rho, rho_prime, 2.5)[0], rtol=0, atol=1e-12)
-    turned = rodgen.rotate(lazy, [0.0, 0.0, 2.0])
-    np.testing.assert_allclose(turned.compute(), rodgen.rotate(rho, [0.0, 0.0, 2.0]), atol=1e-15)
-
-
 @pytest.mark.parametrize("name", ["axis_jacobian", "axis_condition"])
 def test_other_functions_take_dask_arrays_too(name: str) -> None:
     arguments = lazy_sample()
@@ -169,23 +160,3 @@ def test_other_functions_take_dask_arrays_too(name: str) -> None:
     assert isinstance(found, da.Array)
     assert found.shape == expected.shape
     np.testing.assert_allclose(found.compute(), expected, rtol=1e-9)
-
-
-def test_dask_keeps_float32() -> None:
-    lazy = [da.from_array(a.astype(np.float32), chunks=-1) for a in lazy_sample()]
-    axes, _ = rodgen.solve_axis(*lazy)
-    assert axes.dtype == np.float32
-    assert axes.compute().dtype == np.float32
-
-
-def test_out_and_dask_do_not_go_together(refuses) -> None:
-    lazy = da.zeros((5, 3))
-    refuses(rodgen.solve_axis, lazy, lazy, 1.0, out=(np.empty((5, 2, 3)), np.empty(5, np.int8)))
-
-
-def test_float32_stays_float32_with_python_numbers() -> None:
-    rho, rho_prime, angle = (a.astype(np.float32) for a in lazy_sample())
-    assert rodgen.solve_axis(rho, rho_prime, angle)[0].dtype == np.float32
-    assert rodgen.solve_axis(rho, rho_prime, 1.0)[0].dtype == np.float32
-    assert rodgen.solve_axis(rho, rho_prime, angle.astype(float))[0].dtype == np.float64
-    assert rodgen.rotate(rho, rho_prime).dtype == np.float32

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 import textwrap
@@ -240,24 +239,6 @@ def test_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
     with command.stderr:
         assert command.stderr.read() == b""
     assert command.wait(60) == 141
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_interrupt_is_one_line_and_leaves_no_file(tmp_path):
-    def take_interrupts():  # a test run in the background ignores them, and so would its children
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    with subprocess.Popen(
-        [sys.executable, "-m", "rodgen", "apply", "solve_axis", "-", "-o", tmp_path / "out.csv"],
-        stdin=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=take_interrupts,
-    ) as command:  # fmt: skip
-        command.stdin.write(f"{PAIRS}".encode() + b"3,4,12,12,-3,4,120\n" * 400_000)
-        command.stdin.flush()  # more than a pipe holds: the command reads, and waits for the rest
-        command.send_signal(signal.SIGINT)
-        assert command.wait(60) == 130
-        assert command.stderr.read() == b"rodgen: interrupted; no file was written\n"
-    assert os.listdir(tmp_path) == []
 
 
 # fit-axis ----------------------------------------------------------------------------------------------

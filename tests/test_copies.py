@@ -37,6 +37,7 @@ def files(name: str, folder: Path, *, in_place: bool = False) -> tuple[str, str]
 SAID = "40 of the 80 rows of data.csv are copies of others, their readings included; each is counted once."
 
 
+@pytest.mark.quick("check", "compare", "fit", "diagnose", "predict")
 @pytest.mark.thorough("check", "compare", "fit")
 @pytest.mark.parametrize(
     "command", ["check", "fit", "compare", "diagnose", "predict", "add", "plan", "emit", "report"]

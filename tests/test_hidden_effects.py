@@ -169,6 +169,7 @@ INNOCENT = {
 }
 
 
+@pytest.mark.quick("white noise", "random walk", "unequal variance, stated", "outliers", "pose-shared errors")
 @pytest.mark.thorough
 @pytest.mark.parametrize("what", INNOCENT)
 def test_nothing_is_claimed_where_nothing_is(what, tmp_path):

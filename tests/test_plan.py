@@ -51,6 +51,7 @@ def words(found: Plan) -> str:
 # the closed loop -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("short_arc", "one_load", "one_radius", "low_stars")
 @pytest.mark.thorough("short_arc", "one_load")
 @pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
 def test_planned_readings_tell_apart_effects_that_looked_the_same(make, trials):
@@ -448,11 +449,6 @@ def test_text_is_a_table_and_short_sentences(trials, name):
     check_text(trials[name].plan(12).summary())
 
 
-@slow
-def test_text_of_a_plan_after_a_diagnosis_is_short():
-    check_text(diagnosed("mount").plan().summary())
-
-
 # the rows --------------------------------------------------------------------------------------------------------
 
 
@@ -482,15 +478,6 @@ def test_plan_with_its_readings_is_a_file_that_can_be_diagnosed(trials, tmp_path
     path.write_text("\n".join(lines) + "\n")
     assert main(["diagnose", str(machine), str(path)]) == 0
     assert capsys.readouterr().out
-
-
-def test_no_rows_are_no_file(tmp_path):
-    machine = Machine.load(MOUNT / "machine.toml")
-    found = plan(machine.fit(Measurements.load(MOUNT / "mmt_2021.csv")), 4, wanted=["AZ.zero_offset"])
-    assert found.csv() == ""
-    with pytest.raises(PlanError, match="no rows to write"):
-        found.save(tmp_path / "plan.csv")
-    assert not (tmp_path / "plan.csv").exists()
 
 
 def test_every_column_of_the_data_is_in_the_plan():
@@ -640,13 +627,6 @@ def test_no_file_is_written_where_there_is_nothing_to_measure(tmp_path, capsys):
     assert f"{out} is not written" in shown.err
     assert "Nothing to measure" in shown.out
     assert not out.exists()
-
-
-def test_command_prints_json(files, capsys):
-    assert main(["plan", *files, "--for", "C.axis", "-n", "4", "--json"]) == 0
-    shown = capsys.readouterr()
-    assert json.loads(shown.out)["readings"] == 4
-    assert not shown.err
 
 
 @pytest.mark.parametrize(

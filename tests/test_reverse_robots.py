@@ -267,6 +267,7 @@ def special_arm(kind: str, place: int, seed: int) -> Chain:
     return Chain("RRRRRR", a, alpha, S, np.full(6, np.nan), np.zeros(6))
 
 
+@pytest.mark.quick("meet-1", "meet-2", "meet-3", "parallel-0", "parallel-2")
 @pytest.mark.thorough("meet-1", "meet-2", "meet-3")
 @pytest.mark.parametrize("place", range(4))
 @pytest.mark.parametrize("kind", ["meet", "parallel"])

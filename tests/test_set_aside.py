@@ -57,6 +57,7 @@ def read() -> tuple[Machine, Measurements]:
     return Machine.load("m.toml"), Measurements.load("data.csv")
 
 
+@pytest.mark.quick("check", "fit", "predict", "plan", "report")
 @pytest.mark.thorough("check", "fit", "predict")
 @pytest.mark.parametrize(
     "command", ["check", "fit", "compare", "diagnose", "predict", "add", "plan", "emit", "report"]

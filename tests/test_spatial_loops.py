@@ -73,6 +73,7 @@ def test_the_worked_example_of_the_facts():
     assert max(x.max() for x in numeric_reverse.errors(loop, found.solutions, np.eye(4))) < 1e-14
 
 
+@pytest.mark.quick("PRPCRR", "CPCRR", "RPPRRRR", "RRRCC", "RCRCR", "RPCRRR")
 @pytest.mark.thorough("PRPCRR", "CPCRR", "RPPRRRR")
 @pytest.mark.parametrize("kinds", GROUP_1 + GROUP_2)
 def test_every_way_that_a_search_finds(kinds):
