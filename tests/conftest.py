@@ -225,7 +225,7 @@ def is_frozen(request: pytest.FixtureRequest, tmp_path: Path, frozen_refusals: d
         message = re.sub(r" \(choose from .*", "", message)  # which Python quotes otherwise in each version
         assert message.isprintable()
         of_file = frozen_refusals.setdefault(request.node.path.stem, {})
-        key = request.node.name.partition("@")[0]
+        key = request.node.name
         count = sum(name.partition(" #")[0] == key for name in asked)
         key += f" #{count + 1}" * (count > 0)
         asked.append(key)
