@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -52,8 +53,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give a file to one of several test processes, so that its fixtures and derivations are made once.
+
+    Groups with many thorough tests begin first, so that no process waits for the other at the end.
 
     Of a grid whose mark names the quick cases, the others are slow. Cases that the mark `thorough` names are not
     thorough themselves.
@@ -67,6 +70,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.own_markers.remove(thorough)
         if item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
+    if getattr(config.option, "loadgroup", False):
+        groups = [item.get_closest_marker("xdist_group").args[0] for item in items]
+        long = Counter(
+            group for group, item in zip(groups, items, strict=True) if item.get_closest_marker("thorough")
+        )
+        order = sorted(range(len(items)), key=lambda n: -long[groups[n]])
+        items[:] = [items[n] for n in order]
 
 
 @pytest.fixture(scope="module", autouse=True)
