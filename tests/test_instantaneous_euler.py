@@ -184,17 +184,6 @@ def test_ridge_lines_of_parallel_planes() -> None:
     assert names(ie.RidgeStatus, status) == ["PLANES_COINCIDE", "PLANES_COINCIDE", "PLANES_PARALLEL"]
 
 
-def test_ridge_lines_of_what_is_no_rotation() -> None:
-    _, status = ie.ridge_lines(2 * np.eye(3))
-    assert names(ie.RidgeStatus, status) == ["NOT_NORMAL"] * 3
-    lines, status = ie.ridge_lines([np.diag([1.0, 1, -1]), np.full((3, 3), np.nan), 1.001 * MATRICES[0]])
-    assert names(ie.RidgeStatus, status) == ["INVALID"] * 6 + ["NOT_NORMAL"] * 3
-    assert np.isnan(lines[:2]).all()
-    assert np.isfinite(lines[2]).all()
-    _, status = ie.ridge_lines(np.eye(3), [np.inf, 0, 0])
-    assert names(ie.RidgeStatus, status) == ["INVALID"] * 3
-
-
 # rates -------------------------------------------------------------------------------------------------
 
 
@@ -557,17 +546,6 @@ def test_infeasible_triples_have_their_distance_and_the_nearest_triple() -> None
             options={"ftol": 1e-14},
         )
         assert np.sqrt(best.fun) == pytest.approx(distance, abs=1e-6)
-
-
-@pytest.mark.parametrize("chi", [[np.nan, 1, 1], [-0.1, 0.1, 0.1], [3.2, 1, 3], [np.inf, 0, 0]])
-def test_no_angles(chi: list[float]) -> None:
-    found = ie.rotations(chi)
-    assert rotation_names(found.status) == ["INVALID"]
-    assert found.count == 0
-    assert np.isnan(found.quaternions).all()
-    assert np.isnan(found.distance)
-    assert np.isnan(found.nearest).all()
-    assert rotation_names(ie.rotations([0.1, 0.1, 0.1], tolerance=np.nan).status) == ["INVALID"]
 
 
 @given(arrays(float, 4, elements=st.sampled_from([0.0, 1e-6, -1e-3, 0.1, -0.5, 1.0, 2.0])))

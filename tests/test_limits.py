@@ -121,24 +121,6 @@ def test_rods_beyond_reach_have_no_pose() -> None:
     assert np.isnan(poses[:4]).all()
 
 
-TRUTHS = [
-    '{"truth": {"effects": []}}',
-    '{"truth": {"effects": [1], "noise": {"rms": 1, "unit": "mm"}, "change": {}, "machine": 3}}',
-    '{"truth": {"effects": [], "noise": 1, "change": {}}}',
-    '{"truth": {"effects": [], "noise": {"rms": "x", "unit": "mm"}, "change": {}}}',
-]
-
-
-@pytest.mark.parametrize("text", TRUTHS)
-@pytest.mark.parametrize("how", [(), ("--json",)])
-def test_a_truth_with_missing_keys_is_refused(
-    text: str, how: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "truth.json"
-    file.write_text(text)
-    assert "no whole truth of a simulation" in error_of(capsys, "simulate", "--open", str(file), *how)
-
-
 @pytest.mark.thorough
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
 def test_a_full_device_tells_which_files_are_complete(tmp_path: Path) -> None:

@@ -197,39 +197,6 @@ def test_input_that_is_not_normal_has_a_status_and_the_nearest_is_used() -> None
     np.testing.assert_allclose(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), turn, atol=1e-5)
 
 
-@pytest.mark.parametrize("source", FORMS)
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_is_invalid(source: str, bad: float) -> None:
-    for port, values in enumerate(FORMS[source]):
-        for index in np.ndindex(values.shape[1:]):
-            arguments = [v[0].copy() for v in FORMS[source]]
-            arguments[port] = np.array(arguments[port])
-            arguments[port][index] = bad
-            for target in FORMS:
-                if target != source:
-                    found, status = convert(target, source, *arguments)
-                    assert status == RotationStatus.INVALID
-                    assert all(np.isnan(f).all() for f in found)
-
-
-@pytest.mark.parametrize(
-    ("source", "values"),
-    [
-        ("axis_angle", (np.zeros(3), 1.0)),
-        ("quaternion", (np.zeros(4),)),
-        ("matrix", (np.zeros((3, 3)),)),
-        ("matrix", (np.diag([1.0, 1.0, -1.0]),)),
-        ("matrix", (-np.eye(3),)),
-    ],
-)
-def test_what_is_no_rotation_is_invalid(source: str, values: tuple[object, ...]) -> None:
-    for target in FORMS:
-        if target != source:
-            found, status = convert(target, source, *values)
-            assert status == RotationStatus.INVALID
-            assert all(np.isnan(f).all() for f in found)
-
-
 @given(arrays(float, (3, 3), elements=st.floats(allow_nan=True, allow_infinity=True)))
 @settings(max_examples=120, deadline=None)
 def test_any_matrix_gives_a_unit_quaternion_or_invalid(matrix: np.ndarray) -> None:

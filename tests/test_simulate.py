@@ -295,13 +295,18 @@ def test_a_truth_is_read_as_it_was_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[]", '{"truth": "%%%"}', '{"truth": []}', "\xff", '{"truth": {"effects": 5}}']
+    "text",
+    [
+        *("", "{}", "[]", '{"truth": "%%%"}', '{"truth": []}', "\xff", '{"truth": {"effects": 5}}'),
+        '{"truth": {"effects": []}}',
+        '{"truth": {"effects": [1], "noise": {"rms": 1, "unit": "mm"}, "change": {}, "machine": 3}}',
+        '{"truth": {"effects": [], "noise": 1, "change": {}}}',
+        '{"truth": {"effects": [], "noise": {"rms": "x", "unit": "mm"}, "change": {}}}',
+    ],
 )
-def test_a_damaged_truth_is_one_line(refuses, tmp_path, text):
-    path = tmp_path / "truth.json"
-    path.write_bytes(text.encode("latin-1"))
-    refuses(read_truth, path)
-    refuses(read_truth, tmp_path / "none.json")
+def test_a_damaged_truth_is_one_line(refuses_command, tmp_path, text):
+    (tmp_path / "truth.json").write_bytes(text.encode("latin-1"))
+    refuses_command("simulate", "--open", tmp_path / "truth.json")
 
 
 # tables that are written again -------------------------------------------------------------------------

@@ -320,15 +320,6 @@ def test_size_of_an_equation_does_not_matter():
     np.testing.assert_allclose(scaled.theta1, pair.theta1, atol=1e-12)
 
 
-def test_what_is_not_finite_is_invalid():
-    M = np.random.default_rng(16).normal(size=(4, 2, 3, 3))
-    M[1, 0, 2, 1], M[2, 1, 0, 0] = np.nan, np.inf
-    pair = spatial.solve_pair(M)
-    assert (pair.status[1:3] == ReverseStatus.INVALID).all()
-    assert np.isnan(pair.theta1[1:3]).all()
-    assert (pair.status[[0, 3]] != ReverseStatus.INVALID).all()
-
-
 def test_interface(refuses):
     M = np.random.default_rng(17).normal(size=(2, 3, 2, 3, 3))
     pair = spatial.solve_pair(M)

@@ -162,20 +162,6 @@ def test_where_a_root_vanishes_two_poses_meet_and_beyond_there_is_none():
     assert (tricept.inverse([0.0, 30.0, 39.0], other)[2] == TriceptStatus.UNREACHABLE).all()
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_invalid_in_its_row_only(bad):
-    points = np.array([[10.0, 20.0, 600.0], [bad, 20.0, 600.0], [10.0, bad, 600.0]])
-    poses, _, status = tricept.inverse(points, PAPER)
-    assert (status[0] == TriceptStatus.REACHABLE).all()
-    assert (status[1:] == TriceptStatus.INVALID).all()
-    assert np.isnan(poses[1:]).all()
-    legs = np.array([[600.0, 600.0, 600.0], [bad, 600.0, 600.0]])
-    pose, status = tricept.direct(legs, PAPER)
-    assert status.tolist() == [TriceptStatus.REACHABLE, TriceptStatus.INVALID]
-    assert np.isnan(pose[1]).all()
-    assert tricept.direct_all(legs, PAPER)[1].tolist()[1] == 0
-
-
 def test_a_machine_that_is_none_is_refused(refuses):
     for R, r, q in (
         (-330, 140, (0, 0, 0)),
