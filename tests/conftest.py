@@ -257,7 +257,8 @@ def refuses(is_frozen: Callable[[str], None]):
     def call(function: Callable[..., Any], *arguments: Any, **options: Any) -> None:
         with pytest.raises((RodgenError, ValueError, TypeError)) as error:
             function(*arguments, **options)
-        is_frozen(str(error.value))
+        kind = "" if isinstance(error.value, RodgenError) else f"{error.type.__name__}: "
+        is_frozen(f"{kind}{error.value}")
 
     return call
 

@@ -46,11 +46,14 @@ def test_float32_stays_and_integers_become_float64(xp: ModuleType) -> None:
         assert rotations.rotate(point, xp.asarray(turn.astype(kind))).dtype == result
 
 
-def test_what_an_array_cannot_be_is_said(refuses, xp: ModuleType) -> None:
+def test_what_an_array_cannot_be_is_said(xp: ModuleType) -> None:
     good = xp.asarray(np.ones((2, 3)))
-    refuses(rotations.rotate, good, good[:, :2])
-    refuses(rotations.rotate, good, xp.asarray(np.ones((2, 3), complex)))
-    refuses(rotations.rotate, good, good, out=np.empty((2, 3)))
+    with pytest.raises(ValueError, match=r"rotate: theta has shape \(2, 2\); expected \(\.\.\., 3\)"):
+        rotations.rotate(good, good[:, :2])
+    with pytest.raises(TypeError, match=r"rotate: theta has type .*complex"):
+        rotations.rotate(good, xp.asarray(np.ones((2, 3), complex)))
+    with pytest.raises(TypeError, match="rotate: out is for NumPy arrays"):
+        rotations.rotate(good, good, out=np.empty((2, 3)))
 
 
 @pytest.mark.slow
