@@ -14,6 +14,7 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
+import threading
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -184,6 +185,8 @@ class _Store:
 
 _kept: weakref.WeakSet[_Store] = weakref.WeakSet()
 """What this process keeps of parts."""
+_counting = threading.Lock()
+"""Held while `_kept` is read or added to: threads read parts."""
 
 
 class PartRows:
@@ -211,14 +214,16 @@ class PartRows:
         found = self._store
         if found is None or not all(("x", name) in found.at for name in needed):
             found = self._read(frozenset(needed) | names_of(self.machine))
-            if not found.in_file or sum(store.in_file for store in _kept) < MOST_FILES:
-                self._store = found
-                _kept.add(found)
+            with _counting:
+                if not found.in_file or sum(store.in_file for store in _kept) < MOST_FILES:
+                    self._store = found
+                    _kept.add(found)
         return found
 
     def _read(self, names: frozenset[str]) -> _Store:
         o = bind(self.machine, Scan.load(self.part, None if self.stretches else names))
-        in_memory = sum(store.numbers.nbytes for store in _kept if not store.in_file)
+        with _counting:
+            in_memory = sum(store.numbers.nbytes for store in _kept if not store.in_file)
         return _laid_down(o, self.stretches, in_memory < KEPT_BYTES)
 
 
