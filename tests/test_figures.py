@@ -265,10 +265,10 @@ def test_ladder_shows_models_and_noise() -> None:
     found = ladder(machine, data, [machine.effect("tilt_error_motion", "C")])
     figure = figures.ladder(found)
     titles = [note.text for note in figure.layout.annotations[::2]]
-    assert titles == ["<b>base</b>", "<b>+ tilt_error_motion at C</b>  odds more than a million"]
+    assert titles == ["<b>the file</b>", "<b>+ tilt_error_motion at C</b>  odds more than a million"]
     first, last = (rung.held_out.rms * 1000 for rung in (found.rungs[0], found.rungs[-1]))
-    assert figure.layout.annotations[1].text.endswith(f" / {first:.2f}")
-    assert figure.layout.annotations[3].text.endswith(f" / {last:.2f}")
+    assert figure.layout.annotations[1].text.endswith(f" / {first:#.3g}")
+    assert figure.layout.annotations[3].text.endswith(f" / {last:#.3g}")
     by_name = {trace.name: trace for trace in figure.data}
     assert list(by_name) == ["95 % interval of the noise", "noise, by replicates", "held out", "fitted"]
     np.testing.assert_allclose(by_name["fitted"].x, [1000 * rung.fit.rms for rung in found.rungs])

@@ -28,7 +28,7 @@ from simulated_fits import fit_to, measure
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
-from rodgen.calibration.plan.rows import Rows, as_text, ordered
+from rodgen.calibration.plan.rows import Rows, for_people, ordered
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
@@ -108,11 +108,7 @@ def test_target_in_no_row_keeps_no_diagnosis_from_an_answer(trials):
 
 def test_people_read_no_more_digits_than_they_can_set():
     columns = {"X [mm]": [0.0, 104.3000001, 700.0], "A [deg]": [0.25, 1 / 3, 0.5], "target": ["p"] * 3}
-    assert [line.split() for line in as_text(columns)[1:]] == [
-        ["0", "0.25", "p"],
-        ["104.3", "0.3333", "p"],
-        ["700", "0.5", "p"],
-    ]
+    assert list(for_people(columns).values()) == [["0", "104.3", "700"], ["0.25", "0.3333", "0.5"], ["p"] * 3]
 
 
 # what it says ----------------------------------------------------------------------------------------------------

@@ -24,11 +24,13 @@ from plotly.offline import get_plotlyjs
 
 from rodgen import figures
 from rodgen.calibration.diagnosis import Diagnosis
+from rodgen.calibration.diagnosis_text import causes, on_errors, on_pointing, statements
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.plan import Gain, Goal, Plan
 from rodgen.calibration.volumetric import volumetric_error
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
+from rodgen.document import Facts, Paragraph, Table
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Effect
@@ -86,6 +88,9 @@ class Page(html.parser.HTMLParser):
         return found
 
 
+VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
+
+
 def plan() -> Plan:
     gain = Gain("chi_square", "if backlash at C is there and not scale at C", 3.0, 60.0, 16.3, 0.99)
     sentences = ("Tell a and b apart.", "Probability that these readings suffice: 99 %.")
@@ -135,9 +140,6 @@ def residual_of(figure: Any, panel: int, name: str) -> Any:
     return next(trace for trace in figure.data if trace.xaxis == axis and str(trace.name).startswith(name))
 
 
-VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
-
-
 # what it says ------------------------------------------------------------------------------------------------------
 
 
@@ -147,18 +149,18 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
     [
         (
             "nothing_missing",
-            "Nothing is missing",
-            "that these data could show; the error is 1.85 um, which agrees with the noise (2.00 um).",
+            "Nothing is missing that these data could show",
+            "The error is 1.85 µm, which agrees with the noise (2.00 µm).",
         ),
         (
             "effects_missing",
-            "Two effects are missing",
-            "refraction (TX); the error falls from 2.71 to 0.659 arcsec.",
+            "These are missing: ",
+            "The error falls from 2.71 to 0.659 arcsec.",
         ),
         (
             "unknown_effect",
-            "Something is missing that is not in the catalogue",
-            "In addition to encoder_eccentricity at C, something outside the catalogue follows C; the error falls",
+            "In addition to encoder_eccentricity at C, something outside the catalogue follows C",
+            "The error falls",
         ),
         ("cannot_tell", "These data cannot tell", "Only 3 poses; a test needs at least 4."),
     ],
@@ -166,30 +168,37 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
 def test_verdict_stands_first_in_one_sentence(verdict: str, word: str, more: str) -> None:
     _, found = page(verdict)
     _, text = found.one("section", **{"class": verdict})
-    assert word in text
+    assert found.one("p", **{"class": "word"})[1].startswith(word)
     assert more in " ".join(text.split())
     body = next(i for i, e in enumerate(found.elements) if e[0] == "main")
     assert found.elements[body + 1][1]["class"] == f"verdict {verdict}"
-    assert found.one("title")[1].startswith(word)
+    assert found.one("title")[1].startswith("Diagnosis: ")
 
 
 @pytest.mark.thorough
 def test_ladder_has_fitted_held_out_and_test() -> None:
     _, found = page("unknown_effect")
-    _, text = found.one("table", **{"class": "rungs"})
+    text = next(text for _, text in found.all("table") if text.startswith("rms in µm per reading"))
     rms = diagnosis("unknown_effect").rms
     for value in (rms.before, rms.after, rms.before_held_out, rms.after_held_out, 0.0101, 0.0023):
-        assert f"{1e3 * value:.2f}" in text
+        assert f"{1e3 * value:.3g}" in text
     assert "a*sin(5*q) at C, outside the catalogue" in text
 
 
 @pytest.mark.thorough
-def test_errors_of_the_machine_stand_above_the_ladder() -> None:
+def test_errors_of_the_machine_stand_above_the_ladder_and_what_was_found_first() -> None:
     found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
     text = report_page(found)
     whole = Page(text)
-    assert text.index('id="h-own"') < text.index('id="h-ladder"')
-    rows = whole.one("table", **{"class": "volume"})[1]
+    order = [
+        "The machine&#x27;s errors</h2>",
+        '<article class="effect"',
+        "Location errors (ISO",
+        "The error, model by model</h2>",
+    ]
+    places = [text.index(words) for words in order]
+    assert places == sorted(places)
+    rows = next(text for _, text in whole.all("table") if text.startswith("Volumetric error, k = 2"))
     volume = volumetric_error(found.final)
     assert volume is not None
     assert f"{volume.largest:.5f} ± {volume.largest_u:.5f} mm" in rows
@@ -204,6 +213,33 @@ def test_errors_of_the_machine_stand_above_the_ladder() -> None:
     assert "held" in table
 
 
+@pytest.mark.thorough
+def test_a_mount_has_the_terms_of_tpoint_and_no_location_errors() -> None:
+    _, whole = page("effects_missing")
+    (terms,) = (text for _, text in whole.all("table") if re.match("IA.*IE.*CA.*NPAE.*AN.*AW.*TX", text))
+    assert "arcsec" in terms
+    assert "ISO 230-7" not in whole.one("main")[1]
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_what_the_text_says_stands_on_the_page(verdict: str) -> None:
+    """Each number and word of the text of a diagnosis, block by block."""
+    found, words = diagnosis(verdict), page(verdict)[1].one("main")[1]
+    *before, (what, _) = statements(found)
+    said = [what, *("".join(one) for one in before)]
+    if verdict != "cannot_tell":
+        blocks = [
+            *on_errors(found),
+            *(b for part in (*causes(found), *on_pointing(found)) for b in part.blocks),
+        ]
+        said += [cell for table in blocks if isinstance(table, Table) for row in table.rows for cell in row]
+        said += [part for facts in blocks if isinstance(facts, Facts) for row in facts.said for part in row]
+        said += [block.text for block in blocks if isinstance(block, Paragraph)]
+    there = " ".join(words.split())
+    for text in said:
+        assert " ".join(re.sub(r"(?<![\w.)])-(?=\d)", "−", text.replace(" um", " µm")).split()) in there
+
+
 def test_date_instrument_and_conditions_are_noted() -> None:
     plain_table = made_diagnoses.table(hidden=())
     machine = replace(
@@ -213,7 +249,7 @@ def test_date_instrument_and_conditions_are_noted() -> None:
     data = Measurements.from_frame(columns | {"instrument": ["CMM 7"] * 72})
     found = made_diagnoses.diagnosis_of(machine, data)
     whole = Page(report_page(found))
-    _, facts = whole.one("table", **{"class": "facts"})
+    facts = next(text for _, text in whole.all("table") if text.startswith("Machine"))
     assert re.search(r"Date\s*2026-05-17\s*Instrument\s*CMM 7\s*Conditions\s*20.3 °C", facts)
     assert any(text == "data, 2026-05-17, CMM 7" for _, text in whole.all("p"))
 
@@ -247,15 +283,10 @@ def test_eccentricity_is_given_in_micrometres_of_the_scale() -> None:
     found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
     step = found.steps[0]
     size = np.hypot(step.parameters["a"].value, step.parameters["b"].value) * np.pi / 648000
-    given = Page(report_page(found, radii={"C": 40.0})).one("p", **{"class": "hard"})[1]
-    off = float(re.search(r"40 mm in radius, sits ([\d.]+) ±", given)[1])
+    off = float(re.search(r"40 mm in radius, sits ([\d.]+) ±", report_page(found, radii={"C": 40.0}))[1])
     assert off == pytest.approx(size * 40e3, rel=0.01)
     assert off == pytest.approx(4.0, abs=0.3)  # what the data were made with
-    unknown = Page(report_page(found))
-    assert "for each mm of its radius" in unknown.one("p", **{"class": "hard"})[1]
-    assert float(unknown.one("p", **{"class": "radius"})[0]["data-per-mm"]) == pytest.approx(
-        size * 1e3, rel=1e-4
-    )
+    assert "for each mm of its radius" in report_page(found)
 
 
 def test_numbers_that_are_not_known_are_not_turned_into_micrometres() -> None:
@@ -513,7 +544,7 @@ def test_command_writes_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().out.split() == [str(out)]
     found = Page(out.read_text(encoding="utf-8"))
     assert "encoder_eccentricity at C" in found.one("section", **{"class": "verdict"})[1]
-    assert re.search(r"40 mm in radius, sits (3\.[89]|4\.[01])\d* ±", found.one("p", **{"class": "hard"})[1])
+    assert re.search(r"40 mm in radius, sits (3\.[89]|4\.[01])\d* ±", found.one("main")[1])
 
 
 @pytest.mark.parametrize(

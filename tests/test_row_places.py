@@ -15,8 +15,7 @@ from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
-from rodgen.output.numbers import Shown
-from rodgen.output.report.content import content
+from rodgen.output.report import report_page
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 ROW, LINE = 30, 34  # under a header and two empty lines
@@ -51,10 +50,11 @@ def test_commands_name_the_line_and_the_file(files, command, capsys):
 
 def test_report_names_the_line_and_the_file(files):
     machine, data = Machine.load(files[0]), Measurements.load(files[1])
-    found = content(diagnose(machine, data), None, Shown("mm", 1.0, 0.001), {})
-    assert dict(found["facts"])["Outliers, left out"] == f"1: line {LINE} of balls.csv"
-    assert found["counted"] == "line"
-    assert found["worst"][0]["row"] == LINE
+    page = report_page(diagnose(machine, data))
+    assert f"<td>1: line {LINE} of balls.csv</td>" in page
+    assert '>line</th><th scope="col">target</th>' in page
+    worst = page.partition("Largest residuals of the last model</caption>")[2].partition("<tbody>")[2]
+    assert worst.startswith(f'<tr><th scope="row">{LINE}</th>')
 
 
 @pytest.mark.parametrize("command", [["fit", "--loss", "huber"], ["diagnose"]], ids=lambda c: c[0])

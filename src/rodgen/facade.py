@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 
 FUNCTIONS = {
-    "Diagnosis.summary": "rodgen.calibration.diagnosis_text.as_text",
+    "Diagnosis.document": "rodgen.calibration.diagnosis_text.document",
     "Derivation.report": "rodgen.symbolic.display.report",
     "Entry._repr_markdown_": "rodgen.symbolic.display.markdown",
     "Entry.steps": "rodgen.symbolic.display.steps",
@@ -65,6 +65,7 @@ FUNCTIONS = {
     "Fit.covariance": "rodgen.calibration.estimates.covariance",
     "Fit.dependence": "rodgen.calibration.dependence.dependence",
     "Fit.diagnose": "rodgen.calibration.diagnose.diagnose",
+    "Fit.document": "rodgen.calibration.summary.document",
     "Fit.estimates": "rodgen.calibration.estimates.estimates",
     "Fit.estimates_with": "rodgen.calibration.estimates.estimates_with",
     "Fit.extended": "rodgen.calibration.fit.extended",
@@ -79,12 +80,11 @@ FUNCTIONS = {
     "Fit.predict": "rodgen.calibration.predict.predict",
     "Fit.refit": "rodgen.calibration.fit.refit",
     "Fit.save": "rodgen.calibration.archive.save",
-    "Fit.summary": "rodgen.calibration.summary.as_text",
     "Fit.to_dict": "rodgen.calibration.summary.as_dict",
     "Fit.used_rows": "rodgen.calibration.estimates.used_rows",
     "Fit.with_bodies": "rodgen.calibration.fit.with_bodies",
     "Fit.without_bounds": "rodgen.calibration.fit.without_bounds",
-    "Fleet.summary": "rodgen.calibration.fleet.summary.as_text",
+    "Fleet.document": "rodgen.calibration.fleet.summary.document",
     "Machine.aside": "rodgen.machines.set_aside.aside",
     "Machine.bringing_back": "rodgen.machines.set_aside.bringing_back",
     "Machine.describe": "rodgen.machines.files.write.description",

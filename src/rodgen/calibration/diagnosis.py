@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.pointing import pointing
+from rodgen.document import Document, Documented
 from rodgen.errors import joined
 from rodgen.machines.effects.catalogue import GEOMETRY
 from rodgen.machines.files.write import effect_text
@@ -27,7 +28,14 @@ if TYPE_CHECKING:
 
 EXCLUDED = "outlier of the diagnosis"
 """Why outliers are set aside, in the machine file."""
-VERDICTS = ("nothing_missing", "effects_missing", "wrong_geometry", "unknown_effect", "cannot_tell")
+VERDICTS = {
+    "nothing_missing": "nothing is missing",
+    "effects_missing": "effects are missing",
+    "wrong_geometry": "dimensions that are not those of the file",
+    "unknown_effect": "effects outside the catalogue",
+    "cannot_tell": "the data cannot tell",
+}
+"""The verdicts, with a few words on each."""
 
 
 class HasOdds:
@@ -301,7 +309,7 @@ class WrongGeometry(HasOdds, Result):
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(HasOdds, Result):
+class Diagnosis(HasOdds, Documented, Result):
     """The effects that a model lacks, and the verdict, found from data alone.
 
     Attributes
@@ -472,10 +480,7 @@ class Diagnosis(HasOdds, Result):
 
         return plan(self, n)
 
-    summary = cast("Callable[..., str]", method())
-
-    def __str__(self) -> str:
-        return self.summary()
+    document = cast("Callable[..., Document]", method())
 
 
 def odds_of(log10_odds: float) -> float:

@@ -1,17 +1,17 @@
-"""A diagnosis as text: the verdict, the error after each effect, each effect with its parameters, notes."""
+"""What a diagnosis says: the verdict, the error after each effect, each effect with its parameters, notes."""
 
 from __future__ import annotations
 
 import math
 import shlex
-import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rodgen.calibration.error_table import THE_FILE, Model, error_table
 from rodgen.calibration.gross_readings import on_outliers
 from rodgen.calibration.pointing import pointing
 from rodgen.calibration.repairs import digits_of, simplest
@@ -28,6 +28,7 @@ from rodgen.calibration.words import (
     uncapitalized,
 )
 from rodgen.data.units import readable, unit_factor
+from rodgen.document import Block, Code, Document, Facts, Paragraph, Part, Table
 from rodgen.errors import joined
 from rodgen.machines.plausibility import plausibility, reach
 from rodgen.statistics.digits import measured
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.fitted import Estimate
-    from rodgen.calibration.noise_floor import NoiseFloor
     from rodgen.machines.machine import Machine
 
 HARDLY = 20.0
@@ -45,7 +45,6 @@ HARDLY = 20.0
 CERTAIN = 4.0
 """Its value is within so many of its own standard deviations, too: other parameters make up for it."""
 
-WIDTH = 100
 MOST_IN_VERDICT = 2
 """Alternatives that the verdict names; of more it says how many there are."""
 MOST_NAMED = 4
@@ -62,18 +61,25 @@ MOST_HIDDEN = 5
 
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence, after others on bounds and dimensions of the machine file that are wrong."""
-    before = [text for text in (diagnosis.wrong_bounds, on_geometry(diagnosis)) if text]
-    if diagnosis.verdict == "wrong_geometry":
-        return " ".join(before)
-    if before:
-        return f"{' '.join(before)} Apart from that, {uncapitalized(_verdict(diagnosis))}"
-    return _verdict(diagnosis)
+    *before, (what, error) = statements(diagnosis)
+    if not before:
+        return what + error
+    apart = f"Apart from that, {uncapitalized(what)}" if diagnosis.verdict != "wrong_geometry" else what
+    return " ".join([*("".join(one) for one in before), apart + error])
 
 
-def _verdict(diagnosis: Diagnosis) -> str:
+def statements(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return what the diagnosis says, the verdict last: each a statement, and what follows it in its sentence."""
+    said = [(diagnosis.wrong_bounds, ""), on_geometry(diagnosis)]
+    if diagnosis.verdict != "wrong_geometry":
+        said.append(_verdict(diagnosis))
+    return [one for one in said if one[0]]
+
+
+def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
     rms = diagnosis.rms
     if diagnosis.verdict == "cannot_tell":
-        return f"These data cannot tell: {diagnosis.reason}"
+        return "These data cannot tell", f": {diagnosis.reason}"
     weighted = in_uncertainties(diagnosis)
     before, after, unit = weighted or (diagnosis.base.rms, rms.after, rms.unit)
     noise = "" if weighted else _against_noise(diagnosis, diagnosis.final_with_forms)
@@ -87,7 +93,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
         unknown = ""
         if rms.noise is None:
             unknown = " How much of it is noise is not known: no pose was repeated, and none is stated."
-        return f"{what} that these data could show; {error}{noise}.{unknown}"
+        return f"{what} that these data could show", f"; {error}{noise}.{unknown}"
     fallen = f"the error {fall(before, after, unit)}{noise}"
     names = joined([with_alternatives(step, diagnosis.base.machine) for step in diagnosis.steps])
     if diagnosis.verdict == "unknown_effect":
@@ -97,7 +103,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
         what = f"{'These are' if len(diagnosis.steps) > 1 else 'This is'} missing: {names}"
     odds = diagnosis.odds
     sure = f" The odds for that are {odds_text(odds)} to 1." if odds > 1 else ""
-    return f"{what}; {fallen}.{sure}"
+    return what, f"; {fallen}.{sure}"
 
 
 def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
@@ -147,18 +153,19 @@ def together(alias: Alias) -> str:
     return " with ".join(effect.title for effect in alias.effects)
 
 
-def on_geometry(diagnosis: Diagnosis) -> str:
-    """Return a sentence on dimensions that are not those of the file; empty where they are."""
+def on_geometry(diagnosis: Diagnosis) -> tuple[str, str]:
+    """Return a statement on dimensions that are not those of the file, and what follows it; empty where they are."""
     geometry = diagnosis.geometry
     if geometry is None:
-        return ""
+        return "", ""
     after, numbers = diagnosis.base.rms, joined([*_numbers(diagnosis)])
     fallen = fall(geometry.before.rms, after, diagnosis.rms.unit) + _against_noise(diagnosis, diagnosis.base)
     how = f"{numbers}; with that" if numbers else "with estimated ones"
     return (
-        f"The dimensions of the machine are not those of the file: {how} the error {fallen}. That is "
+        "The dimensions of the machine are not those of the file",
+        f": {how} the error {fallen}. That is "
         f"{comparison(geometry.odds, than=' than single effects in its place')}. "
-        "'rodgen diagnose -o FILE' writes a machine file that estimates them."
+        "'rodgen diagnose -o FILE' writes a machine file that estimates them.",
     )
 
 
@@ -231,58 +238,52 @@ def drivers(diagnosis: Diagnosis) -> str:
     return joined(list(dict.fromkeys(plain(name) for name in every)))
 
 
-def as_text(diagnosis: Diagnosis) -> str:
+def document(d: Diagnosis) -> Document:
     """Return the whole diagnosis."""
-    return "\n".join(_lines(diagnosis))
+    return Document(
+        list(_blocks(d)), f"{d.base.machine.name}, {d.base.observations.data.file}: {d.rows} rows"
+    )
 
 
-def _lines(d: Diagnosis) -> Iterator[str]:
-    o = d.base.observations
-    yield f"{d.base.machine.name}, {o.data.file}: {d.rows} rows"
-    yield ""
-    yield from textwrap.wrap(headline(d), WIDTH)
+def _blocks(d: Diagnosis) -> Iterator[Block]:
+    yield Part([Paragraph(headline(d))])
     if d.verdict == "cannot_tell":
         if d.ranking:
-            yield ""
-            yield from textwrap.wrap(nearest(d), WIDTH)
-        yield from _notes(d)
-        return
-    yield ""
-    yield from _ladder(d)
-    on_sky = pointing(d.final_with_forms)
-    if on_sky is not None:
-        yield from textwrap.wrap(on_sky.sentence(d.base.rms if d.found else None), WIDTH)
+            yield Part([Paragraph(nearest(d))])
+    else:
+        yield Part(list(on_errors(d)))
+        yield from causes(d)
+        yield from list(on_pointing(d))
+        yield from what_could_hide(d)
+        yield from not_seen(d)
+    yield from (Part([Paragraph(note)]) for note in d.notes)
+
+
+def causes(d: Diagnosis, more: Callable[[DiagnosedEffect], Facts] | None = None) -> Iterator[Part]:
+    """Yield a part for each effect that was found, then what distinguishes them, and the forms.
+
+    Parameters
+    ----------
+    more : callable, optional
+        From an effect to what else there is to say of it.
+    """
     for steps in of_one_kind(d.steps):
-        yield ""
-        yield from of_effects(steps, d.base.machine)
-    if on_sky is not None:
-        yield ""
-        yield from _paragraph(
-            "TPOINT", joined([f"{term} {e.text}" for term, e in on_sky.terms.items()]) + "."
+        part = of_effects(steps, d.base.machine)
+        further = [] if more is None else [fact for step in steps for fact in more(step).said]
+        yield replace(
+            part, blocks=[*part.blocks, *([Facts(list(dict.fromkeys(further)))] if further else [])]
         )
-    for said in on_sets(d):
-        yield ""
-        yield from textwrap.wrap(said, WIDTH)
-    if text := how_to_distinguish(d):
-        yield ""
-        yield from textwrap.wrap(text, WIDTH)
-    for form in d.unexplained:
-        yield ""
-        yield from _form(form)
-    if d.verdict == "nothing_missing" and d.ranking:
-        yield ""
-        yield from textwrap.wrap(nearest(d), WIDTH)
-        yield from _could_hide(d)
-    unseen = [effect.title for effect in d.unseen]
-    huge = [one.effect.title for one in d.could_hide if not one.possible]
-    if unseen or huge:
-        yield ""
-    if unseen:
-        yield from _paragraph("Not seen", f"These data could not show {joined(unseen, most=MOST_UNSEEN)}.")
-    if huge:
-        text = f"These data would show only more than any machine has of {joined(huge, most=MOST_UNSEEN)}."
-        yield from _paragraph("Hardly seen", text)
-    yield from _notes(d)
+    yield from (Part([Paragraph(said)]) for said in (*on_sets(d), how_to_distinguish(d)) if said)
+    yield from map(_form, d.unexplained)
+
+
+def on_pointing(d: Diagnosis) -> Iterator[Part]:
+    """Yield the model of a mount as terms of TPOINT."""
+    on_sky = pointing(d.final_with_forms)
+    if on_sky is not None and d.verdict != "cannot_tell":
+        yield Part(
+            [Facts([(term, e.text) for term, e in on_sky.terms.items()])], "The model in TPOINT's terms"
+        )
 
 
 def nearest(diagnosis: Diagnosis) -> str:
@@ -295,86 +296,66 @@ def nearest(diagnosis: Diagnosis) -> str:
     return f"Of {count} candidates, {best.effect.title} comes nearest: {comparison(odds, than=' than none')}{needed}."
 
 
-def _could_hide(d: Diagnosis) -> Iterator[str]:
-    """Yield a table of the effects that could hide most error, with the least sizes that would have been found."""
-    possible = [one for one in d.could_hide if one.possible]
-    worst = possible[:MOST_HIDDEN]
-    if not worst:
+def what_could_hide(d: Diagnosis) -> Iterator[Part]:
+    """Yield the candidate that comes nearest, then the effects that could hide most error, with their least sizes."""
+    if d.verdict != "nothing_missing" or not d.ranking:
         return
-    yield ""
-    yield from textwrap.wrap(
-        f"An effect up to this size could hide; a larger one would be found in {100 * VERDICT.power:.0f} % of such "
-        "data or more. The second number is its error in the readings, before the fit absorbs a part of it:",
-        WIDTH,
-    )
-    width = max(len(one.effect.title) for one in worst)
-    for one in worst:
+    yield Part([Paragraph(nearest(d))])
+    rows = []
+    for one in (one for one in d.could_hide if one.possible):
         factor, unit = readable(d.rms.unit, one.rms)
-        error = f"{two_digits(one.rms * factor)} {unit}"
-        yield f"  {one.effect.title:<{width}}  {one.text:<24}  {error:<12}  {one.how_rare}".rstrip()
-    if len(possible) > len(worst):
-        yield f"  and {len(possible) - len(worst)} more with less error, in --json"
+        rows.append((one.effect.title, one.text, f"{two_digits(one.rms * factor)} {unit}", one.how_rare))
+    text = (
+        f"An effect up to this size could hide; a larger one would be found in {100 * VERDICT.power:.0f} % of such "
+        "data or more. The second number is its error in the readings, before the fit absorbs a part of it:"
+    )
+    table = Table((), rows, most=MOST_HIDDEN, more="more with less error, in --json")
+    yield from [Part([Paragraph(text), table])] * bool(rows)
 
 
-class Rung(NamedTuple):
-    """A model: what it has more than the one before, its errors, fitted and held out, and the odds for it in words."""
+def not_seen(d: Diagnosis) -> Iterator[Part]:
+    """Yield the effects that these data could not show, or only where they are larger than on any machine."""
+    unseen = [effect.title for effect in d.unseen]
+    huge = [one.effect.title for one in d.could_hide if not one.possible]
+    rows = [
+        ("Not seen", f"These data could not show {joined(unseen, most=MOST_UNSEEN)}."),
+        (
+            "Hardly seen",
+            f"These data would show only more than any machine has of {joined(huge, most=MOST_UNSEEN)}.",
+        ),
+    ]
+    said = [row for row, names in zip(rows, (unseen, huge), strict=True) if names]
+    yield from [Part([Facts(said)])] * bool(said)
 
-    title: str
-    rms: float
-    rms_held_out: float | None
-    odds: str
 
-
-def rungs(d: Diagnosis) -> list[Rung]:
+def rungs(d: Diagnosis) -> list[Model]:
     """Return the models of a diagnosis, from that of the file on."""
     rms = d.rms
-    first = "without bounds" if d.wrong_bounds else "the file"
-    found = [Rung(first, rms.before, rms.before_held_out, "")]
+    first = "without bounds" if d.wrong_bounds else THE_FILE
+    found = [Model(first, rms.before, rms.before_held_out, "", rms.before_test)]
     if d.geometry is not None:
-        odds = odds_text(d.geometry.odds)
-        found.append(Rung("+ its dimensions", d.base.rms, d.base.held_out().rms, odds))
+        held_out, odds = d.base.held_out().rms, odds_text(d.geometry.odds)
+        found.append(Model("+ its dimensions", d.base.rms, held_out, odds))
     titles = [step.effect.title for step in d.steps]
     for form in d.unexplained:
         place = f" at {form.joint}" if form.joint else ""
         titles.append(f"{plain(form.form, 30)}{place}, outside the catalogue")
-    return found + [
-        Rung(f"+ {title}", one.rms, one.rms_held_out, odds_text(one.odds))
+    found += [
+        Model(f"+ {title}", one.rms, one.rms_held_out, odds_text(one.odds))
         for title, one in zip(titles, d.found, strict=True)
     ]
+    return [*found[:-1], found[-1]._replace(rms_test=rms.after_test)] if len(found) > 1 else found
 
 
-def _ladder(d: Diagnosis) -> Iterator[str]:
-    """Yield a table of the errors from model to model, then the noise and the outliers."""
-    rms, rows = d.rms, rungs(d)
-    factor, unit = readable(rms.unit, max(row.rms for row in rows))
-    header = f"rms in {unit} per reading"
-    floor = d.final.noise
-    noise = "noise, by replicates" if floor.replicates else "noise"
-    width = max(len(header), len(noise), *(len(row.title) for row in rows))
-    yield f"{header:{width}}  {'fitted':>9}  {'held out':>9}  odds"
-    for title, fitted, held_out, odds in rows:
-        shown = "-" if held_out is None else three_digits(held_out * factor)
-        yield f"{title:{width}}  {three_digits(fitted * factor):>9}  {shown:>9}  {odds}".rstrip()
-    if rms.noise is not None:
-        yield f"{noise:{width}}  {three_digits(rms.noise * factor):>9}{_known_to(floor, factor)}"
+def on_errors(d: Diagnosis) -> Iterator[Block]:
+    """Yield the errors from model to model, with the noise; then what there is to say of them and of outliers."""
+    yield error_table(rungs(d), d.rms.unit, d.final.noise)
     fits = (d.base, d.final_with_forms)
-    for said in (*dict.fromkeys(fit.held_out().note for fit in fits), only_together(d)):
-        if said:
-            yield from textwrap.wrap(said, WIDTH)
-    if rms.before_test is not None and rms.after_test is not None:
-        before, after = (three_digits(x * factor) for x in (rms.before_test, rms.after_test))
-        yield f"On the further measurements: {before} before, {after} after."
-    if out := on_outliers(d.final_with_forms, d.base.outliers):
-        yield from textwrap.wrap(out, WIDTH)
-
-
-def _known_to(floor: NoiseFloor, factor: float) -> str:
-    """Return the 95 % interval of a noise estimated from replicates, and the stated noise; empty without replicates."""
-    if floor.replicates is None:
-        return ""
-    low, high = (three_digits(x * factor) for x in (floor.replicates.low, floor.replicates.high))
-    stated = "" if floor.stated is None else f"; stated: {three_digits(floor.stated * factor)}"
-    return f"  {low} to {high} (95 %){stated}"
+    notes = [*dict.fromkeys(fit.held_out().note for fit in fits), only_together(d)]
+    notes.append(on_outliers(d.final_with_forms, d.base.outliers))
+    if on_sky := pointing(d.final_with_forms):
+        notes.append(on_sky.sentence(d.base.rms if d.found else None))
+    yield from (Paragraph(text) for text in notes if text)
 
 
 def of_one_kind(steps: Sequence[DiagnosedEffect]) -> list[list[DiagnosedEffect]]:
@@ -385,22 +366,27 @@ def of_one_kind(steps: Sequence[DiagnosedEffect]) -> list[list[DiagnosedEffect]]
     return [*kinds.values()]
 
 
-def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Iterator[str]:
-    """Yield the lines on one effect, at one place or several."""
+def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Part:
+    """Return what there is to say of one effect, at one place or several."""
     effect, definition = steps[0].effect, steps[0].effect.definition
     many = len(steps) > 1
-    yield f"{effect.name} at {joined([str(s.effect.place) for s in steps])}" if many else effect.title
+    rows: list[tuple[str, str]] = []
     for step in steps:
         labelled = {step.effect.label(name): e for name, e in step.parameters.items()}
-        yield from _parameters(labelled, f" at {step.effect.place}" if many else "")
-        yield from _paragraph("", at_reach(step, machine))
-        yield from _paragraph("Unusual", far_from_usual(step, machine))
-        yield from _paragraph("Where", shares(step))
-        for k, text in enumerate(alternatives(step)):
-            yield from _paragraph("" if k else "Or", text)
-    yield from _paragraph("Meaning", definition.meaning)
-    yield from _paragraph("Usual size", definition.usual_size)
-    yield from _paragraph("Remedy", definition.remedy)
+        rows += _parameters(labelled, f" at {step.effect.place}" if many else "")
+        rows += [
+            ("", at_reach(step, machine)),
+            ("Unusual", far_from_usual(step, machine)),
+            ("Where", shares(step)),
+        ]
+        rows += [("" if k else "Or", text) for k, text in enumerate(alternatives(step))]
+    rows += [
+        ("Meaning", definition.meaning),
+        ("Usual size", definition.usual_size),
+        ("Remedy", definition.remedy),
+    ]
+    title = f"{effect.name} at {joined([str(s.effect.place) for s in steps])}" if many else effect.title
+    return Part([Facts(rows)], title, "effect")
 
 
 def alternatives(step: DiagnosedEffect) -> list[str]:
@@ -477,7 +463,7 @@ def on_ratio(step: DiagnosedEffect, machine: Machine) -> str:
     )
 
 
-def _parameters(parameters: Mapping[str, Estimate], place: str = "") -> Iterator[str]:
+def _parameters(parameters: Mapping[str, Estimate], place: str = "") -> Iterator[tuple[str, str]]:
     least = {
         unit: min((e.std for e in parameters.values() if e.std and e.unit == unit), default=0.0)
         for unit in {e.unit for e in parameters.values()}
@@ -486,27 +472,13 @@ def _parameters(parameters: Mapping[str, Estimate], place: str = "") -> Iterator
         std = e.std or 0.0
         unit = "" if e.unit == "1" else f" {e.unit}"
         hardly = std > HARDLY * least[e.unit] and abs(e.value) < CERTAIN * std
-        yield f"  {f'{name}{place}':<12} " + (
-            f"hardly determined by these data (± {two_digits(std)}{unit})" if hardly else e.text
-        )
+        text = f"hardly determined by these data (± {two_digits(std)}{unit})" if hardly else e.text
+        yield f"{name}{place}", text
 
 
-def _form(form: Unexplained) -> Iterator[str]:
-    yield f"Outside the catalogue: {form.effect.title}, which follows {form.driver}"
-    yield f"  {form.effect.definition.equation}"
-    yield from _parameters(form.parameters)
-    yield "  For the machine file, where 'rodgen diagnose -o' puts it, too:"
-    yield from (f"    {line}" for line in form.block.strip().splitlines())
-
-
-def _notes(d: Diagnosis) -> Iterator[str]:
-    for note in d.notes:
-        yield ""
-        yield from textwrap.wrap(note, WIDTH)
-
-
-def _paragraph(title: str, text: str) -> Iterator[str]:
-    if text:
-        yield from textwrap.wrap(
-            text, WIDTH, initial_indent=f"  {title:<13}", subsequent_indent=" " * 15, break_on_hyphens=False
-        )
+def _form(form: Unexplained) -> Part:
+    rows = [("Formula", form.effect.definition.equation), *_parameters(form.parameters)]
+    rows.append(("Machine file", "'rodgen diagnose -o' writes it with these lines:"))
+    block = Code(form.block.strip(), "Copy the effect for the machine file")
+    title = f"Outside the catalogue: {form.effect.title}, which follows {form.driver}"
+    return Part([Facts(rows), block], title, "effect")

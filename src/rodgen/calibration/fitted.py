@@ -27,6 +27,7 @@ from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.solve.staged_fit import measured_along
 from rodgen.calibration.words import sized
 from rodgen.data.units import ARCSEC, parse_unit, readable
+from rodgen.document import Document, Documented
 from rodgen.errors import NotConvergedError
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
@@ -37,7 +38,7 @@ from rodgen.machines.set_aside import setting_aside
 from rodgen.methods import attribute, method
 from rodgen.stages import stage
 from rodgen.statistics.digits import measured
-from rodgen.views import Records, Result, brief, html_of, plain
+from rodgen.views import Records, Result, brief, plain
 
 UNEQUAL = 1.5
 """Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
@@ -103,7 +104,7 @@ class Estimate(Result):
 
 
 @dataclass(frozen=True, repr=False)
-class Fit:
+class Fit(Documented):
     """A model fitted to measurements: its values, its residuals, and what can be asked of it.
 
     Attributes
@@ -147,10 +148,9 @@ class Fit:
     held_out, held_out_of_poses, held_out_geometry = method(), attribute(), attribute()
     check, compare, diagnose, predict, plot = method(), method(), method(), method(), method()
     save = cast("Callable[..., None]", method())
-    summary = cast("Callable[..., str]", method())
+    document = cast("Callable[..., Document]", method())
     to_dict = cast("Callable[..., dict[str, Any]]", method())
     __repr__ = brief
-    _repr_html_ = html_of
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # A machine is pickled without its fit; with its fit it has it again.

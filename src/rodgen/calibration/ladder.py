@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.error_table import THE_FILE, Model, error_table
 from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.held_out import HeldOut, held_out
 from rodgen.calibration.noise_floor import NoiseFloor
@@ -23,7 +24,7 @@ from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.steps import StepOdds, odds_of_steps
 from rodgen.calibration.words import UNWEIGHED, odds_text
-from rodgen.data.units import readable
+from rodgen.document import Document, Documented, Paragraph
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import LACK_OF_FIT
@@ -89,7 +90,7 @@ class Rung(Result):
 
 
 @dataclass(frozen=True, repr=False)
-class Ladder(Result):
+class Ladder(Documented, Result):
     """Models of one machine, each with an effect more or less than the one before.
 
     Attributes
@@ -105,19 +106,28 @@ class Ladder(Result):
         found: NoiseFloor = max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
         return found
 
-    def __str__(self) -> str:
-        return "\n".join(self._lines())
+    @property
+    def models(self) -> list[Model]:
+        """The rungs as a table and a figure show them."""
+        return [
+            Model(
+                rung.title if k else THE_FILE,
+                rung.fit.rms,
+                rung.held_out.rms,
+                odds_text(rung.step.odds) if rung.step else "",
+                parameters=len(rung.fit.free),
+            )
+            for k, rung in enumerate(self.rungs)
+        ]
 
-    def _lines(self) -> Iterator[str]:
+    def document(self) -> Document:
+        """Return a table of the errors, and what there is to say of them."""
         first = self.rungs[0].fit
-        factor, unit = readable(first.unit, max(rung.fit.rms for rung in self.rungs))
-        yield f"{first.machine.name}, {first.observations.data.file}: rms in {unit} per reading"
-        width = max(len(rung.title) for rung in self.rungs)
-        yield f"{'':{width}}  {'fitted':>9}  {'held out':>9}  {'parameters':>10}  odds"
-        for rung in self.rungs:
-            errors = ["-" if x is None else f"{x * factor:.4g}" for x in (rung.fit.rms, rung.held_out.rms)]
-            row = f"{rung.title:{width}}  {errors[0]:>9}  {errors[1]:>9}  {len(rung.fit.free):10}"
-            yield row + (f"  {odds_text(rung.step.odds)}" if rung.step else "")
+        table = error_table(self.models, first.unit, self.noise)
+        sentences = [Paragraph(text, "line") for text in self._sentences()]
+        return Document([table, *sentences], f"{first.machine.name}, {first.observations.data.file}")
+
+    def _sentences(self) -> Iterator[str]:
         yield self.noise.text
         yield from dict.fromkeys(rung.held_out.note for rung in self.rungs if rung.held_out.note)
         weighed = any(rung.fit.weighed for rung in self.rungs)
@@ -127,12 +137,12 @@ class Ladder(Result):
             grows = len(after.fit.machine.effects) > len(before.fit.machine.effects)
             if grows and not weighed and after.held_out.rises_from(before.held_out):
                 yield f"{after.title}: poses held out are predicted no better with it."
-        for rung in self.rungs:
+        for model, rung in zip(self.models, self.rungs, strict=True):
             if count := int(rung.fit.outliers.sum()):
                 # outliers of a fit, or rows that a session sets aside
-                yield f"{rung.title}: {count} row{'s' * (count != 1)} left out."
+                yield f"{model.title}: {count} row{'s' * (count != 1)} left out."
             if not rung.fit.solution.converged:
-                yield f"{rung.title}: NOT CONVERGED, the figures are where the fit stopped."
+                yield f"{model.title}: NOT CONVERGED, the figures are where the fit stopped."
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -1,8 +1,8 @@
-"""A fit in words and numbers: the text that people read, and the same as plain data."""
+"""What a fit says, as a document and as plain data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from rodgen.calibration.gross_readings import on_gross_readings, on_outliers
 from rodgen.calibration.pointing import pointing
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
+from rodgen.document import Block, Document, Paragraph, Part, Table
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import plain
@@ -82,56 +83,55 @@ def _of_poses(fit: Fit) -> dict[str, Any]:
             "arm": fit.observations.arm}  # fmt: skip
 
 
-def as_text(fit: Fit) -> str:
-    """Return the text that `rodgen fit` prints."""
-    return "\n".join(_lines(fit))
-
-
-def _lines(fit: Fit) -> Iterator[str]:
+def document(fit: Fit) -> Document:
+    """Return what `rodgen fit` prints."""
     readings = fit.problem.count * fit.problem.components
     counts = [(fit.problem.count, "row"), (readings, "reading"), (len(fit.free), "parameter")]
-    yield f"{fit.machine.name}: " + ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts)
+    title = f"{fit.machine.name}: " + ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts)
+    return Document([*_said(_sentences(fit)), *_parts(fit)], title)
+
+
+def _said(sentences: Iterable[str]) -> list[Block]:
+    return [Paragraph(text, "line") for text in sentences if text]
+
+
+def _sentences(fit: Fit) -> Iterator[str]:
     yield from fit.observations.on_rows
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
-        if wrong := why_wrong_geometry(fit):
-            yield wrong
-    if gross := on_gross_readings(fit):
-        yield gross
+        yield why_wrong_geometry(fit) or ""
+    yield on_gross_readings(fit)
     yield from contradictions(fit)
     yield f"{fit.error_text}. {fit.noise.text}"
     if fit.degrees_of_freedom < 1:
         yield NOTHING_LEFT
     elif fit.lack_of_fit and fit.solution.converged:
         yield fit.lack_of_fit.text
-    if out := on_outliers(fit, fit.outliers):
-        yield out
+    yield on_outliers(fit, fit.outliers)
     if fit.held_out_geometry and fit.held_out_geometry.lowers is False:
         yield fit.held_out_geometry.text
     yield from _warnings(fit)
+
+
+def _parts(fit: Fit) -> Iterator[Part]:
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
-        yield ""
-        yield from _table(shown)
-        if any(e.std is not None for e in shown):
-            yield fit.dependence.text
-        if any(e.convention for e in shown):
-            yield CONVENTION
+        more = [fit.dependence.text] if any(e.std is not None for e in shown) else []
+        more += [CONVENTION] if any(e.convention for e in shown) else []
+        yield Part([_table(shown), *_said(more)])
     if on_sky := pointing(fit):
-        yield ""
-        yield on_sky.sentence()
-        yield from _table([*on_sky.terms.values()], "TPOINT's term")
+        terms = _table([*on_sky.terms.values()], "TPOINT's term")
+        yield Part([*_said([on_sky.sentence()]), terms])
     if fit.determinacy.held:
-        yield ""
-        yield (
+        hardly = (
             f"These data hardly determine {joined(fit.determinacy.held, most=NAMED)}: along their combinations the fit "
             "stays as near to the machine file as a machine is to its file (3 degrees, 5 % of its size, effects a "
             "tenth), and the std counts on that."
         )
+        yield Part(_said([hardly]))
     directions = (*fit.determinacy.directions, *fit.determinacy.weak)
     if directions:
-        yield ""
-        yield from (d.text for d in directions)
+        yield Part(_said(d.text for d in directions))
 
 
 def _warnings(fit: Fit) -> Iterator[str]:
@@ -191,10 +191,9 @@ def _about_modes(fit: Fit) -> Iterator[str]:
             )
 
 
-def _table(estimates: list[Estimate], title: str = "parameter") -> Iterator[str]:
-    """Yield the parameters."""
-    width = max(len(key) for key in (title, *(e.key for e in estimates)))
-    yield f"{title:{width}}  {'value':>12}  {'std':>10}  unit"
+def _table(estimates: list[Estimate], title: str = "parameter") -> Table:
+    """Return the parameters."""
+    rows = []
     for e in estimates:
         value, spread, unit = e.shown
         if e.held:
@@ -205,6 +204,6 @@ def _table(estimates: list[Estimate], title: str = "parameter") -> Iterator[str]
             spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:
             spread = "undetermined"
-        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{unit}" + (
-            f"  = {e.tied_to}" if e.tied_to else ""
-        )
+        tied = f"  = {e.tied_to}" if e.tied_to else ""
+        rows.append((e.key, value, spread + "*" * e.convention, f"{unit}{tied}"))
+    return Table((title, "value", "std", "unit"), rows, "lrrl")

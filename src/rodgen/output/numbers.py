@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rodgen.calibration.words import three_digits
 from rodgen.data.units import readable
-from rodgen.statistics.digits import in_column
 
-_SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
+_SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm"}
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,6 @@ class Shown:
     unit: str
     factor: float
     """What an error in the diagnosis' unit is multiplied by."""
-    smallest: float
-    """Of the errors that are shown together, in `unit`: it says how many decimals all of them have."""
 
     def __call__(self, value: float | None) -> str:
         """Write an error of the diagnosis, without its unit."""
@@ -29,7 +27,7 @@ class Shown:
 
     def plain(self, value: float) -> str:
         """Write an error that is in `unit` already."""
-        return in_column(value, self.smallest)
+        return three_digits(value)
 
 
 def shown_unit(unit: str, values: list[float | None]) -> Shown:
@@ -39,21 +37,16 @@ def shown_unit(unit: str, values: list[float | None]) -> Shown:
     --------
     >>> shown = shown_unit("mm", [0.0214, 0.0021])
     >>> shown.unit, shown(0.0214), shown(None)
-    ('µm', '21.40', '–')
+    ('µm', '21.4', '–')
     """
-    known = [abs(v) for v in values if v is not None and math.isfinite(v) and v > 0]
+    known = (v for v in values if v is not None and math.isfinite(v))
     factor, unit = readable(unit, max(known, default=0.0))
-    return Shown(_SYMBOLS.get(unit, unit), factor, min(known, default=1.0) * factor)
+    return Shown(_SYMBOLS.get(unit, unit), factor)
 
 
 def minus(text: str) -> str:
     """Return a number's text with the sign that people write."""
     return text.replace("-", "−")
-
-
-def noise_name(source: str | None) -> str:
-    """Return what the noise is called in a legend, by where it is known from."""
-    return {"replicates": "noise, by replicates", "stated": "noise, as stated"}.get(str(source), "noise")
 
 
 def percent(part: float) -> str:

@@ -47,18 +47,6 @@ def resolution(values: Array) -> float:
     return 0.0
 
 
-def in_column(value: float, smallest: float) -> str:
-    """Return a number with the decimals of a column, whose smallest number has three significant digits.
-
-    Examples
-    --------
-    >>> in_column(12.3456, 0.9996), in_column(12.3456, 0.0), in_column(12345.6, 1e4)
-    ('12.35', '12.35', '1.23e+04')
-    """
-    decimals = int(last_decimal(smallest, 3)) if smallest > 0 else 2
-    return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.3g}"
-
-
 def round_by(values: Array, u: Array) -> Array:
     """Return values rounded to the decimal of the second significant digit of their uncertainties.
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from nicegui import ui
 
+from rodgen.calibration.error_table import noise_name
 from rodgen.calibration.words import odds_text
 from rodgen.errors import RodgenError, listed
 from rodgen.machines.drivers import Driver
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
-from rodgen.output.numbers import noise_name
 from rodgen.statistics.digits import last_decimal
 from rodgen.workbench.actions import Add, Aside, Back, Repair
 from rodgen.workbench.drawing import Drawn, drawn, overlay

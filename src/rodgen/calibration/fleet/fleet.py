@@ -14,6 +14,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.calibration.fleet.changes import Changes, Night
 from rodgen.calibration.fleet.store import FleetMachine, Plan, read_plan, read_result, title_of
+from rodgen.document import Document, Documented
 from rodgen.methods import method
 from rodgen.statistics.random_effects import Population, discovery_rates, population
 from rodgen.statistics.thresholds import FLEET
@@ -137,7 +138,7 @@ class Odd(Result):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Fleet(Result):
+class Fleet(Documented, Result):
     """The results of a fleet.
 
     Attributes
@@ -238,10 +239,7 @@ class Fleet(Result):
             },
         }
 
-    summary = cast("Callable[..., str]", method())
-
-    def __str__(self) -> str:
-        return self.summary()
+    document = cast("Callable[..., Document]", method())
 
 
 def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:

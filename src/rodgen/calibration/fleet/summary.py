@@ -1,65 +1,107 @@
-"""The results of a fleet as text, and its sentences, which pages show, too."""
+"""What there is to say of a fleet."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from rodgen.calibration.diagnosis import VERDICTS
 from rodgen.calibration.fleet.changes import Change
-from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, Odd
-from rodgen.calibration.words import capitalized, probability, two_digits
+from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, Kind, Odd
+from rodgen.calibration.words import capitalized, probability, sized, two_digits
 from rodgen.data.units import readable
+from rodgen.document import Block, Document, Paragraph, Part, Table
 from rodgen.errors import joined
 from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import FLEET
 
-VERDICTS = {
-    "nothing_missing": "nothing is missing",
-    "effects_missing": "effects are missing",
-    "wrong_geometry": "dimensions that are not those of the file",
-    "unknown_effect": "effects outside the catalogue",
-    "cannot_tell": "the data cannot tell",
-}
 MOST = 12
-"""Lines of a list that are shown as text; the page and --json have all."""
+"""Rows of a list that are shown at once."""
+DRAWN, COLUMNS = 8, 4
+"""Parameters of each kind of machine that are drawn, and that each machine is listed with."""
 
 
-def as_text(fleet: Fleet) -> str:
-    """Return a fleet as text."""
-    return "\n".join(_lines(fleet))
+def document(fleet: Fleet) -> Document:
+    """Return what is known of a fleet: what failed, alarms, odd machines, and the effects of each kind."""
+    return Document(list(_blocks(fleet)))
 
 
-def _lines(fleet: Fleet) -> Iterator[str]:
-    yield f"{about_machines(fleet)}"
-    for kind in fleet.kinds:
-        yield ""
-        yield f"{capitalized(kind.title)}: {_count(len(kind.machines), 'machine')}"
-        if not kind.effects:
-            yield "  No effect was found in any of them."
-        yield from _first_of([_effect_text(effect) for effect in kind.effects], "effects")
-        if len(kind.machines) < FLEET.fewest:
-            yield f"  A distribution is estimated from {FLEET.fewest} machines on."
-    if any(kind.parameters for kind in fleet.kinds):
-        yield ""
-        odd = [f"  {name}: {text}" for name, text in by_machine(fleet.odd)]
-        yield f"Odd machines: {len(odd) or 'none'} (of these {FLEET.false_discoveries:.0%} may be like the others)"
-        yield from _first_of(odd, "machines")
-    if len(fleet.changes.nights) > 1:
-        yield ""
-        yield about_alarms(fleet)
-        yield from _first_of(
-            [f"  {name}: {text}" for name, text in by_machine(fleet.changes.found)], "machines"
-        )
+def _blocks(fleet: Fleet) -> Iterator[Block]:
+    yield Paragraph(about_machines(fleet))
     if fleet.failed:
-        yield ""
-        yield "Not diagnosed:"
-        yield from (f"  {machine.name}: {machine.error}" for machine in fleet.failed)
+        rows = [(machine.name, machine.error) for machine in fleet.failed]
+        yield Part([Table(("machine", "why"), rows)], "Not diagnosed", "section")
+    if len(fleet.changes.nights) > 1:
+        rows = by_machine(fleet.changes.found)
+        yield Part([Paragraph(about_alarms(fleet)), *_listed("what changed", rows)], "Alarms", "section")
+    if any(kind.parameters for kind in fleet.kinds):
+        rows = by_machine(fleet.odd)
+        like = f"{len(rows) or 'None'}; of these {FLEET.false_discoveries:.0%} may be like the others."
+        yield Part([Paragraph(like), *_listed("what is odd", rows)], "Odd machines", "section")
+    for kind in fleet.kinds:
+        yield Part(list(_effects(kind)), f"Effects of {kind.title}", "section")
 
 
-def _first_of(texts: Sequence[str], what: str) -> Iterator[str]:
-    yield from texts[:MOST]
-    if len(texts) > MOST:
-        yield f"  … and {len(texts) - MOST} more {what}, which the page and --json show"
+def _listed(what: str, rows: list[tuple[str, str]]) -> list[Block]:
+    more = "more machines, which the page and --json show"
+    return [Table(("machine", what), rows, most=MOST, more=more)] if rows else []
+
+
+def _effects(kind: Kind) -> Iterator[Block]:
+    spread = "Spread is that of the machines themselves, with its 95 % interval."
+    few = f"A distribution is estimated from {FLEET.fewest} machines on."
+    note = few if len(kind.machines) < FLEET.fewest else spread
+    yield Paragraph(f"{_count(len(kind.machines), 'machine')}. {note}")
+    rows = []
+    for effect in kind.effects:
+        head = (effect.title + about_effect(effect), f"{effect.found} of {effect.of}", f"{effect.alike}")
+        for parameter in effect.parameters or (None,):
+            cells = ("", "–", "–", "–")
+            if parameter is not None:
+                cells = parameter.key.rpartition(".")[2], *parameter_cells(parameter)
+            rows.append((*head, *cells))
+            head = ("", "", "")
+    header = (
+        "effect",
+        "found in",
+        "may be in",
+        "parameter",
+        "mean",
+        "spread between machines",
+        "one machine ±",
+    )
+    more = "more effects, which the page and --json show"
+    yield (
+        Table(header, rows, most=MOST, more=more)
+        if rows
+        else Paragraph("No effect was found in any of them.")
+    )
+
+
+def machines(kind: Kind) -> Part:
+    """Return each machine of a kind: its verdict, what is known of it alone, and given the others."""
+    shown = drawn_parameters(kind)[:COLUMNS]
+    places = [{name: i for i, name in enumerate(p.machines)} for p in shown]
+    rows = []
+    for machine in kind.machines:
+        rms = machine.result["rms"]
+        cells = [machine.name, VERDICTS[str(machine.result["verdict"])], ", ".join(machine.found) or "–"]
+        cells.append("–" if rms["after"] is None else sized(float(rms["after"]), str(rms["unit"])))
+        for p, place in zip(shown, places, strict=True):
+            i = place.get(machine.name)
+            pairs = ((p.values, p.std), (p.population.shrunk, p.population.shrunk_std))
+            cells += ["–" if i is None else valued(float(x[i]), float(u[i]), p.unit) for x, u in pairs]
+        rows.append(tuple(cells))
+    header = ["machine", "verdict", "effects", "error left"]
+    header += [words for p in shown for words in (f"{p.key} alone", "given the others")]
+    note = "What is known of a machine given the others is nearer to the truth on average than what it shows alone."
+    blocks: list[Block] = [*([Paragraph(note)] if shown else []), Table(header, rows)]
+    return Part(blocks, capitalized(kind.title), "section")
+
+
+def drawn_parameters(kind: Kind) -> list[FleetParameter]:
+    """Return the parameters of the commonest effects, which are drawn."""
+    return [p for effect in kind.effects for p in effect.parameters][:DRAWN]
 
 
 def _count(count: float, what: str) -> str:
@@ -75,20 +117,9 @@ def about_machines(fleet: Fleet) -> str:
     return f"{_count(len(fleet.machines), 'machine')}, {fleet.plan.date}: {joined(about)}."
 
 
-def _effect_text(effect: FleetEffect) -> str:
-    alike = f", and may be there in {effect.alike} more" if effect.alike else ""
-    text = f"  {effect.title}: found in {effect.found} of {effect.of}{alike}{about_effect(effect, '; ')}"
-    for parameter in effect.parameters:
-        name = parameter.key.rpartition(".")[2]
-        mean, spread, alone = parameter_cells(parameter)
-        text += f"\n    {name}: mean {mean}, between machines {spread}; one machine alone is known to {alone}"
-    return text
-
-
-def about_effect(effect: FleetEffect, before: str = "") -> str:
-    """Return in a few words how common an effect is, after a separator; empty of one of some machines."""
-    words = "common" if effect.common else "there on average" if effect.on_average else ""
-    return words and f"{before}{words}"
+def about_effect(effect: FleetEffect) -> str:
+    """Return in a few words how common an effect is, after a comma; empty of one of some machines."""
+    return ", common" if effect.common else ", there on average" if effect.on_average else ""
 
 
 def parameter_cells(parameter: FleetParameter) -> tuple[str, str, str]:

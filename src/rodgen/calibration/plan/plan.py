@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from textwrap import TextWrapper
 from typing import Any
 
 import numpy as np
@@ -15,21 +14,20 @@ from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
 from rodgen.calibration.plan.constraints import WELL_SEEN, Constraints
 from rodgen.calibration.plan.goals import MOST_READINGS, Gain, Goal, PlanError
 from rodgen.calibration.plan.pool import Planned
-from rodgen.calibration.plan.rows import as_csv, as_text, table
+from rodgen.calibration.plan.rows import as_csv, for_people, table
 from rodgen.calibration.plan.separation import Separation
 from rodgen.calibration.plan.sharpening import Sharpening
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.document import Block, Bullets, Document, Documented, Paragraph, Part, Table
 from rodgen.errors import joined, shown
 from rodgen.machines.machine import Effect
 from rodgen.views import Result
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
 
-_SENTENCE = TextWrapper(100, "  ", "    ", break_long_words=False, break_on_hyphens=False)
-
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Plan(Result):
+class Plan(Documented, Result):
     """Measurements to take next.
 
     Attributes
@@ -95,33 +93,27 @@ class Plan(Result):
             raise PlanError("no rows to write", "a plan with something to measure, see its notes")
         write_file(path, self.csv().encode())
 
-    def summary(self) -> str:
-        """Return the plan as text."""
-        return "\n".join(self._lines())
+    def document(self) -> Document:
+        """Return what to measure, what it settles, and notes."""
+        return Document(list(self._blocks()))
 
-    def __str__(self) -> str:
-        return self.summary()
-
-    def _lines(self) -> Iterator[str]:
+    def _blocks(self) -> Iterator[Block]:
         if not self.goals:
-            yield from self.notes
+            yield from map(Paragraph, self.notes)
             return
         if self.count:
-            yield f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
-            yield from (f"    {line}" for line in as_text({**self.rows, **self.sky}))
-            yield "What it settles"
+            columns = for_people({**self.rows, **self.sky})
+            rows = list(zip(*columns.values(), strict=True))
+            title = f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
+            yield Part([Table(list(columns), rows, "r" * len(columns))], title)
         else:
             sharpens = all(goal.kind == "sharpen" and goal.gains for goal in self.goals)
             why = " would tell more." if sharpens else ": no reading within the travel settles what is open."
-            yield f"Nothing to measure{why}"
-            yield "What is open"
-        for goal in self.goals:
-            for sentence in goal.sentences:
-                yield from _SENTENCE.wrap(sentence)
+            yield Paragraph(f"Nothing to measure{why}")
+        said = [sentence for goal in self.goals for sentence in goal.sentences]
+        yield Part([Bullets(said)], "What it settles" if self.count else "What is open")
         if self.notes:
-            yield "Notes"
-        for note in self.notes:
-            yield from _SENTENCE.wrap(note)
+            yield Part([Bullets(self.notes)], "Notes")
 
 
 def plan(

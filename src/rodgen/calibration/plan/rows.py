@@ -253,14 +253,9 @@ def as_csv(columns: Mapping[str, Sequence[Any]]) -> str:
     return stream.getvalue()
 
 
-def as_text(columns: Mapping[str, Sequence[Any]]) -> list[str]:
-    """Return a table as lines for people."""
-    cells = [[name, *map(_cell, _for_people(values))] for name, values in columns.items()]
-    widths = [max(map(len, column)) for column in cells]
-    return [
-        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
-        for line in zip(*cells, strict=True)
-    ]
+def for_people(columns: Mapping[str, Sequence[Any]]) -> dict[str, list[str]]:
+    """Return a table as texts for people, a list of cells for each column."""
+    return {name: [_cell(value) for value in _for_people(values)] for name, values in columns.items()}
 
 
 def _decimals(values: Any, digits: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.calibration.diagnosis import Diagnosis
-from rodgen.calibration.diagnosis_text import rungs as models
+from rodgen.calibration.diagnosis_text import rungs
 from rodgen.calibration.words import plain
 from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
 from rodgen.output.figures.drawn_rows import MOST_MARKS, PLANNED, DrawnRows, coordinate, planned_rows
@@ -32,9 +32,6 @@ MOST_RANKED, MOST_MEASURED, MOST_POLAR = 10, 1000, 3
 SAME = 0.999
 """Drivers that are correlated more than this count as one."""
 
-Rung: TypeAlias = tuple[str, float, float | None, float | None, str]
-"""Title, rms fitted, held out, on further measurements, odds."""
-
 
 def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Figure]:
     """Yield every figure of a diagnosis; the name of each is in its ``layout.meta``.
@@ -47,7 +44,8 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
     """
     shown = unit_of(diagnosis)
     rows = DrawnRows(diagnosis.base, diagnosis.final_with_forms, shown)
-    yield errors_of(diagnosis, shown)
+    models = [model._replace(odds="") for model in rungs(diagnosis)]  # a telephone has no room for them
+    yield error_ladder(models, shown, diagnosis.final.noise, "The error, model by model")
     drawn = drivers(diagnosis, rows)
     for against in drawn:
         yield residuals_by(diagnosis, rows, against)
@@ -71,57 +69,7 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
 
 def unit_of(diagnosis: Diagnosis) -> Shown:
     """Return the unit in which the errors of a diagnosis are shown."""
-    rms = diagnosis.rms
-    values: list[float | None] = [rms.before, rms.after, rms.before_held_out, rms.after_held_out, rms.noise]
-    values += [step.rms for step in diagnosis.steps]
-    return shown_unit(rms.unit, values)
-
-
-# the falling error -------------------------------------------------------------------------------------------------
-
-
-def rungs(diagnosis: Diagnosis) -> list[Rung]:
-    """Return the model of the file and the one after each step and form."""
-    rms, found = diagnosis.rms, models(diagnosis)
-    further = [rms.before_test, *(None for _ in found[1:])]
-    if len(found) > 1:
-        further[-1] = rms.after_test
-    return [
-        (plain(title, 60), fitted, held_out, test, odds)
-        for (title, fitted, held_out, odds), test in zip(found, further, strict=True)
-    ]
-
-
-def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
-    """Return the error of each model from the base on: fitted, on poses held out, on the test file, with the noise."""
-    steps = rungs(diagnosis)
-    fitted, unseen, test = (
-        [None if rung[k] is None else float(rung[k] or 0.0) * shown.factor for rung in steps]
-        for k in (1, 2, 3)
-    )
-    noise = None if diagnosis.rms.noise is None else diagnosis.rms.noise * shown.factor
-    floor = diagnosis.final.noise
-    interval = None
-    if noise is not None and floor.source == "replicates" and floor.replicates is not None:
-        interval = (floor.replicates.low * shown.factor, floor.replicates.high * shown.factor)
-    words = "; ".join(f"{rung[0]} {shown(rung[1])} (held out {shown(rung[2])})" for rung in steps)
-    known = "not known" if noise is None else shown.plain(noise)
-    return error_ladder(
-        [rung[0] for rung in steps],
-        [value or 0.0 for value in fitted],
-        unseen,
-        further=test if any(value is not None for value in test) else (),
-        unit=shown.unit,
-        title="The error, model by model",
-        texts=[
-            f"{shown(rung[1])} / {shown(rung[2])}" if rung[2] is not None else shown(rung[1])
-            for rung in steps
-        ],
-        noise=noise,
-        interval=interval,
-        note="Numbers: fitted / held out." if any(value is not None for value in unseen) else "",
-        alt=f"Rms in {shown.unit}: {words}; noise {known}.",
-    )
+    return shown_unit(diagnosis.rms.unit, [model.rms for model in rungs(diagnosis)])
 
 
 # residuals ---------------------------------------------------------------------------------------------------------

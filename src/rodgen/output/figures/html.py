@@ -1,4 +1,4 @@
-"""Figures on a page that needs no network: plotly.js once, the data of every figure, and what draws them.
+"""The page: a document with figures that needs no network, with plotly.js once, and the data of every figure.
 
 A page runs nothing but the scripts that are put into it here: its content security policy names them by their hashes.
 """
@@ -10,11 +10,13 @@ import hashlib
 import html
 from collections.abc import Iterable
 from importlib import resources
+from importlib.metadata import version
 
 import plotly.graph_objects as go
 import plotly.io as pio
 from plotly.offline import get_plotlyjs
 
+from rodgen.document import Document, Figure, as_html
 from rodgen.output.figures.style import DARK
 
 PAGE = """\
@@ -25,24 +27,22 @@ PAGE = """\
 <meta http-equiv="Content-Security-Policy" content="{policy}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="referrer" content="no-referrer">
+<meta name="generator" content="rodgen {version}">
 <title>{title}</title>
 <link rel="icon" href="data:,">
 <style>{style}</style>
 </head>
 <body>
-<main>
+<noscript><p class="note">Figures need JavaScript, which is off here; the tables hold the numbers.</p></noscript>
+{head}<main>
 {body}
 </main>
+<footer>Made by rodgen {version}. This file works offline.</footer>
 <script type="application/json" id="figures">{figures}</script>
 {scripts}
 </body>
 </html>
 """
-FIGURE = """\
-<figure>
-<figcaption>{title}</figcaption>
-{note}<div class="plot" data-figure="{number}" role="img" aria-label="{alt}"></div>
-</figure>"""
 
 
 def figure_page(figures: Iterable[go.Figure]) -> str:
@@ -54,23 +54,46 @@ def figure_page(figures: Iterable[go.Figure]) -> str:
         Made by the functions of `rodgen.figures`.
     """
     listed = list(figures)
-    style = asset("figures.css")
-    body = []
-    for number, figure in enumerate(listed):
-        title_of_figure, note, alt = (
-            html.escape(figure.layout.meta[key]) for key in ("title", "note", "alt")
-        )
-        note = f'<p class="note">{note}</p>\n' if note else ""
-        body.append(FIGURE.format(number=number, title=title_of_figure, note=note, alt=alt))
-    code = scripts()
+    places = [figure_block(number, figure) for number, figure in enumerate(listed)]
+    return page(Document(places, listed[0].layout.meta["title"]), listed)
+
+
+def page(document: Document, figures: Iterable[go.Figure], *, over: str = "", more: str = "") -> str:
+    """Return a document as a page that needs no network.
+
+    Parameters
+    ----------
+    document : Document
+    figures : iterable of plotly.graph_objects.Figure
+        In the order of the numbers that their places have.
+    over : str, optional
+        A word above the title; without one the title is only that of the window.
+    more : str, optional
+        Text below the title.
+    """
+    title, code = html.escape(document.title), (get_plotlyjs(), asset("figures.js"), asset("page.js"))
+    soft = f'<p class="soft">{html.escape(more)}</p>' if more else ""
+    head = (
+        f'<header>\n<p class="over">{html.escape(over)}</p>\n<h1>{title}</h1>\n{soft}</header>\n'
+        if over
+        else ""
+    )
     return PAGE.format(
         policy=policy(*code),
-        title=html.escape(listed[0].layout.meta["title"]),
-        style=style,
-        body="\n".join(body),
-        figures=figures_json(listed),
+        version=version("rodgen"),
+        title=f"{html.escape(over)}: {title}" if over else title,
+        style=asset("page.css"),
+        head=head,
+        body=as_html(document.blocks),
+        figures=figures_json(figures),
         scripts="\n".join(f"<script>{text}</script>" for text in code),
     )
+
+
+def figure_block(number: int, figure: go.Figure) -> Figure:
+    """Return the place of a figure on a page."""
+    meta = figure.layout.meta
+    return Figure(number, meta["name"], meta["title"], meta["note"], meta["alt"])
 
 
 def figures_json(figures: Iterable[go.Figure]) -> str:
@@ -81,11 +104,6 @@ def figures_json(figures: Iterable[go.Figure]) -> str:
     entries = ",".join(pio.to_json(figure, engine="json") for figure in figures)
     dark = ",".join(f'"{light}":"{dark}"' for light, dark in DARK.items())
     return f'{{"dark":{{{dark}}},"figures":[{entries}]}}'.replace("<", "\\u003c")
-
-
-def scripts() -> tuple[str, str]:
-    """Return what a page with figures runs: plotly.js, and what draws each figure at its place."""
-    return get_plotlyjs(), asset("figures.js")
 
 
 def policy(*code: str) -> str:
@@ -106,6 +124,6 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
-def asset(name: str, package: str = __package__ or "") -> str:
-    """Return a file of this folder, or of another package, as text."""
-    return resources.files(package).joinpath(name).read_text(encoding="utf-8").strip()
+def asset(name: str) -> str:
+    """Return a file of this folder as text."""
+    return resources.files(__package__ or "").joinpath(name).read_text(encoding="utf-8").strip()

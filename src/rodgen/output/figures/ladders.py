@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
-from rodgen.calibration.words import odds_text
+from rodgen.calibration.error_table import noise_name
+from rodgen.calibration.words import plain
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
@@ -20,12 +21,14 @@ from rodgen.output.figures.style import (
     describe,
     label,
 )
-from rodgen.output.numbers import Shown, noise_name, shown_unit
+from rodgen.output.numbers import Shown, shown_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
+    from rodgen.calibration.error_table import Model
     from rodgen.calibration.ladder import Ladder
+    from rodgen.calibration.noise_floor import NoiseFloor
 
 ROW, MOST_ROWS = 46, 12
 """Height of a model, in pixels, and how many are drawn."""
@@ -43,89 +46,65 @@ def ladder(ladder: Ladder, *, most: int = MOST_ROWS) -> go.Figure:
     most : int, optional
         Models that are drawn.
     """
-    rungs, noise = ladder.rungs, ladder.noise
-    drawn = [0, *range(max(1, len(rungs) - most + 1), len(rungs))]
-    values = [value for rung in rungs for value in (rung.fit.rms, rung.held_out.rms)]
-    shown = shown_unit(rungs[0].fit.unit, [*values, noise.value])
-    found = noise.replicates if noise.source == "replicates" else None
-
-    def size(value: float | None) -> float | None:
-        return None if value is None else value * shown.factor
-
-    unseen = [size(rungs[i].held_out.rms) for i in drawn]
-    note = ["Numbers: fitted / held out."] * any(value is not None for value in unseen)
-    if len(drawn) < len(rungs):
-        note.append(f"{len(rungs) - len(drawn)} steps after the first model are not drawn.")
-    words = "; ".join(
-        f"{rungs[i].title} {shown(rungs[i].fit.rms)} (held out {shown(rungs[i].held_out.rms)})" for i in drawn
-    )
+    models = ladder.models
+    drawn = [0, *range(max(1, len(models) - most + 1), len(models))]
+    values = [value for model in models for value in (model.rms, model.rms_held_out)]
+    shown = shown_unit(ladder.rungs[0].fit.unit, [*values, ladder.noise.value])
+    title = ladder.rungs[0].fit.machine.name
     return error_ladder(
-        [rungs[i].title for i in drawn],
-        [rungs[i].fit.rms * shown.factor for i in drawn],
-        unseen,
-        unit=shown.unit,
-        title=rungs[0].fit.machine.name,
-        texts=[_numbers(shown, rungs[i].fit.rms, rungs[i].held_out.rms) for i in drawn],
-        tests=["" if (step := rungs[i].step) is None else f"odds {odds_text(step.odds)}" for i in drawn],
-        numbers=drawn,
-        noise=size(noise.value),
-        name_of_noise=noise_name(noise.source),
-        interval=None if found is None else (found.low * shown.factor, found.high * shown.factor),
-        note=" ".join(note),
-        alt=f"Rms in {shown.unit}: {words}; noise {'not known' if noise.value is None else shown(noise.value)}.",
+        [models[i] for i in drawn], shown, ladder.noise, title, drawn, len(models) - len(drawn)
     )
-
-
-def _numbers(shown: Shown, fitted: float, held_out: float | None) -> str:
-    return shown(fitted) if held_out is None else f"{shown(fitted)} / {shown(held_out)}"
 
 
 def error_ladder(
-    titles: Sequence[str],
-    fitted: Sequence[float],
-    held_out: Sequence[float | None],
-    *,
-    unit: str,
+    models: Sequence[Model],
+    shown: Shown,
+    noise: NoiseFloor,
     title: str,
-    texts: Sequence[str],
-    tests: Sequence[str] = (),
     numbers: Sequence[int] = (),
-    further: Sequence[float | None] = (),
-    noise: float | None = None,
-    name_of_noise: str = "noise",
-    interval: tuple[float, float] | None = None,
-    note: str = "",
-    alt: str = "",
+    not_drawn: int = 0,
 ) -> go.Figure:
-    """Return the errors of models, one row each, from the top.
+    """Return the errors of models, one row each, from the top: fitted, on poses held out, on a test file, the noise.
 
     Parameters
     ----------
-    titles : sequence of str
-        Of the models.
-    fitted, held_out, further : sequence of float or None
-        Rms of a reading: on the readings that were fitted, on poses held out, on a test file.
-    unit : str
+    models : sequence of Model
+    shown : Shown
+        The unit.
+    noise : NoiseFloor
     title : str
         Of the figure.
-    texts : sequence of str
-        The numbers that are written next to the marks.
-    tests : sequence of str, optional
-        What is written after the titles.
     numbers : sequence of int, optional
         Of the models, for a page; from 0 where left out.
-    noise : float, optional
-    name_of_noise : str, optional
-    interval : pair of floats, optional
-        The 95 % confidence interval of the noise.
-    note, alt : str, optional
+    not_drawn : int, optional
+        How many models there are besides.
     """
+    titles, unit = [plain(model.title, 60) for model in models], shown.unit
+
+    def sizes(values: Iterable[float | None]) -> list[float | None]:
+        return [None if value is None else value * shown.factor for value in values]
+
+    fitted = [model.rms * shown.factor for model in models]
+    held_out, further = sizes(m.rms_held_out for m in models), sizes(m.rms_test for m in models)
+    (floor,) = sizes([noise.value])
+    found = noise.replicates if noise.source == "replicates" else None
+    interval = None if found is None else (found.low * shown.factor, found.high * shown.factor)
+    texts = [
+        shown(m.rms) if m.rms_held_out is None else f"{shown(m.rms)} / {shown(m.rms_held_out)}"
+        for m in models
+    ]
+    note = ["Numbers: fitted / held out."] * any(value is not None for value in held_out)
+    note += [f"{not_drawn} steps after the first model are not drawn."] * bool(not_drawn)
+    words = "; ".join(
+        f"{name} {shown(m.rms)} (held out {shown(m.rms_held_out)})"
+        for name, m in zip(titles, models, strict=True)
+    )
     n = len(titles)
     figure = column([Panel("", ROW * n + 8, f"rms of a reading [{unit}]")])
     y = np.arange(n)
     known = [
         v
-        for v in (*fitted, *held_out, *further, noise, *(interval or ()))
+        for v in (*fitted, *held_out, *further, floor, *(interval or ()))
         if v is not None and np.isfinite(v)
     ]
     most = max(known, default=1.0) or 1.0
@@ -142,10 +121,10 @@ def error_ladder(
                 marker={"symbol": "square", "size": 12, "color": GREY, "opacity": 0.35},
             )
         )  # fmt: skip
-    if noise is not None:
+    if floor is not None:
         figure.add_trace(
             go.Scatter(
-                x=[noise, noise], y=[-0.7, n - 0.5], mode="lines", name=name_of_noise,
+                x=[floor, floor], y=[-0.7, n - 0.5], mode="lines", name=noise_name(noise.source),
                 line={"color": SOFT, "width": 1.3, "dash": "dash"}, hovertemplate=f"%{{x:.4g}} {unit}",
             )
         )  # fmt: skip
@@ -163,13 +142,13 @@ def error_ladder(
                     hovertemplate=f"%{{text}}<br>%{{x:.4g}} {unit}, {name}<extra></extra>",
                 )
             )  # fmt: skip
-    said = [f"  {test}" if test else "" for test in tests] or [""] * n
+    said = [f"  odds {model.odds}" if model.odds else "" for model in models]
     for place, (words, text, test) in enumerate(zip(titles, texts, said, strict=True)):
         figure.add_annotation(
             x=0, y=place, text=f"<b>{label(words)}</b>{label(test)}", xanchor="left", yanchor="bottom",
             yshift=5, xshift=2, showarrow=False, bgcolor=PAPER, borderpad=0, font={"size": 12},
         )  # fmt: skip
-        values = [errors[place] for errors in (fitted, held_out, further) if len(errors)]
+        values = [errors[place] for errors in (fitted, held_out, further)]
         furthest = max(v for v in values if v is not None and np.isfinite(v))
         figure.add_annotation(
             x=furthest, y=place, text=label(text), xanchor="left", yanchor="middle", xshift=10,
@@ -178,4 +157,6 @@ def error_ladder(
     figure.update_yaxes(range=[n - 0.5, -0.75], visible=False)
     figure.update_xaxes(range=[0, 1.32 * most], showgrid=False)
     figure.update_layout(margin_l=20)
-    return describe(figure, "ladder", title, note=note, alt=alt)
+    known_noise = "not known" if floor is None else shown.plain(floor)
+    alt = f"Rms in {unit}: {words}; noise {known_noise}."
+    return describe(figure, "ladder", title, note=" ".join(note), alt=alt)

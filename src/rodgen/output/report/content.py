@@ -1,195 +1,174 @@
-"""What a report says: every sentence and number of the page, gathered from a diagnosis and a plan."""
+"""What a report says: the blocks of a diagnosis and a plan, with what was measured and the figures, in their order."""
 
 from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterator, Mapping
-from functools import reduce
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis
+from rodgen.calibration.diagnosis import DiagnosedEffect, Diagnosis
 from rodgen.calibration.diagnosis_text import (
-    far_from_usual,
-    headline,
-    how_to_distinguish,
-    in_uncertainties,
-    nearest,
-    of_one_kind,
-    on_sets,
-    only_together,
-    shares,
-    together,
+    causes,
+    not_seen,
+    on_errors,
+    on_pointing,
+    statements,
+    what_could_hide,
 )
-from rodgen.calibration.fit import Estimate
 from rodgen.calibration.misidentified import on_misidentified
-from rodgen.calibration.pointing import pointing
-from rodgen.calibration.words import (
-    comparison,
-    odds_text,
-    plain,
-    three_digits,
-    two_digits,
-)
+from rodgen.calibration.words import capitalized, odds_text, plain, three_digits
 from rodgen.data.measurements import Names
-from rodgen.data.units import unit_factor
+from rodgen.document import Block, Bullets, Code, Document, Download, Facts, Figure, Paragraph, Part, Table
 from rodgen.errors import joined
-from rodgen.machines.files.edit import name_with
 from rodgen.machines.observations import order_of_rows
-from rodgen.output.figures.diagnoses import MOST_RANKED, rungs
+from rodgen.output.figures.diagnoses import MOST_RANKED
 from rodgen.output.figures.drawn_rows import coordinate
-from rodgen.output.numbers import Shown, minus, noise_name, percent
-from rodgen.output.report.hardware import eccentricity, in_hardware, own_errors
+from rodgen.output.numbers import Shown, percent
+from rodgen.output.report.hardware import in_hardware, own_errors
 
 if TYPE_CHECKING:
-    from rodgen.calibration.plan import Goal, Plan
-
-Content: TypeAlias = dict[str, Any]
+    from rodgen.calibration.plan import Plan
 
 NAMED = 12
 """Most targets that are listed; the others are only counted."""
 LONG = 300
-LARGEST = 1e4
-"""Power of ten that no odds are sorted below."""
+WORST = 5
+"""Rows with the largest residuals that are listed."""
+RESIDUALS = ("residuals", "around_", "quantiles", "autocorrelation")
+"""What names of figures of residuals begin with."""
+TERMS = (
+    "Error: root mean square of measured minus predicted, per scalar reading, without outliers. For directions it is "
+    "the angle on the sphere, divided by √2.",
+    "Held out: each pose is predicted by a fit that did not see it. An effect that lowers the fitted error but not "
+    "this one fits the noise.",
+    "Noise: how well repeated poses agree; without repeated poses, the stated value.",
+    "Odds: how many times as probable the model is with an effect as without it, given the readings and what such "
+    "machines have. 20 to 1 is strong evidence; no odds are given above a million, as the formulas are not that exact.",
+    "±: one standard deviation.",
+    "In figures open marks are before, filled ones after, crosses are outliers.",
+)
 
-_VERDICTS = {
-    "nothing_missing": "Nothing is missing",
-    "effects_missing": "{} missing",
-    "wrong_geometry": "The dimensions are not those of the file",
-    "unknown_effect": "Something is missing that is not in the catalogue",
-    "cannot_tell": "These data cannot tell",
-}
 
-
-def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mapping[str, float]) -> Content:
+def report(
+    diagnosis: Diagnosis,
+    plan: Plan | None,
+    shown: Shown,
+    radii: Mapping[str, float],
+    figures: Sequence[Figure],
+) -> Document:
     """Return everything that the page says.
 
     Parameters
     ----------
+    diagnosis : Diagnosis
+    plan : Plan or None
+    shown : Shown
+        The unit of errors.
     radii : mapping of str to float
         Radii of scales in millimetres, by joint.
+    figures : sequence of Figure
+        Places of figures, which are found by their names.
     """
-    fit = diagnosis.base
-    return {
-        "machine": plain(fit.machine.name, 120),
-        "data": ", ".join(
-            [plain(_file(fit.observations.data.file), 120), *_recorded(diagnosis, "date", "instrument")]
-        ),
-        "verdict": diagnosis.verdict,
-        "verdict_word": _VERDICTS[diagnosis.verdict].format(_counted(len(diagnosis.steps))),
-        "sentence": plain(headline(diagnosis), LONG * 4),
-        "next": _next(diagnosis, plan),
-        "figures": list(_figures(diagnosis, shown)),
-        "unit": shown.unit,
-        "own": own_errors(diagnosis.final_with_forms),
-        "facts": list(_facts(diagnosis, shown)),
-        "joints": list(_joints(diagnosis)),
-        "rungs": list(_rungs(diagnosis, shown)),
-        "how_held_out": "" if diagnosis.rms.before_held_out is None else f" {fit.held_out().how}",
-        "has_test": diagnosis.rms.before_test is not None or diagnosis.rms.after_test is not None,
-        "steps": [_step(diagnosis, step, i, shown, radii) for i, step in enumerate(diagnosis.steps, 1)],
-        "unexplained": list(_unexplained(diagnosis, shown)),
-        "ranking": list(_ranking(diagnosis)),
-        "top": MOST_RANKED,
-        "hiding": [
-            {
-                "title": plain(one.effect.title, 80),
-                "size": plain(one.text),
-                "error": f"{two_digits(one.rms * shown.factor)} {shown.unit}",
-                "note": one.how_rare,
-            }
-            for one in diagnosis.could_hide
-            if one.possible
-        ][:MOST_RANKED],
-        "model": list(_model(diagnosis)),
-        "terms": list(_terms(diagnosis)),
-        "plan": None if plan is None else _plan(plan),
-        "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
-        "worst": list(_worst(diagnosis, shown)),
-        "counted": order_of_rows(fit.observations).counted,
-        "two": diagnosis.final_with_forms is not fit,
-        "version": _version(),
-    }
+    drawn = {figure.name: figure for figure in figures}
+    errors = Part([drawn["ladder"], *on_errors(diagnosis)], "The error, model by model", "section")
+    measured = Part(list(_measured(diagnosis, shown)), "What was measured", "section")
+    blocks: list[Block] = [
+        Part(list(_verdict(diagnosis, plan)), "", f"verdict {diagnosis.verdict}"),
+        Facts(list(_sizes(diagnosis, shown)), "", "sizes"),
+        *_section("The machine's errors", _machine(diagnosis, radii)),
+        Part([errors, measured], "", "two"),
+        *_section("Residuals", _residuals(diagnosis, shown, figures)),
+        *_section("Candidates, each alone on the base model", _candidates(diagnosis)),
+        *_section("What could hide", [*what_could_hide(diagnosis), *not_seen(diagnosis)]),
+        *_section("What to measure next", _plan(plan, drawn)),
+        *_section("The rest of the model, and how to read this page", _rest(diagnosis)),
+    ]
+    return Document(blocks, plain(diagnosis.base.machine.name, 120))
+
+
+def _section(title: str, blocks: Sequence[Block] | Iterator[Block]) -> Iterator[Part]:
+    if listed := list(blocks):
+        yield Part(listed, title, "section")
+
+
+def below_the_title(diagnosis: Diagnosis) -> str:
+    """Return which data the report is of."""
+    file = plain(_file(diagnosis.base.observations.data.file), 120)
+    return ", ".join([file, *_recorded(diagnosis, "date", "instrument")])
 
 
 def _file(name: str | None) -> str:
     return os.path.basename(name) if name else ""
 
 
-def _version() -> str:
-    from importlib.metadata import version
-
-    return version("rodgen")
-
-
 # the verdict -------------------------------------------------------------------------------------------------------
 
 
-def _counted(effects: int) -> str:
-    words = ("No effect is", "One effect is", "Two effects are", "Three effects are")
-    return words[effects] if effects < len(words) else f"{effects} effects are"
-
-
-def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
-    """Return what to do next, one line each."""
-    found = []
-    for step in diagnosis.steps[:2]:
-        if step.effect.definition.remedy and not step.indistinguishable_from:
-            found.append(
-                {
-                    "what": f"Remedy for {plain(step.effect.title, 60)}",
-                    "text": plain(step.effect.definition.remedy, LONG),
-                }
-            )
-    if diagnosis.verdict == "unknown_effect" and diagnosis.unexplained:
-        found.append(
-            {
-                "what": "Compensate",
-                "text": "Add the form with 'rodgen diagnose -o', or paste its block below into the machine file; the "
-                "emitted model then has it.",
-            }
-        )
+def _verdict(diagnosis: Diagnosis, plan: Plan | None) -> Iterator[Block]:
+    *before, (what, error) = statements(diagnosis)
+    said = [capitalized(error.lstrip(";: ")), *("".join(one) for one in before)]
+    yield Paragraph(plain(what, LONG * 4), "word")
+    yield Paragraph(plain(" ".join(filter(None, said)), LONG * 4), "say")
+    todo = [
+        (f"Remedy for {plain(step.effect.title, 60)}", step.effect.definition.remedy)
+        for step in diagnosis.steps[:2]
+        if not step.indistinguishable_from
+    ]
     goals = plan.goals if plan is not None and plan.count else ()
     asked = [g for g in goals if g.resolvable and (g.kind != "sharpen" or diagnosis.verdict == "cannot_tell")]
-    if asked:
-        found.append({"what": "Measure next", "text": plain(asked[0].sentences[0], LONG)})
-    return found
+    todo += [("Measure next", goal.sentences[0]) for goal in asked[:1]]
+    yield from [Facts(todo, "", "todo")] * any(text for _, text in todo)
 
 
-def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
+def _sizes(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     """Yield the numbers in large type."""
     rms = diagnosis.rms
-    fit = diagnosis.final
-    if diagnosis.steps:
-        yield {"name": "error before", "value": shown(rms.before), "unit": shown.unit, "kind": "before"}
-        name = "with the effects" if diagnosis.unexplained else "error after"
-        after = diagnosis.steps[-1].rms
-        yield {"name": name, "value": shown(after), "unit": shown.unit, "kind": "after"}
-    else:
-        yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": ""}
-    if diagnosis.unexplained:
-        name = "with the form as well" if diagnosis.steps else "with the form"
-        yield {"name": name, "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
-    if rms.after_held_out is not None:
-        yield {
-            "name": "on poses held out",
-            "value": shown(rms.after_held_out),
-            "unit": shown.unit,
-            "kind": "",
-        }
-    test = rms.after_test if rms.after_test is not None else rms.before_test
-    if test is not None:
-        yield {"name": "on the test file", "value": shown(test), "unit": shown.unit, "kind": ""}
-    source = noise_name(fit.noise.source)
-    if rms.noise is not None:
-        yield {"name": source, "value": shown(rms.noise), "unit": shown.unit, "kind": "noise"}
-    else:
-        yield {"name": "noise", "value": "not known", "unit": "", "kind": "noise"}
+    found: list[tuple[str, float | None]] = [("error before" if diagnosis.found else "error", rms.before)]
+    if diagnosis.found:
+        found.append(("error after", rms.after))
+    found.append(("on poses held out", rms.after_held_out))
+    found.append(("on the test file", rms.before_test if rms.after_test is None else rms.after_test))
+    yield from ((name, f"{shown(value)} {shown.unit}") for name, value in found if value is not None)
+    yield "noise", "not known" if rms.noise is None else f"{shown(rms.noise)} {shown.unit}"
+
+
+def _machine(diagnosis: Diagnosis, radii: Mapping[str, float]) -> Iterator[Block]:
+    """Yield what was found, how it gets into the machine file, and the errors of the machine as a whole."""
+
+    def more(step: DiagnosedEffect) -> Facts:
+        effect, definition = step.effect, step.effect.definition
+        hardware = in_hardware(effect, step.parameters, diagnosis.final, radii.get(str(effect.place)))
+        rows = [
+            ("On the machine", " ".join(hardware)),
+            ("Formula", definition.equation),
+            ("ISO 230", definition.iso),
+        ]
+        return Facts(rows)
+
+    yield from causes(diagnosis, more)
+    machine, data = diagnosis.base.machine.file, diagnosis.base.observations.data.file
+    if diagnosis.found and machine and data:
+        command = shlex.join(["rodgen", "diagnose", machine, data, "-o", "better.toml"])
+        yield Code(command, "Copy the command that writes a machine file with what was found")
+    terms = list(on_pointing(diagnosis))
+    parts = [*terms, *own_errors(diagnosis.final_with_forms, locations=not terms)]
+    yield from [Part(parts, "", "two" if len(parts) > 1 else "")] * bool(parts)
 
 
 # what was measured -------------------------------------------------------------------------------------------------
+
+
+def _measured(diagnosis: Diagnosis, shown: Shown) -> Iterator[Block]:
+    yield Facts(list(_facts(diagnosis, shown)))
+    yield Table(
+        ("joint", "from", "to", "unit", "places", "approached"), list(_joints(diagnosis)), "lrrlrl", "Joints"
+    )
+    known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
+    if notes := [plain(note, LONG * 4) for note in diagnosis.notes if note != known]:
+        yield Part([Bullets(notes)], "Notes")
 
 
 def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
@@ -201,10 +180,8 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     yield "Readings", f"{machine.measurand.words}, {frame}"
     poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
     runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""
-    yield (
-        "Data",
-        f"{plain(_file(o.data.file), 80)}: {o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}",
-    )
+    counts = f"{o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}"
+    yield "Data", f"{plain(_file(o.data.file), 80)}: {counts}"
     names = [plain(target.name, 24) for target in machine.targets]
     yield ("Target" if len(names) == 1 else "Targets"), joined(names, most=NAMED)
     for key in ("date", "instrument", "conditions"):
@@ -220,12 +197,9 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     others = [plain(name, 24) for name in o.covariates if not name.startswith("T_")]
     if others:
         yield "Other columns", joined(others, most=NAMED)
-    yield "Noise", _noise(diagnosis, shown)
-    if diagnosis.correlation is not None and diagnosis.correlation.text:
+    yield "Noise", diagnosis.final.noise.text
+    if diagnosis.correlation is not None:
         yield "Dependence", plain(diagnosis.correlation.text, LONG)
-    if on_sky := pointing(diagnosis.final_with_forms):
-        before = diagnosis.base.rms if diagnosis.found else None
-        yield "Pointing", on_sky.sentence(before).partition(": ")[2]
     bad = diagnosis.outliers
     if bad:
         places = o.data.places(np.flatnonzero(diagnosis.base.outliers))
@@ -245,26 +219,9 @@ def _recorded(diagnosis: Diagnosis, *keys: str) -> Iterator[str]:
             yield joined([plain(name, 120) for name in names], most=NAMED)
 
 
-def _noise(diagnosis: Diagnosis, shown: Shown) -> str:
-    floor = diagnosis.final.noise
-    said = []
-    if floor.stated is not None:
-        said.append(f"{shown(floor.stated)} {shown.unit} stated")
-    if floor.replicates is not None:
-        e = floor.replicates
-        said.append(
-            f"{shown(e.value)} {shown.unit} found from {floor.replicated_poses} repeated poses "
-            f"({shown(e.low)} to {shown(e.high)} with 95 %)"
-        )
-    if in_uncertainties(diagnosis):
-        said.append("readings are weighted by their own uncertainties, which differ")
-    return "; ".join(said) if said else "not known: none is stated, and no pose was repeated"
-
-
-def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
-    fit = diagnosis.base
-    o = fit.observations
-    for j, joint in enumerate(fit.machine.joints):
+def _joints(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
+    o = diagnosis.base.observations
+    for j, joint in enumerate(o.machine.joints):
         unit, factor = coordinate(o, j)
         q = o.q[:, j] / factor
         sides = set(np.unique(o.s[:, j]).tolist()) - {0}
@@ -273,253 +230,98 @@ def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
             approach = "never moved"
         elif not o.approach_known[j]:
             approach = "not known"
-        yield {
-            "name": plain(joint.column, 40),
-            "type": joint.type,
-            "low": _coordinate(float(q.min())),
-            "high": _coordinate(float(q.max())),
-            "unit": unit,
-            "places": len(np.unique(q)),
-            "approach": approach,
-        }
+        low, high = (_coordinate(float(x)) for x in (q.min(), q.max()))
+        yield plain(joint.column, 40), low, high, unit, str(len(np.unique(q))), approach
 
 
 def _coordinate(value: float) -> str:
-    return minus(f"{round(value, 3) + 0.0:g}")
+    return f"{round(value, 3) + 0.0:g}"
 
 
-def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
+# residuals and candidates ------------------------------------------------------------------------------------------
+
+
+def _residuals(diagnosis: Diagnosis, shown: Shown, figures: Sequence[Figure]) -> Iterator[Block]:
+    yield Part([f for f in figures if f.name.startswith(RESIDUALS)], "", "two")
+    if folded := [f for f in figures if f.name.startswith("covariate_")]:
+        title = f"Residuals against everything else that varied: {len(folded)} figures"
+        yield Part([Part(folded, "", "two")], title, "folded")
+    two = diagnosis.final_with_forms is not diagnosis.base
+    counted = order_of_rows(diagnosis.base.observations).counted
+    header = (counted, "target", "where", *(("before", "after") if two else ("rms",)), shown.unit)
+    rows = [row if two else (*row[:3], *row[4:]) for row in _worst(diagnosis, shown)]
+    yield Table(header, rows, "lllrrl" if two else "lllrl", "Largest residuals of the last model")
+
+
+def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, ...]]:
     """Yield the rows with the largest residuals after, with what they were before."""
     base, final = diagnosis.base, diagnosis.final_with_forms
     size = np.sqrt(np.mean(final.residuals**2, axis=1))
     size = np.where(np.isfinite(size), size, -1.0)
-    for row in np.argsort(-size, kind="stable")[:5]:
-        o = final.observations
+    o = final.observations
+    for row in np.argsort(-size, kind="stable")[:WORST]:
         where = ", ".join(
             f"{plain(joint.column, 16)} {_coordinate(float(o.q[row, j] / coordinate(o, j)[1]))}"
             for j, joint in enumerate(base.machine.joints)
         )
-        target = plain(base.machine.targets[int(o.target[row])].name, 24)
-        yield {
-            "row": int(o.data.numbers([row])[0]),
-            "target": target,
-            "where": where,
-            "before": shown(float(np.sqrt(np.mean(base.residuals[row] ** 2)))),
-            "after": shown(float(size[row])),
-            "outlier": bool(final.outliers[row] or base.outliers[row]),
-        }
+        yield (
+            str(o.data.numbers([row])[0]),
+            plain(base.machine.targets[int(o.target[row])].name, 24),
+            where,
+            shown(float(np.sqrt(np.mean(base.residuals[row] ** 2)))),
+            shown(float(size[row])),
+            "outlier" if final.outliers[row] or base.outliers[row] else "",
+        )
 
 
-def _notes(diagnosis: Diagnosis) -> list[str]:
-    """Return the notes of a diagnosis except those that the facts already contain."""
-    known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
-    notes = [note for note in diagnosis.notes if note != known]
-    claims = diagnosis.steps or diagnosis.unexplained or diagnosis.geometry
-    first = [] if claims or not diagnosis.ranking else [nearest(diagnosis)]
-    more = [only_together(diagnosis), *on_sets(diagnosis), how_to_distinguish(diagnosis)]
-    return [*first, *filter(None, more), *notes]
-
-
-# the ladder, the model ---------------------------------------------------------------------------------------------
-
-
-def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
-    file = [diagnosis.geometry.before] if diagnosis.geometry is not None else []
-    fits = [*file, *diagnosis.fits, *(form.fit for form in diagnosis.unexplained)]
-    for (title, fitted, held, test, odds), fit in zip(rungs(diagnosis), fits, strict=True):
-        yield {
-            "title": title,
-            "fitted": shown(fitted),
-            "held": shown(held),
-            "test": shown(test),
-            "odds": odds,
-            "free": len(fit.free),
-        }
-
-
-def _model(diagnosis: Diagnosis) -> Iterator[Content]:
-    """Yield the parameters of the model that belong to no effect that was found."""
-    keys = {e.key for step in diagnosis.found for e in step.parameters.values()}
-    for estimate in diagnosis.estimates.values():
-        if estimate.key not in keys and (not estimate.held or estimate.value):
-            yield _parameter(plain(estimate.key, 60), estimate)
-
-
-def _terms(diagnosis: Diagnosis) -> Iterator[Content]:
-    """Yield the terms of TPOINT that the numbers of the last model are."""
-    if on_sky := pointing(diagnosis.final_with_forms):
-        for term, estimate in on_sky.terms.items():
-            yield _parameter(term, estimate)
-
-
-def _parameter(name: str, e: Estimate) -> Content:
-    value, std, unit = e.shown
-    if e.held:
-        std = "held"
-    elif e.at_bound:
-        std = "at its bound"
-    elif not e.determined:
-        std = "not determined"
-    elif e.convention:
-        std = f"{std}, by a choice of coordinates"
-    return {"name": name, "value": minus(value), "std": std, "unit": plain(_pretty(unit), 24)}
-
-
-def _pretty(unit: str) -> str:
-    return "" if unit == "1" else unit.replace("um", "µm")
-
-
-# the effects -------------------------------------------------------------------------------------------------------
-
-
-def _step(
-    diagnosis: Diagnosis, step: DiagnosedEffect, number: int, shown: Shown, radii: Mapping[str, float]
-) -> Content:
-    effect, definition = step.effect, step.effect.definition
-    before = rungs(diagnosis)[number - len(diagnosis.found) - 2]
-    first = any(one[0] is step for one in of_one_kind(diagnosis.steps))
-    radius = radii.get(str(effect.place))
-    per_mm = None
-    if effect.name == "encoder_eccentricity" and not definition.own:
-        per_mm = eccentricity(step.parameters)
-    return {
-        "number": number,
-        "title": plain(effect.title, 80),
-        "name": plain(effect.name, 60),
-        "place": plain(effect.place, 60) if effect.place else "the whole machine",
-        "equation": plain(definition.equation, LONG),
-        "iso": definition.iso,
-        "meaning": plain(definition.meaning, LONG * 2) if first else "",
-        "usual": plain(definition.usual_size, LONG) if first else "",
-        "unusual": far_from_usual(step, diagnosis.base.machine),
-        "remedy": plain(definition.remedy, LONG * 2) if first else "",
-        "source": plain(definition.source, LONG),
-        "odds": odds_text(step.odds),
-        "from": shown(before[1]),
-        "to": shown(step.rms),
-        "held_from": shown(before[2]),
-        "held_to": shown(step.rms_held_out),
-        "parameters": [_parameter(plain(effect.label(x), 40), e) for x, e in step.parameters.items()],
-        "hardware": in_hardware(effect, step.parameters, diagnosis.final, radius),
-        "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
-        "radius": None if radius is None else f"{radius:g}",
-        "where": shares(step),
-        "aliases": [_alias(alias) for alias in step.indistinguishable_from if alias not in step.shares],
-        "command": _add(diagnosis, number),
-    }
-
-
-def _alias(alias: Alias) -> Content:
-    meanings = [effect.definition.meaning for effect in alias.effects]
-    return {
-        "title": plain(together(alias), 160),
-        "odds": comparison(alias.odds),
-        "meaning": plain(" ".join(meanings), LONG * 4),
-    }
-
-
-def _add(diagnosis: Diagnosis, number: int) -> str:
-    """Return the command that adds an effect to the file that the commands before it wrote; nothing without files."""
-    machine, data = diagnosis.base.machine, diagnosis.base.observations.data.file
-    before = [step.effect for step in diagnosis.steps[: number - 1]]
-    effect = diagnosis.steps[number - 1].effect
-    if not machine.file:
-        return ""
-    file = reduce(
-        lambda file, effect: name_with(file, (effect.name, effect.place or "")), before, machine.file
+def _candidates(diagnosis: Diagnosis) -> Iterator[Block]:
+    if not diagnosis.ranking:
+        return
+    yield Paragraph(
+        "Every effect of the catalogue at every place, before anything was added. Explains is its share of the sum of "
+        "squared residuals, each in its standard deviation. Visible is the share of the effect that the model's own "
+        "parameters cannot imitate. Odds: how many times as probable the model is with it alone as without anything. "
+        "Where one effect is missing, others explain a part of it: what has high odds here is missing only if it is "
+        "in the model above."
     )
-    words = ["rodgen", "add", file, effect.name, data]
-    if effect.place is not None:
-        words += ["--target" if machine.kind_of(effect.place) == "target" else "--joint", effect.place]
-    units = effect.units(machine)
-    for name, value in effect.hold.items():
-        unit = units.get(name, "1")
-        size = value / unit_factor(unit, machine.length_unit)[0] if value else 0
-        words += ["--hold", f"{name}={size:g}{'' if unit == '1' or not value else unit}"]
-    return shlex.join(words)
-
-
-def _unexplained(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
-    what = {
-        "reading": "reading",
-        **{f"t{x}": f"translation along {x}" for x in "xyz"},
-        **{f"r{x}": f"rotation about {x}" for x in "xyz"},
+    taken = {step.effect.identity for step in diagnosis.steps}
+    like = {
+        a.effect.identity
+        for step in diagnosis.steps
+        for a in step.indistinguishable_from
+        if len(a.effects) == 1
     }
-    for number, form in enumerate(diagnosis.unexplained, len(diagnosis.steps)):
-        before = rungs(diagnosis)[number - len(diagnosis.found) - 1]
-        component = what[form.component]
-        yield {
-            "driver": plain(form.driver),
-            "what": f"{component} at {plain(form.joint)}"
-            if form.joint
-            else f"{component} of the whole machine",
-            "form": plain(form.form, LONG),
-            "odds": odds_text(form.odds),
-            "from": shown(before[1]),
-            "to": shown(form.rms),
-            "held_from": shown(before[2]),
-            "held_to": shown(form.rms_held_out),
-            "parameters": [_parameter(plain(name, 40), e) for name, e in form.parameters.items()],
-            "block": form.block.strip(),
-        }
-
-
-# the ranking -------------------------------------------------------------------------------------------------------
-
-
-def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
-    taken = {s.effect.identity: i for i, s in enumerate(diagnosis.steps, 1)}
-    aliases: dict[tuple[str, str | None], list[str]] = {}
-    for i, step in enumerate(diagnosis.steps, 1):
-        for alias in step.indistinguishable_from:
-            if len(alias.effects) == 1:
-                aliases.setdefault(alias.effect.identity, []).append(str(i))
+    rows = []
     for rank, r in enumerate(diagnosis.ranking, 1):
         key = r.effect.identity
-        mark = ""
-        if key in taken:
-            mark = f"step {taken[key]}"
-        elif key in aliases:
-            mark = f"like step {' and '.join(aliases[key])}"
-        yield {
-            "rank": rank,
-            "name": plain(r.effect.name, 60),
-            "place": plain(r.effect.place, 40) if r.effect.place else "machine",
-            "mark": mark,
-            "taken": key in taken,
-            "odds": odds_text(r.odds),
-            "odds_number": f"{max(r.log10_odds, -LARGEST):.3f}",
-            "explains": percent(r.explains),
-            "explains_number": f"{100 * min(max(r.explains, 0.0), 1.0):.1f}",
-            "visible": percent(r.visible),
-            "visible_number": f"{100 * min(max(r.visible, 0.0), 1.0):.1f}",
-        }
+        mark = "in the model" if key in taken else "like one of these" if key in like else ""
+        place = plain(r.effect.place, 40) if r.effect.place else "machine"
+        numbers = percent(r.explains), percent(r.visible), odds_text(r.odds)
+        rows.append((str(rank), plain(r.effect.name, 60), place, *numbers, mark))
+    header = ("rank", "effect", "at", "explains", "visible", "odds", "")
+    yield Table(header, rows, "rllbrrl", most=MOST_RANKED, kind="sorted ranking")
 
 
-# what to measure next ----------------------------------------------------------------------------------------------
+# what to measure next, and the rest --------------------------------------------------------------------------------
 
 
-def _plan(plan: Plan) -> Content:
-    columns = {**plan.rows, **plan.sky}
-    rows = [[_cell(value) for value in row] for row in zip(*columns.values(), strict=True)]
-    return {
-        "notes": [plain(note, LONG * 2) for note in plan.notes],
-        "goals": [_goal(goal) for goal in plan.goals],
-        "columns": [plain(name) for name in columns],
-        "rows": rows,
-        "csv": plan.csv() if rows else "",
-    }
+def _plan(plan: Plan | None, figures: Mapping[str, Figure]) -> Iterator[Block]:
+    if plan is not None:
+        yield from plan.document().blocks
+        if plan.count:
+            yield Download("plan.csv", plan.csv())
+        if "plan" in figures:
+            yield Part([figures["plan"]], "", "two")
 
 
-def _cell(value: Any) -> str:
-    return minus(f"{value:.6g}") if isinstance(value, float) else plain(str(value), 24)
-
-
-def _goal(goal: Goal) -> Content:
-    state = "not possible within the travel"
-    if goal.resolvable:
-        state = "expected to be reached" if goal.reached else "expected to be reached in part"
-        if goal.kind == "sharpen":
-            state = ""
-    first, *more = goal.sentences
-    return {"sentence": plain(first, LONG), "more": [plain(x, LONG * 4) for x in more], "state": state}
+def _rest(diagnosis: Diagnosis) -> Iterator[Block]:
+    keys = {e.key for step in diagnosis.found for e in step.parameters.values()}
+    rows = [
+        (plain(e.key, 60), e.text)
+        for e in diagnosis.estimates.values()
+        if e.key not in keys and (not e.held or e.value)
+    ]
+    if rows:
+        title = f"{len(rows)} further parameters of the last model"
+        yield Part([Facts(rows)], title, "folded")
+    yield Part([Bullets(TERMS)], "What the terms mean", "folded")

@@ -7,19 +7,19 @@ size.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rodgen.calibration.fit import Estimate, Fit
 from rodgen.calibration.volumetric import VolumetricError, volumetric_error
 from rodgen.calibration.words import plain, three_digits
-from rodgen.data.units import ARCSEC, parse_unit
-from rodgen.machines.emit.own_errors import location_errors
+from rodgen.data.units import ARCSEC, parse_unit, readable
+from rodgen.document import Block, Facts, Paragraph, Part, Table
+from rodgen.machines.emit.own_errors import LocationError, location_errors
 from rodgen.machines.machine import Effect
 from rodgen.output.figures.drawn_rows import coordinate
-from rodgen.output.numbers import minus, shown_unit
 from rodgen.statistics.digits import measured
 
 if TYPE_CHECKING:
@@ -54,14 +54,6 @@ def in_hardware(
         return list(say(_Fitted(effect, parameters, fit, radius)))
     except KeyError:  # parameters under other names, such as those of a set-up
         return []
-
-
-def eccentricity(parameters: Mapping[str, Estimate]) -> tuple[float, float | None] | None:
-    """Return the eccentricity of a scale per millimetre of its radius, in micrometres, and its standard deviation."""
-    if not {"a", "b"} <= parameters.keys():
-        return None
-    size, std = _amplitude(parameters)
-    return size * ARCSEC * 1e3, None if std is None else std * ARCSEC * 1e3
 
 
 class _Fitted:
@@ -290,62 +282,66 @@ _SENTENCES: Mapping[str, Callable[[_Fitted], Iterator[str]]] = {
 
 # the whole machine -------------------------------------------------------------------------------------------------
 
-Content: TypeAlias = dict[str, Any]
-
 FEW = 12
 """Location errors that are shown without being unfolded."""
 
 
-def own_errors(fit: Fit) -> Content | None:
-    """Return the errors of a fitted machine as texts; None where there is nothing to say.
+def own_errors(fit: Fit, *, locations: bool = True) -> Iterator[Part]:
+    """Yield the errors of a fitted machine: of the locations of its axes, and of the whole.
 
     Parameters
     ----------
     fit : Fit
         With everything that was found.
+    locations : bool, optional
+        Whether those of locations are wanted; of a mount TPOINT's terms are the same.
     """
     keys = [p.key for p in fit.parameters]
     listed = location_errors(
         fit.machine, fit.observations.travel, (keys, fit.covariance), fit.determinacy.null
     )
     volume = volumetric_error(fit)
+    if not listed and (volume is None or volume.largest == 0):
+        return
+    if listed and locations:
+        yield _locations(listed)
+    if volume is not None:
+        yield _volume(fit, volume)
+
+
+def _locations(listed: Sequence[LocationError]) -> Part:
     rows = [
-        {
-            "symbol": plain(one.symbol, 40),
-            "meaning": plain(one.meaning, 80),
-            "value": _number(one.value, one.u),
-            "u": _number(one.u, one.u) if one.u else "held",
-            "unit": {"um": "µm"}.get(one.unit, one.unit),
-            "choice": one.by_choice,
-        }
+        (
+            plain(one.symbol, 40),
+            plain(one.meaning, 80) + ("*" if one.by_choice else ""),
+            measured(one.value, one.u)[0] if one.u else three_digits(one.value),
+            measured(one.u, one.u)[0] if one.u else "held",
+            one.unit,
+        )
         for one in listed
     ]
-    if not rows and (volume is None or volume.largest == 0):
-        return None
-    return {
-        "locations": rows,
-        "open": len(rows) <= FEW,
-        "choice": any(row["choice"] for row in rows),
-        "held": any(row["u"] == "held" for row in rows),
-        "volume": None if volume is None else _volume(fit, volume),
-    }
+    title = "Location errors (ISO 230-1, ISO 230-7)"
+    said = ["Real less nominal, in machine axes; a turn is positive about its axis by the right-hand rule."]
+    said += ["Held: as the file states it."] * any(not one.u for one in listed)
+    choice = (
+        "* Rests on a choice between geometries that predict the same readings: the one nearest to the file."
+    )
+    said += [choice] * any(one.by_choice for one in listed)
+    table = Table(("symbol", "error", "value", "U, k = 2", "unit"), rows, "llrrl", title)
+    blocks: list[Block] = [table, Paragraph(" ".join(said), "note")]
+    return Part(blocks, f"{len(rows)} location errors", "folded") if len(rows) > FEW else Part(blocks)
 
 
-def _number(value: float, u: float) -> str:
-    """Write a number with two significant digits of its expanded uncertainty."""
-    return minus(measured(value, u)[0] if u else three_digits(value))
-
-
-def _volume(fit: Fit, found: VolumetricError) -> Content:
-    shown = shown_unit(found.unit, [found.largest, found.most])
+def _volume(fit: Fit, found: VolumetricError) -> Part:
+    factor, unit = readable(found.unit, found.largest)
     machine, o = fit.machine, fit.observations
     units = [coordinate(o, j) for j in range(len(machine.joints))]
 
     def said(value: float, u: float | None) -> str:
         if u is None or not math.isfinite(u) or u <= 0:
-            return three_digits(value * shown.factor)
-        number, uncertain = measured(value * shown.factor, u * shown.factor)
-        return f"{number} ± {uncertain}"
+            return f"{three_digits(value * factor)} {unit}"
+        number, uncertain = measured(value * factor, u * factor)
+        return f"{number} ± {uncertain} {unit}"
 
     at = ", ".join(
         f"{plain(joint.name, 16)} {value / factor:.4g} {unit}"
@@ -375,11 +371,9 @@ def _volume(fit: Fit, found: VolumetricError) -> Content:
             "The data leave a choice between geometries that predict the same readings; these errors are those of the "
             "one nearest to the file."
         )
-    return {
-        "largest": minus(said(found.largest, found.largest_u)),
-        "most": minus(said(found.most, found.most_u)),
-        "unit": shown.unit,
-        "at": minus(at),
-        "how": minus(" ".join(how)),
-        "name": "Volumetric error" if moving else "Pointing error",
-    }
+    rows = [
+        ("Largest", f"{said(found.largest, found.largest_u)} at {at}"),
+        ("95 % below", said(found.most, found.most_u)),
+    ]
+    title = f"{'Volumetric' if moving else 'Pointing'} error, k = 2"
+    return Part([Facts(rows, title), Paragraph(" ".join(how), "note")])

@@ -1,15 +1,11 @@
-"""Put the page together: content, figures, style and scripts in one file that asks for nothing from outside."""
+"""Write the report as one file that asks for nothing from outside."""
 
 from __future__ import annotations
 
-import base64
 import os
 from collections.abc import Mapping
-from functools import partial
+from itertools import starmap
 from typing import TYPE_CHECKING
-
-import jinja2
-from markupsafe import Markup
 
 from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.errors import InputFileError, joined
@@ -17,17 +13,13 @@ from rodgen.files import OutputSet, write_file
 from rodgen.output.figures import diagnosis as figures_of
 from rodgen.output.figures import save_figures
 from rodgen.output.figures.diagnoses import unit_of
-from rodgen.output.figures.html import asset, figures_json, policy, scripts
-from rodgen.output.report.content import content
+from rodgen.output.figures.html import figure_block, page
+from rodgen.output.report.content import below_the_title, report
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
     from rodgen.calibration.plan import Plan
-
-RESIDUALS = ("residuals", "around_", "quantiles", "autocorrelation")
-"""What names of figures of residuals begin with."""
-report_asset = partial(asset, package=__package__)
 
 
 def write_report(
@@ -81,29 +73,12 @@ def report_page(
 def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -> tuple[list[go.Figure], str]:
     _check(diagnosis, radii)
     figures = list(figures_of(diagnosis, plan))
-    text = content(diagnosis, plan, unit_of(diagnosis), radii)
-    if text["plan"] and text["plan"]["csv"]:
-        csv = base64.b64encode(text["plan"]["csv"].encode()).decode()
-        text["plan"]["link"] = Markup(f"data:text/csv;charset=utf-8;base64,{csv}")
     # The page has the ranking as a table, with bars of its own.
     drawn = [figure for figure in figures if figure.layout.meta["name"] != "ranking"]
-    entries = [{"number": number, **figure.layout.meta} for number, figure in enumerate(drawn)]
-    code = [*scripts(), report_asset("report.js")]
-    page = (
-        environment()
-        .get_template("report.html.j2")
-        .render(
-            **text,
-            figures_by_name={entry["name"]: entry for entry in entries},
-            residuals=[entry for entry in entries if entry["name"].startswith(RESIDUALS)],
-            covariates=[entry for entry in entries if entry["name"].startswith("covariate_")],
-            drawn=Markup(figures_json(drawn)),
-            style=Markup(asset("figures.css") + "\n" + report_asset("report.css")),
-            scripts=[Markup(text) for text in code],
-            policy=policy(*code),
-        )
+    document = report(
+        diagnosis, plan, unit_of(diagnosis), radii, list(starmap(figure_block, enumerate(drawn)))
     )
-    return figures, page
+    return figures, page(document, drawn, over="Diagnosis", more=below_the_title(diagnosis))
 
 
 def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
@@ -112,14 +87,3 @@ def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
         if name not in joints:
             there = joined(joints) or "none: this machine has no revolute joint"
             raise InputFileError("command line", "--radius", f"no revolute joint {name!r}", there)
-
-
-def environment() -> jinja2.Environment:
-    """Return what makes pages of the templates here."""
-    return jinja2.Environment(
-        loader=jinja2.FunctionLoader(report_asset),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )

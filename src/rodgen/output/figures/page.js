@@ -10,30 +10,29 @@
   };
 
   // Tables that sort; the rest of a table joins it.
-  all("table[data-sort]").forEach(function (table) {
-    var body = table.tBodies[0], rest = document.getElementById(table.getAttribute("data-sort"));
-    all("thead th[data-key]", table).forEach(function (head, _, heads) {
+  var value = function (text) { return /million/.test(text) ? 1e6 : parseFloat(text.replace(/less than|[<  ]/g, "")); };
+  all("table.sorted").slice(0, 1).forEach(function (table) {
+    var body = table.tBodies[0], rest = table.parentNode.nextElementSibling;
+    all("thead th", table).forEach(function (head, column, heads) {
+      if (!head.textContent) return;
       var button = make("button", head.textContent);
       head.textContent = "";
       head.appendChild(button);
       button.addEventListener("click", function () {
-        if (rest) {
+        if (rest && rest.tagName === "DETAILS") {
           all("tbody tr", rest).forEach(function (row) { body.appendChild(row); });
           rest.parentNode.removeChild(rest);
           rest = null;
         }
-        var up = head.getAttribute("aria-sort") ? head.getAttribute("aria-sort") === "descending" : head.getAttribute("data-key") === "up";
-        var column = Array.prototype.indexOf.call(head.parentNode.children, head);
-        var value = function (row) { return row.children[column].getAttribute("data-value"); };
-        var rows = all("tr", body).map(function (row, i) { return { row: row, value: value(row), i: i }; });
+        var way = head.getAttribute("aria-sort") === "descending" ? 1 : -1;
+        var rows = all("tr", body).map(function (row, i) { return { row: row, text: row.children[column].textContent, i: i }; });
         rows.sort(function (a, b) {
-          var x = Number(a.value), y = Number(b.value), way = up ? 1 : -1;
-          var c = isNaN(x) || isNaN(y) ? a.value.localeCompare(b.value) : x - y;
-          return way * c || a.i - b.i;
+          var x = value(a.text), y = value(b.text);
+          return way * (isNaN(x) || isNaN(y) ? b.text.localeCompare(a.text) : x - y) || a.i - b.i;
         });
         rows.forEach(function (entry) { body.appendChild(entry.row); });
         heads.forEach(function (other) { other.removeAttribute("aria-sort"); });
-        head.setAttribute("aria-sort", up ? "ascending" : "descending");
+        head.setAttribute("aria-sort", way > 0 ? "ascending" : "descending");
       });
     });
   });
@@ -55,24 +54,6 @@
       else old();
     });
     part.appendChild(button);
-  });
-
-  // A scale's radius makes micrometres of an eccentricity.
-  all("[data-per-mm]").forEach(function (part) {
-    var label = make("label", "Radius of the scale: "), input = make("input"), out = make("output");
-    input.type = "number";
-    input.min = "0";
-    input.step = "any";
-    input.value = part.getAttribute("data-radius") || "50";
-    var tell = function () {
-      var off = Number(part.getAttribute("data-per-mm")) * Number(input.value);
-      out.textContent = isFinite(off) && input.value !== "" ? " mm, " + Number(off.toPrecision(3)) + " µm off the axis" : " mm";
-    };
-    input.addEventListener("input", tell);
-    label.appendChild(input);
-    label.appendChild(out);
-    part.appendChild(label);
-    tell();
   });
 
   window.addEventListener("beforeprint", function () { all("details").forEach(function (part) { part.open = true; }); });

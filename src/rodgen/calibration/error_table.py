@@ -1,0 +1,71 @@
+"""The errors of models, one after the other, with the odds for each and the noise: the one table of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from rodgen.calibration.words import three_digits
+from rodgen.data.units import readable
+from rodgen.document import Table
+
+if TYPE_CHECKING:
+    from rodgen.calibration.noise_floor import NoiseFloor
+
+THE_FILE = "the file"
+"""The model that a machine file describes, before anything is added."""
+
+
+class Model(NamedTuple):
+    """A model: what it has more than the one before, its errors and the odds for it in words."""
+
+    title: str
+    rms: float
+    rms_held_out: float | None
+    odds: str = ""
+    rms_test: float | None = None
+    """On further measurements."""
+    parameters: int | None = None
+    """How many are estimated."""
+
+
+def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor) -> Table:
+    """Return the errors of models, then the noise where it is known, with its 95 % interval by replicates.
+
+    Parameters
+    ----------
+    models : sequence of Model
+    unit : str
+        Of their errors.
+    noise : NoiseFloor
+    """
+    factor, shown = readable(unit, max(model.rms for model in models))
+
+    def size(value: float | None) -> str:
+        return "–" if value is None else three_digits(value * factor)
+
+    header = [f"rms in {shown} per reading", "fitted", "held out"]
+    rows = [[model.title, size(model.rms), size(model.rms_held_out)] for model in models]
+    more = {
+        "test file": [None if m.rms_test is None else size(m.rms_test) for m in models],
+        "parameters": [None if m.parameters is None else str(m.parameters) for m in models],
+    }
+    for name, cells in more.items():
+        if any(cells):
+            header.append(name)
+            for row, cell in zip(rows, cells, strict=True):
+                row.append(cell or "")
+    align = "l".ljust(len(header), "r")
+    rows = [[*row, model.odds] for row, model in zip(rows, models, strict=True)]
+    if noise.value is not None:
+        known, interval = noise.replicates, ""
+        if known is not None:
+            interval = f"{size(known.low)} to {size(known.high)} (95 %)"
+            interval += "" if noise.stated is None else f"; stated: {size(noise.stated)}"
+        rows.append([noise_name(noise.source), size(noise.value), *[""] * (len(header) - 2), interval])
+    return Table([*header, "odds"], rows, align)
+
+
+def noise_name(source: str | None) -> str:
+    """Return what the noise is called, by where it is known from."""
+    return {"replicates": "noise, by replicates", "stated": "noise, as stated"}.get(str(source), "noise")
