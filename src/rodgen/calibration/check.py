@@ -42,6 +42,7 @@ from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.solve.starting_values import nearest_frames, with_attitudes, with_zeros
 from rodgen.calibration.words import capitalized
 from rodgen.data.units import unit_factor
+from rodgen.document import Bullets, Document, Documented, Paragraph
 from rodgen.errors import RodgenError, joined
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
@@ -305,7 +306,7 @@ def fit_near(
 
 
 @dataclass(frozen=True, repr=False)
-class Check(Result):
+class Check(Documented, Result):
     """Whether a machine file and its data are plausible.
 
     Attributes
@@ -360,22 +361,18 @@ class Check(Result):
         free = sum(p.hold is None for p in parameters_of(machine, machine.structure, o.run_names))
         return bool(o.n * len(machine.measurand.components) > free)
 
-    def summary(self) -> str:
-        """Return it as text."""
-        return "\n".join(self._lines())
-
-    def _lines(self) -> Iterator[str]:
-        yield from self.observations.on_rows
+    def document(self) -> Document:
+        """Return what is wrong, if anything, and notes."""
         name = f"{self.machine.name}, {self.observations.data.file}"
+        said, others = [f"{name}: nothing looks wrong."], list[str]()
         if self.wrong:
-            yield f"{name}:"
-            yield self.sentence
-            yield from (f"  Equally probable: {repair.words}." for repair in self.repairs[1:])
-        elif self.is_shown:
-            yield f"{name}: nothing looks wrong."
-        else:
-            yield f"{name}: too few readings, for as many parameters, to show whether something is wrong."
-        yield from self.notes
+            said = [f"{name}:", self.sentence]
+            others = [f"Equally probable: {repair.words}." for repair in self.repairs[1:]]
+        elif not self.is_shown:
+            said = [f"{name}: too few readings, for as many parameters, to show whether something is wrong."]
+        lines = [Paragraph(text, "line") for text in (*self.observations.on_rows, *said)]
+        notes = [Paragraph(text, "line") for text in self.notes]
+        return Document([*lines, Bullets(others), *notes])
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen check --json`` prints it."""
@@ -385,9 +382,6 @@ class Check(Result):
             **plain(self, "wrong suspicions error=before error_repaired=after unit notes"),
             "repairs": [repair.to_dict(self.observations) for repair in self.repairs],
         }
-
-    def __str__(self) -> str:
-        return self.summary()
 
 
 def check(machine: Machine | Fit, data: Any = None) -> Check:

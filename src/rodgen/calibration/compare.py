@@ -33,6 +33,7 @@ from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import IN_UNCERTAINTIES, NOTHING_LEFT, in_component, odds_text, plain, sized
 from rodgen.calibration.worst_regions import Region, worst_regions
 from rodgen.data.poses import stretches
+from rodgen.document import Document, Documented, Paragraph, Part, Table
 from rodgen.errors import joined
 from rodgen.machines.drivers import HARMONICS, Driver, drivers_of_place, products
 from rodgen.machines.effects.definition import EffectDefinition
@@ -197,7 +198,7 @@ class Followed(Result):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Comparison(Result):
+class Comparison(Documented, Result):
     """What the residuals of a fit follow, and where the model is worst; made by :func:`compare`.
 
     ``print(comparison)`` shows sentences, the most important first, and a table.
@@ -254,11 +255,13 @@ class Comparison(Result):
         """What an engineer needs to know, the most important first."""
         return list(_sentences(self))
 
-    def __str__(self) -> str:
+    def document(self) -> Document:
+        """Return the sentences, then a table of each driver alone, then the error of each component."""
         each = zip(self.fit.machine.measurand.components, self.rms, self.fit.units, strict=True)
         rms = ", ".join(f"{name} {sized(value, unit)}" for name, value, unit in each)
-        parts = (self.sentences, [*_table(self)], [f"rms by component: {rms}"])
-        return "\n\n".join("\n".join(part) for part in parts if part)
+        said = [Paragraph(text, "line") for text in self.sentences]
+        parts = [Part(part) for part in (said, _table(self)) if part]
+        return Document([*parts, Part([Paragraph(f"rms by component: {rms}", "line")])])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data, as ``rodgen compare --json`` prints it.
@@ -464,13 +467,11 @@ def _shared(comparison: Comparison, *, wanders: bool) -> Iterator[str]:
         yield correlation.text
 
 
-def _table(comparison: Comparison) -> Iterator[str]:
+def _table(comparison: Comparison) -> list[Table]:
     best = dict[str, Followed]()
     for one in sorted(comparison.alone, key=lambda one: -one.log10_odds):
         if len(one.trial.drivers) == 1 or one.log10_odds > 0:
             best.setdefault(one.trial.name, one)
-    if not best:
-        return
     rows = []
     for one in best.values():
         name, unit = plain(one.trial.name), one.unit
@@ -478,9 +479,7 @@ def _table(comparison: Comparison) -> Iterator[str]:
         rows.append((name, one.trial.where, _percent(one.explained), _odds(one.log10_odds)))
     part = "of the variance" + (", weighted" if comparison.fit.weighted else "")
     head = ("covariate, each alone", "component", part, "odds that it matters")
-    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
-    for row in (head, *rows):
-        yield f"{row[0]:{widths[0]}}  {row[1]:{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]:>{widths[3]}}".rstrip()
+    return [Table(head, rows, "llrr")] if rows else []
 
 
 def _percent(part: float) -> str:
