@@ -29,7 +29,7 @@ class Model(NamedTuple):
     """How many are estimated."""
 
 
-def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor) -> Table:
+def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor | None) -> Table:
     """Return the errors of models, then the noise where it is known, with its 95 % interval by replicates.
 
     Parameters
@@ -37,7 +37,7 @@ def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor) -> Table:
     models : sequence of Model
     unit : str
         Of their errors.
-    noise : NoiseFloor
+    noise : NoiseFloor or None
     """
     factor, shown = readable(unit, max(model.rms for model in models))
 
@@ -57,7 +57,7 @@ def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor) -> Table:
                 row.append(cell or "")
     align = "l".ljust(len(header), "r")
     rows = [[*row, model.odds] for row, model in zip(rows, models, strict=True)]
-    if noise.value is not None:
+    if noise is not None and noise.value is not None:
         known, interval = noise.replicates, ""
         if known is not None:
             interval = f"{size(known.low)} to {size(known.high)} (95 %)"

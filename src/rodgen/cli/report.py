@@ -83,7 +83,7 @@ def _of_fleet(options: argparse.Namespace) -> int:
         found = "--test" if options.test else "--radius"
         raise refused(found, "given with results of a fleet", "MACHINE and DATA")
     from rodgen.calibration.fleet import Fleet
-    from rodgen.output.report.fleet import write_fleet_report
+    from rodgen.output.report import write_fleet_report
 
     _check_output(options)
     fleet = Fleet.load(options.machine)

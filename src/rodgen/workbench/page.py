@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import html
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from nicegui import ui
 
-from rodgen.calibration.error_table import noise_name
-from rodgen.calibration.words import odds_text
+from rodgen.calibration.error_table import THE_FILE, error_table, noise_name
+from rodgen.calibration.error_table import Model as ErrorModel
+from rodgen.calibration.words import odds_text, sized
 from rodgen.errors import RodgenError, listed
 from rodgen.machines.drivers import Driver
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
-from rodgen.statistics.digits import last_decimal
 from rodgen.workbench.actions import Add, Aside, Back, Repair
 from rodgen.workbench.drawing import Drawn, drawn, overlay
 from rodgen.workbench.keep import Keeping
 from rodgen.workbench.model import Model, keys
-from rodgen.workbench.parts import STYLE, anew, button, card, guarded, heading
+from rodgen.workbench.parts import STYLE, anew, button, card, guarded, heading, shown_blocks
 from rodgen.workbench.planning import Planning
 
 if TYPE_CHECKING:
@@ -236,51 +236,42 @@ class Page:
     def _fill_ladder(self) -> None:
         session, fit = self.desk.session, self.state.fit
         known = "rung" in self.state.__dict__
-        digits = max(int(last_decimal(min(s.fit.rms for s in session.states) or 1.0, 2)), 0) + 1
-
-        def figure(value: float | None) -> str:
-            return "–" if value is None else f"{value:.{min(digits, 9)}f}"
-
-        text = f"Error {figure(fit.rms)} {fit.unit} per reading"
-        if known:
-            text += f", {figure(self.state.rung.held_out.rms)} on poses held out"
-            noise = session.ladder.noise
-            if noise.value is not None:
-                text += f"; {noise_name(noise.source)} {figure(noise.value)}"
+        noise = session.ladder.noise if known else None
+        text = f"Error {sized(fit.rms, fit.unit)} per reading"
+        if known and (unseen := self.state.rung.held_out.rms) is not None:
+            text += f", {sized(unseen, fit.unit)} on poses held out"
+        if noise is not None and noise.value is not None:
+            text += f"; {noise_name(noise.source)} {sized(noise.value, fit.unit)}"
         self.status.set_text(f"{text}; {os.path.basename(self.state.observations.data.file)}.")
+        table = error_table([_model(state) for state in session.states], fit.unit, noise)
         with anew(self.ladder, "Ladder of the error"):
             with ui.element("table").classes("ladder").props('aria-label="Errors of the models"'):
                 with ui.element("tr"):
-                    for words in ("model", f"fitted [{fit.unit}]", "held out", "odds"):
+                    for words in table.header:
                         _in_cell("th", words)
-                for number, state in enumerate(session.states):
-                    with ui.element("tr").style("opacity:.5" if number > session.at else ""):
-                        self._rung(number, state, figure)
+                for number, row in enumerate(table.rows):
+                    with ui.element("tr").style(
+                        "opacity:.5" if session.at < number < len(session.states) else ""
+                    ):
+                        self._rung(number, row)
             if known:
                 rung = self.state.rung
-                for sentence in (rung.verdict, rung.held_out.note, self._noise()):
+                for sentence in (rung.verdict, rung.held_out.note, session.ladder.noise.text):
                     if sentence:
                         ui.label(sentence).classes("soft")
 
-    def _noise(self) -> str:
-        return self.desk.session.ladder.noise.text
-
-    def _rung(self, number: int, state: State, figure: Callable[[float | None], str]) -> None:
+    def _rung(self, number: int, row: Sequence[str]) -> None:
         session = self.desk.session
-        rung = state.rung if "rung" in state.__dict__ else None
-        title = state.action.title if state.action else "as the file is"
-        step = rung.step if rung else None
+        title, *numbers = row
         with ui.element("td"):
-            back = ui.button(title, on_click=guarded(partial(self.desk.go, number)))
-        back.props("flat dense no-caps align=left")
-        back.props["aria-label"] = f"Go back to: {title}"
-        if number == session.at:
-            back.props("color=primary").style("font-weight:650")
-        numbers = [
-            figure(state.fit.rms),
-            figure(rung.held_out.rms) if rung else "…",
-            odds_text(step.odds) if step else "",
-        ]
+            if number < len(session.states):
+                back = ui.button(title, on_click=guarded(partial(self.desk.go, number)))
+                back.props("flat dense no-caps align=left")
+                back.props["aria-label"] = f"Go back to: {title}"
+                if number == session.at:
+                    back.props("color=primary").style("font-weight:650")
+            else:
+                ui.label(title)
         for words in numbers:
             _in_cell("td", words)
 
@@ -319,7 +310,7 @@ class Page:
             with ui.element("div").classes("what"):
                 ui.label(title)
                 unit = self.state.fit.unit
-                said = f"odds {odds_text(suspect.odds)}, would leave {suspect.rms:.3g} {unit}"
+                said = f"odds {odds_text(suspect.odds)}, would leave {sized(suspect.rms, unit)}"
                 ui.label(said).classes("soft")
                 if suspect.like is not None:
                     ui.label(f"indistinguishable from {suspect.like.title}").classes("soft")
@@ -716,7 +707,7 @@ class Page:
                     take.set_enabled(one.effect.identity not in there)
                     with ui.element("div").classes("what"):
                         ui.label(one.effect.title)
-                        said = f"odds {odds_text(one.odds)}, leaves {one.rms:.3g} {state.fit.unit}"
+                        said = f"odds {odds_text(one.odds)}, leaves {sized(one.rms, state.fit.unit)}"
                         ui.label(said).classes("soft")
             if rows := diagnosis.outlier_rows:
                 count = f"{len(rows)} outlier{'s' * (len(rows) > 1)}"
@@ -725,7 +716,7 @@ class Page:
                     take.set_enabled(state is self.state)
                     ui.label(count).classes("what")
             with ui.expansion("What it says").props("dense").classes("w-full"):
-                ui.label(diagnosis.summary()).classes("code")
+                shown_blocks(diagnosis.document().blocks)
 
     async def _exclude(self, rows: list[int]) -> None:
         from rodgen.calibration.diagnosis import EXCLUDED
@@ -747,6 +738,16 @@ def _rows_of(event: Any) -> set[int]:
     return {
         int(row) for row in event.args.get("rows", ()) if isinstance(row, int | float) and abs(row) < 2**53
     }
+
+
+def _model(state: State) -> ErrorModel:
+    """Return a state as the table of errors shows it; what takes longer than the fit only where it is known."""
+    title = state.action.title if state.action else THE_FILE
+    if "rung" not in state.__dict__:
+        return ErrorModel(title, state.fit.rms, None)
+    rung = state.rung
+    odds = odds_text(rung.step.odds) if rung.step else ""
+    return ErrorModel(title, rung.fit.rms, rung.held_out.rms, odds)
 
 
 def _in_cell(kind: str, words: str) -> None:

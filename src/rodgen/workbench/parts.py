@@ -11,6 +11,7 @@ from typing import Any
 
 from nicegui import ui
 
+from rodgen.document import Block, as_html
 from rodgen.errors import RodgenError
 
 STYLE = """
@@ -39,6 +40,14 @@ h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
 .suspect.like{margin-left:18px;width:calc(100% - 18px)}
 .q-tooltip{max-width:340px;font-size:.8rem}
 .code{font-family:ui-monospace,monospace;font-size:.8rem;white-space:pre-wrap;background:var(--wash);padding:6px;width:100%}
+.says{width:100%;overflow-x:auto;font-size:.88rem}
+.says h3,.says h4{font-size:.95rem;font-weight:650;line-height:1.4;margin:.7rem 0 .2rem}
+.says p,.says ul{margin:.3rem 0}.says ul{padding-left:1.1rem;list-style:disc}
+.says table{border-collapse:collapse}
+.says th,.says td{padding:1px 12px 1px 0;text-align:left;vertical-align:top;font-weight:400}
+.says thead th,.says .facts th{color:var(--soft)}
+.says .r,.says .b{text-align:right;white-space:nowrap}
+.says pre{font-family:ui-monospace,monospace;font-size:.8rem;background:var(--wash);padding:6px}
 .mono textarea{font-family:ui-monospace,monospace}
 .plot{width:100%;overflow-x:auto;contain:paint}
 .start{max-width:760px;width:100%;margin:0 auto;display:grid;gap:12px}
@@ -55,6 +64,11 @@ h2{font-size:1rem;font-weight:650;line-height:1.4;letter-spacing:0;margin:0}
 
 
 Handler = Callable[..., Awaitable[object]]
+
+
+def shown_blocks(blocks: Iterable[Block]) -> None:
+    """Show blocks of a document."""
+    ui.html(as_html(blocks, 3), sanitize=False).classes("says")
 
 
 def heading(text: str, level: int = 2) -> None:

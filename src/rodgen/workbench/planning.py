@@ -11,7 +11,7 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.workbench.desk import LIMITS, Window, Wish
-from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded
+from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded, shown_blocks
 
 _EXAMPLE = 'allowed = ["altitude > 20 deg"]\n[limits]\nC = [0, 270]\n[session]\nreadings = 20'
 PART = 8
@@ -97,7 +97,7 @@ class Planning:
             page.plots.pop("plan", None)
             if drawing is not None:
                 page.show("plan", ui.element("div").classes("plot"), drawing)
-            ui.label(str(plan)).classes("code")
+            shown_blocks(plan.document().blocks)
             with ui.element("div").classes("line"):
                 if plan.count:
                     save = partial(downloaded, plan.csv(), "plan.csv")

@@ -1,4 +1,4 @@
-"""Write the report as one file that asks for nothing from outside."""
+"""Write reports, of a machine or of a fleet, as one file that asks for nothing from outside."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from itertools import starmap
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.diagnosis import Diagnosis
+from rodgen.calibration.fleet.summary import drawn_parameters, machines
+from rodgen.document import Document
 from rodgen.errors import InputFileError, joined
 from rodgen.files import OutputSet, write_file
 from rodgen.output.figures import diagnosis as figures_of
-from rodgen.output.figures import save_figures
+from rodgen.output.figures import fleet_nights, fleet_parameter, save_figures
 from rodgen.output.figures.diagnoses import unit_of
 from rodgen.output.figures.html import figure_block, page
 from rodgen.output.report.content import below_the_title, report
@@ -19,7 +21,12 @@ from rodgen.output.report.content import below_the_title, report
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
+    from rodgen.calibration.fleet import Fleet
     from rodgen.calibration.plan import Plan
+
+
+NIGHTS = 6
+"""Changes that are drawn."""
 
 
 def write_report(
@@ -87,3 +94,42 @@ def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
         if name not in joints:
             there = joined(joints) or "none: this machine has no revolute joint"
             raise InputFileError("command line", "--radius", f"no revolute joint {name!r}", there)
+
+
+def fleet_figures(fleet: Fleet) -> list[go.Figure]:
+    """Return the figures of a page about a fleet."""
+    surest = {change.machine: change for change in reversed(fleet.changes.found)}  # one of each machine
+    drawn = sorted(surest.values(), key=lambda change: change.p_value)[:NIGHTS]
+    figures = [fleet_nights(fleet.changes, change) for change in drawn]
+    return figures + [fleet_parameter(p) for kind in fleet.kinds for p in drawn_parameters(kind)]
+
+
+def write_fleet_report(
+    fleet: Fleet, path: str | os.PathLike[str], *, images: str | os.PathLike[str] | None = None
+) -> list[str]:
+    """Write what is known of a fleet as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    fleet : rodgen.calibration.fleet.Fleet
+    path : str or os.PathLike
+    images : str or os.PathLike, optional
+        A folder for its figures, each as PNG and as SVG, which need Chrome or Chromium.
+
+    Returns
+    -------
+    list of str
+        The files that were written, the page first.
+
+    Raises
+    ------
+    InputFileError
+        When one of them cannot be written, or there is no browser for images.
+    """
+    figures, found = fleet_figures(fleet), fleet.document()
+    places = [figure_block(number, figure) for number, figure in enumerate(figures)]
+    blocks = [*found.blocks, *places, *map(machines, fleet.kinds)]
+    text = page(Document(blocks, f"Fleet, {fleet.plan.date}"), figures, over="Many machines")
+    with OutputSet():
+        write_file(path, text.encode())
+        return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
