@@ -6,7 +6,6 @@ import csv
 import gzip
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys

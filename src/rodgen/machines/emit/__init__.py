@@ -95,17 +95,17 @@ def emit(
     machine : Machine
         Fitted, such as ``fit.machine``: every parameter has a value, fitted or held.
     lang : str
-        One of :data:`rodgen.machines.emit.FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no
-        allocation, no state, no recursion, every loop bounded. ``"cpp"``: NAME.hpp and NAME_test.cpp; the same as a
-        C++17 header, in the namespace ``rodgen::NAME``. ``"matlab"``: +rodgen/NAME.m and NAME_test.m, for
-        MATLAB and GNU Octave, over many columns. ``"numpy"``: NAME.py and test_NAME.py, over many rows.
-        ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The geometry
-        alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified Denavit-Hartenberg
-        table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each axis over its travel,
-        and location errors, with the names of ISO 230. ``"screw"``: the errors of position of each axis as tables for
-        SINUMERIK and LinuxCNC. ``"linuxcnc"``: a kinematics component with the C code in it. ``"printer"``: radius,
-        rods, angles and endstops of a linear delta, for Klipper, Marlin and RepRapFirmware. Each file says what of
-        the model is not in it.
+        One of :data:`rodgen.machines.emit.FORMS`. ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision,
+        nothing but math.h, no allocation, no state, no recursion, every loop bounded. ``"cpp"``: NAME.hpp and
+        NAME_test.cpp; the same as a C++17 header, in the namespace ``rodgen::NAME``. ``"matlab"``: +rodgen/NAME.m and
+        NAME_test.m, for MATLAB and GNU Octave, over many columns. ``"numpy"``: NAME.py and test_NAME.py, over many
+        rows. ``"jax"``: the same for JAX in double precision, on whatever device it has, for jit, vmap and grad. The
+        geometry alone, with what is constant in it: ``"urdf"``, and ``"dh"``, a standard and a modified
+        Denavit-Hartenberg table. ``"tpoint"``: a mount as a model of TPOINT. ``"iso230"``: the error motions of each
+        axis over its travel, and location errors, with the names of ISO 230. ``"screw"``: the errors of position of
+        each axis as tables for SINUMERIK and LinuxCNC. ``"linuxcnc"``: a kinematics component with the C code in it.
+        ``"printer"``: radius, rods, angles and endstops of a linear delta, for Klipper, Marlin and RepRapFirmware. Each
+        file says what of the model is not in it.
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
