@@ -17,6 +17,7 @@ __all__ = [
     "NotConvergedError",
     "RodgenError",
     "UnexpectedError",
+    "counted",
     "joined",
     "listed",
     "nearest_hint",
@@ -138,6 +139,18 @@ def shown(text: object, limit: int = 60) -> str:
         text = f"{text:#x}"
     line = _one_line(text)
     return f"'{line if len(line) <= limit else line[: limit - 1] + '…'}'"
+
+
+def counted(count: float, word: str) -> str:
+    """Return how many there are of something.
+
+    Examples
+    --------
+    >>> counted(1, "row"), counted(0, "row"), counted(0.25, "false alarm")
+    ('1 row', '0 rows', '0.25 false alarms')
+    """
+    number = f"{count:g}" if isinstance(count, float) else count
+    return f"{number} {word}{'s' * (count != 1)}"
 
 
 def joined(names: Iterable[str], word: str = "and", most: int = MOST_NAMES) -> str:

@@ -30,11 +30,19 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.selection import equals, log10_of, select, worth
 from rodgen.calibration.sensitivities import Sensitivities
 from rodgen.calibration.summary import contradictions
-from rodgen.calibration.words import IN_UNCERTAINTIES, NOTHING_LEFT, in_component, odds_text, plain, sized
+from rodgen.calibration.words import (
+    IN_UNCERTAINTIES,
+    NOTHING_LEFT,
+    in_component,
+    odds_text,
+    percent,
+    plain,
+    sized,
+)
 from rodgen.calibration.worst_regions import Region, worst_regions
 from rodgen.data.poses import stretches
 from rodgen.document import Document, Documented, Paragraph, Part, Table
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.machines.drivers import HARMONICS, Driver, drivers_of_place, products
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
@@ -432,7 +440,7 @@ def _sentences(comparison: Comparison) -> Iterator[str]:
         yield "All readings are of one pose and one target: nothing varies that the residuals could depend on."
     elif comparison.correlation is None:
         poses = len(stretches(fit.observations.pose)[0])
-        yield f"{poses} pose{'s' * (poses != 1)}: too few, with this many parameters fitted, to show a dependence."
+        yield f"{counted(poses, 'pose')}: too few, with this many parameters fitted, to show a dependence."
     elif (looked_at := len(comparison.sensitivities.rows)) < fit.rows:
         yield f"Dependences were sought in {looked_at} of {fit.rows} rows, in stretches spread over the data."
 
@@ -451,7 +459,7 @@ def _worst(comparison: Comparison) -> Iterator[str]:
 def _found(comparison: Comparison) -> Iterator[str]:
     for i, one in enumerate(comparison.found):
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
-        said = f"{start} {one.trial.text}: {_percent(one.explained)} of their variance"
+        said = f"{start} {one.trial.text}: {percent(one.explained)} of their variance"
         if one.trial.joint or (one.trial.component and len(one.places) < len(comparison.rms)):
             said += f", {joined(one.places)}"
         yield f"{said} ({_odds(one.log10_odds)})."
@@ -476,16 +484,10 @@ def _table(comparison: Comparison) -> list[Table]:
     for one in best.values():
         name, unit = plain(one.trial.name), one.unit
         name += f" [{plain(unit)}]" if unit and name != "order" else ""
-        rows.append((name, one.trial.where, _percent(one.explained), _odds(one.log10_odds)))
+        rows.append((name, one.trial.where, percent(one.explained), _odds(one.log10_odds)))
     part = "of the variance" + (", weighted" if comparison.fit.weighted else "")
     head = ("covariate, each alone", "component", part, "odds that it matters")
     return [Table(head, rows, "llrr")] if rows else []
-
-
-def _percent(part: float) -> str:
-    if 0 < part < 0.01:
-        return "<1 %"
-    return f"{min(100 * part, 99.9):.3g} %" if part > 0.99 else f"{100 * part:.0f} %"
 
 
 def _odds(log10_odds: float) -> str:

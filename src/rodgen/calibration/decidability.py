@@ -11,7 +11,7 @@ from rodgen.calibration.dependence import FitRows
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem.assembly_modes import weakest
 from rodgen.calibration.words import comparison, fall
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.machines.observations import Observations
 from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST, EVIDENCE
@@ -38,7 +38,7 @@ def why_undecidable(base: Fit, *, checked: bool = False) -> str:
         )
     poses = len(np.unique(base.observations.pose[~base.outliers]))
     if poses < EVIDENCE.fewest_poses:
-        return f"Only {poses} pose{'s' * (poses != 1)}; a diagnosis needs at least {EVIDENCE.fewest_poses}."
+        return f"Only {counted(poses, 'pose')}; a diagnosis needs at least {EVIDENCE.fewest_poses}."
     unread = tuple(f"target.{name}." for name in unread_targets(base.observations))
     lacking = [
         d.text

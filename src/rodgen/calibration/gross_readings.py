@@ -16,6 +16,7 @@ from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.calibration.rows import Rows, wrong_rows
 from rodgen.calibration.words import capitalized, in_component, sized
 from rodgen.data.set_aside import rows_text
+from rodgen.errors import counted
 from rodgen.machines.observations import Observations
 from rodgen.views import with_html
 
@@ -144,7 +145,7 @@ def on_outliers(fit: Fit, rows: NDArray[np.bool_]) -> str:
     off = how_far_off(fit, *_worst(fit, out))
     places = fit.observations.data.places(out)
     stars = on_misidentified(fit, rows)
-    said = f"{len(out)} outlier{'s' * (len(out) != 1)}, taken out: {places}, off by {off}."
+    said = f"{counted(len(out), 'outlier')}, taken out: {places}, off by {off}."
     return f"{said} {capitalized(stars)}." if stars else said
 
 

@@ -33,7 +33,7 @@ from rodgen.calibration.solve.least_squares import NearFile, Solution, minimise,
 from rodgen.calibration.whitened import Whitened
 from rodgen.calibration.words import sized
 from rodgen.data.poses import groups, positions
-from rodgen.errors import RodgenError, joined
+from rodgen.errors import RodgenError, counted, joined
 from rodgen.machines.model import Frame
 from rodgen.machines.observations import Observations
 from rodgen.stages import each, stage
@@ -164,7 +164,7 @@ class HeldOut(Result):
         elif self.reason is not None:
             yield "No pose can be predicted from the others, so that there is no held-out error."
         if self.unpredicted:
-            rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
+            rows = counted(len(self.unpredicted), "row")
             yield f"Left out: {rows} without which nothing determines {names}."
         if not self.converged:
             yield "Not all of these fits converged."

@@ -25,7 +25,7 @@ from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.steps import StepOdds, odds_of_steps
 from rodgen.calibration.words import UNWEIGHED, odds_text
 from rodgen.document import Document, Documented, Paragraph
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, counted
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import Result, plain
@@ -140,7 +140,7 @@ class Ladder(Documented, Result):
         for model, rung in zip(self.models, self.rungs, strict=True):
             if count := int(rung.fit.outliers.sum()):
                 # outliers of a fit, or rows that a session sets aside
-                yield f"{model.title}: {count} row{'s' * (count != 1)} left out."
+                yield f"{model.title}: {counted(count, 'row')} left out."
             if not rung.fit.solution.converged:
                 yield f"{model.title}: NOT CONVERGED, the figures are where the fit stopped."
 

@@ -19,7 +19,7 @@ from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.calibration.problem.attitudes import attitude_numbers
 from rodgen.data.tables.writer import write_columns
 from rodgen.data.units import parse_unit
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Model
@@ -580,7 +580,7 @@ def _of_rows(observations: Observations) -> Iterator[Repair]:
     several_targets = len(np.unique(observations.target)) > 1
     offsets = far_offsets(observations)
     for offset in offsets if observations.n > 4 * max(offsets) else ():
-        rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)} {'later' if offset > 0 else 'earlier'}"
+        rows = f"{counted(abs(offset), 'row')} {'later' if offset > 0 else 'earlier'}"
         words = f"the readings are shifted against the commands: each belongs to those {rows}"
         yield Repair(words + ", with its target" * several_targets, "rows", 2, offset=offset)
         if several_targets:

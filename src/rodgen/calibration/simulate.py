@@ -25,7 +25,7 @@ from rodgen.calibration.problem.attitudes import attitude_columns
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements, Numbers
 from rodgen.data.units import ANGLE, ARCSEC, TIME, UnitError, parse_unit, typed_quantity, unit_factor
-from rodgen.errors import InputFileError, RodgenError, listed
+from rodgen.errors import InputFileError, RodgenError, counted, listed
 from rodgen.files import read_input
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.model import Frame, Model
@@ -271,9 +271,7 @@ class Simulator:
         parts = str(noise).split(",")
         if len(parts) != 2:
             expected = "that of a coordinate and that of a turn, such as '0.02mm, 20arcsec'"
-            raise InputFileError(
-                "noise", str(noise), f"{len(parts)} number{'s' * (len(parts) > 1)}", expected
-            )
+            raise InputFileError("noise", str(noise), counted(len(parts), "number"), expected)
         place, turn = (
             self._noise(text, unit) for text, unit in zip(parts, (self.unit, "arcsec"), strict=True)
         )

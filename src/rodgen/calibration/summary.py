@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rodgen.calibration.pointing import pointing
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance
 from rodgen.document import Block, Document, Paragraph, Part, Table
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.statistics.thresholds import LACK_OF_FIT
 from rodgen.views import plain
 
@@ -87,7 +88,7 @@ def document(fit: Fit) -> Document:
     """Return what `rodgen fit` prints."""
     readings = fit.problem.count * fit.problem.components
     counts = [(fit.problem.count, "row"), (readings, "reading"), (len(fit.free), "parameter")]
-    title = f"{fit.machine.name}: " + ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts)
+    title = f"{fit.machine.name}: " + ", ".join(starmap(counted, counts))
     return Document([*_said(_sentences(fit)), *_parts(fit)], title)
 
 

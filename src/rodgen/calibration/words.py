@@ -108,6 +108,24 @@ def _with_digits(value: float, count: int) -> str:
     return f"{value:.{count}g}"
 
 
+def percent(part: float, least: float = 0.1) -> str:
+    """Return a part of a whole, or a probability; of what is nearer to 0 or 1 than `least` per cent, only that it is.
+
+    Examples
+    --------
+    >>> percent(0.934), percent(0.0004), percent(0.012), percent(1.0), percent(0.9997)
+    ('93 %', '< 0.1 %', '1.2 %', '100 %', '> 99.9 %')
+    >>> percent(0.0051, 1), percent(0.0449, 1), percent(0.998, 1)
+    ('< 1 %', '4 %', '> 99 %')
+    """
+    hundreds = 100 * min(max(part, 0.0), 1.0)
+    near = min(hundreds, 100 - hundreds)
+    if 0 < near < least:
+        return f"< {least:g} %" if hundreds < 50 else f"> {100 - least:g} %"
+    digits = least < 1 and near > 0 and (hundreds < 9.95 or near < 1)
+    return f"{hundreds:.{int(digits)}f} %"
+
+
 def odds_text(times: float) -> str:
     """Return how many times as probable something is, in two digits, from a thousandth to a million.
 

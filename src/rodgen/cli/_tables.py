@@ -11,7 +11,7 @@ import numpy as np
 
 from rodgen.cli._console import OK, conclude
 from rodgen.cli._values import InputFile, OutputTable
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, counted
 
 if TYPE_CHECKING:
     from rodgen.data.tables import Answer, MapSummary
@@ -124,7 +124,7 @@ def _counted(table: str, summary: MapSummary) -> str:
     """Return the line that counts the rows of an output by their status."""
     name = "standard input" if table == "-" else table
     counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
-    return f"{name}: {summary.rows} row{'s' * (summary.rows != 1)} written{': ' * bool(counts)}{counts}"
+    return f"{name}: {counted(summary.rows, 'row')} written{': ' * bool(counts)}{counts}"
 
 
 def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rodgen.cli._console import Command, UsageError, after_fits, refused, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, diagnosed
 from rodgen.cli._values import OutputFile, whole
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.files import write_file
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _write(options: argparse.Namespace, found: Diagnosis) -> str:
     more += [effect.title for effect in effects]
     what = f"with {joined(more)}" if more else "without a change"
     if count := len(found.outliers):
-        outliers = f"{count} outlier{'s' * (count > 1)}"
+        outliers = counted(count, "outlier")
         if found.further_exclusions:
             what = f"{what if more else 'with the same model'}; {outliers} set aside"
         else:

@@ -9,7 +9,7 @@ from rodgen.cli._console import Command, after_fits, conclude, notify
 from rodgen.cli._machine import add_files, add_loss, add_scheduler, fitted, load_data
 from rodgen.cli._tables import add_output
 from rodgen.cli._values import InputFile, number
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, counted, shown
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -83,7 +83,7 @@ def _run_parts(options: argparse.Namespace) -> int:
 def _end(options: argparse.Namespace, fit: Fit, output: str, rows: int, undetermined: int) -> int:
     """Say what was written, and what its uncertainties are."""
     more = f"; {undetermined} not determined by these measurements" if undetermined else ""
-    conclude(f"{output}: {rows} row{'s' * (rows != 1)}{more}")
+    conclude(f"{output}: {counted(rows, 'row')}{more}")
     if options.coverage is not None:
         notify(f"Uncertainties are expanded, k = {options.coverage:g}.")
     notify(fit.dependence.text)

@@ -10,7 +10,7 @@ from typing import Any
 from rodgen.cli._console import OK, Command, UsageError, conclude, refused, show_json, show_result
 from rodgen.cli._machine import add_json, load_data
 from rodgen.cli._values import InputFile, OutputFile, OutputTable, whole
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, counted
 from rodgen.files import write_file
 
 _SIMULATE = """\
@@ -109,7 +109,7 @@ def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
     said = f"noise {noise['rms']:.3g} {noise['unit']}" if noise["rms"] else "no noise"
     name = options.output if options.output not in (None, "-") else "standard output"
     kept = f"; the truth is in {options.truth}" if options.truth else ""
-    return f"{name}: {about['rows']} row{'s' * (about['rows'] != 1)}, {said}{kept}"
+    return f"{name}: {counted(about['rows'], 'row')}, {said}{kept}"
 
 
 def _open(options: argparse.Namespace) -> int:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json
 from rodgen.cli._machine import add_json, load_data, remark_on_rows
 from rodgen.cli._values import InputFile, StateFile, frequency, whole
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, counted
 from rodgen.files import publish_outputs, write_file, written_at_once
 
 if TYPE_CHECKING:
@@ -186,10 +186,8 @@ class _Watching:
             raise InputFileError(file, "file", f"{rows} rows", expected)
         if not self.options.state and not self._ended:
             self._report_all(self.watch.finish())
-        count = self.watch.rows
-        notify(
-            f"{file}: {count} row{'s' * (count != 1)} watched, {self.alarms or 'no'} alarm{'s' * (self.alarms > 1)}"
-        )
+        alarms = counted(self.alarms, "alarm") if self.alarms else "no alarm"
+        notify(f"{file}: {counted(self.watch.rows, 'row')} watched, {alarms}")
 
     def _measured(self, lines: Lines, file: str) -> Iterator[Measurements]:
         """Yield the rows of lines that can be read; of others, say why they cannot."""

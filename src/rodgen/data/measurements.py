@@ -23,7 +23,7 @@ from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.tables.parts import Part, parts_of
 from rodgen.data.tables.table import Table, places_of, row_place, values_of
 from rodgen.data.units import UnitError, parse_unit
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, counted, shown
 from rodgen.views import data_frame, html_of_table
 
 __all__ = ["UNNAMED", "Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
@@ -377,7 +377,7 @@ class Measurements:
 
     def __repr__(self) -> str:
         names = ", ".join(column.text for column in self.columns.values())
-        return f"Measurements({self.file!r}, {self.rows} row{'s' * (self.rows != 1)}: {names})"
+        return f"Measurements({self.file!r}, {counted(self.rows, 'row')}: {names})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -452,7 +452,7 @@ class Scan:
 
     def __repr__(self) -> str:
         files = len({part.path for part in self.parts})
-        return f"Scan({self.file!r}, {files} file{'s' * (files != 1)}: {', '.join(self.columns)})"
+        return f"Scan({self.file!r}, {counted(files, 'file')}: {', '.join(self.columns)})"
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

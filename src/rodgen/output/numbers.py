@@ -1,4 +1,4 @@
-"""Numbers as people read them: one unit for all errors of a report, parts of a whole."""
+"""Numbers as people read them: one unit for all errors of a report."""
 
 from __future__ import annotations
 
@@ -47,17 +47,3 @@ def shown_unit(unit: str, values: list[float | None]) -> Shown:
 def minus(text: str) -> str:
     """Return a number's text with the sign that people write."""
     return text.replace("-", "−")
-
-
-def percent(part: float) -> str:
-    """Write a part of a whole.
-
-    Examples
-    --------
-    >>> percent(0.934), percent(0.0004), percent(0.012), percent(1.0)
-    ('93 %', '< 0.1 %', '1.2 %', '100 %')
-    """
-    hundreds = 100 * min(max(part, 0.0), 1.0)
-    if hundreds < 0.1:
-        return "< 0.1 %" if hundreds > 0 else "0 %"
-    return f"{hundreds:.1f} %" if hundreds < 9.95 else f"{hundreds:.0f} %"

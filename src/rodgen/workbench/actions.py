@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol, TypeAlias
 from rodgen.calibration.check import Check
 from rodgen.data.measurements import Measurements
 from rodgen.data.set_aside import rows_text
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, counted, shown
 from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.read import effect_of
 from rodgen.machines.machine import Effect, Machine
@@ -265,7 +265,7 @@ class _OfRows(Action):
     @property
     def title(self) -> str:
         """What it does, in a few words."""
-        rows = f"{len(self.rows)} row{'s' * (len(self.rows) != 1)}" if len(self.rows) else "all rows"
+        rows = counted(len(self.rows), "row") if len(self.rows) else "all rows"
         return f"{self.where or (f'run {self.run}' if self.run else rows)} {self._done}"
 
     def text(self, state: Edited) -> str:

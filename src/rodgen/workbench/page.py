@@ -16,7 +16,7 @@ from nicegui import ui
 from rodgen.calibration.error_table import THE_FILE, error_table, noise_name
 from rodgen.calibration.error_table import Model as ErrorModel
 from rodgen.calibration.words import odds_text, sized
-from rodgen.errors import RodgenError, listed
+from rodgen.errors import RodgenError, counted, listed
 from rodgen.machines.drivers import Driver
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
@@ -710,7 +710,7 @@ class Page:
                         said = f"odds {odds_text(one.odds)}, leaves {sized(one.rms, state.fit.unit)}"
                         ui.label(said).classes("soft")
             if rows := diagnosis.outlier_rows:
-                count = f"{len(rows)} outlier{'s' * (len(rows) > 1)}"
+                count = counted(len(rows), "outlier")
                 with ui.element("div").classes("suspect"):
                     take = button("Set aside", partial(self._exclude, rows), label=f"Set aside {count}")
                     take.set_enabled(state is self.state)

@@ -11,7 +11,7 @@ from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, K
 from rodgen.calibration.words import capitalized, probability, sized, two_digits
 from rodgen.data.units import readable
 from rodgen.document import Block, Document, Paragraph, Part, Table
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import FLEET
 
@@ -51,7 +51,7 @@ def _effects(kind: Kind) -> Iterator[Block]:
     spread = "Spread is that of the machines themselves, with its 95 % interval."
     few = f"A distribution is estimated from {FLEET.fewest} machines on."
     note = few if len(kind.machines) < FLEET.fewest else spread
-    yield Paragraph(f"{_count(len(kind.machines), 'machine')}. {note}")
+    yield Paragraph(f"{counted(len(kind.machines), 'machine')}. {note}")
     rows = []
     for effect in kind.effects:
         head = (effect.title + about_effect(effect), f"{effect.found} of {effect.of}", f"{effect.alike}")
@@ -104,17 +104,13 @@ def drawn_parameters(kind: Kind) -> list[FleetParameter]:
     return [p for effect in kind.effects for p in effect.parameters][:DRAWN]
 
 
-def _count(count: float, what: str) -> str:
-    return f"{count:g} {what}{'s' * (count != 1)}"
-
-
 def about_machines(fleet: Fleet) -> str:
     """Return a sentence on how many machines were diagnosed, and what was found."""
     counts = Counter(str(machine.result["verdict"]) for machine in fleet.diagnosed)
     about = [f"{words} in {counts[verdict]}" for verdict, words in VERDICTS.items() if counts[verdict]]
     about += [f"{len(fleet.failed)} could not be diagnosed"] * bool(fleet.failed)
     about += [f"{len(fleet.pending)} are not diagnosed yet"] * bool(fleet.pending)
-    return f"{_count(len(fleet.machines), 'machine')}, {fleet.plan.date}: {joined(about)}."
+    return f"{counted(len(fleet.machines), 'machine')}, {fleet.plan.date}: {joined(about)}."
 
 
 def about_effect(effect: FleetEffect) -> str:
@@ -169,11 +165,11 @@ def about_alarms(fleet: Fleet) -> str:
     """Return a sentence on alarms and their rate, then which parameters changed in most machines at once."""
     changes = fleet.changes
     first, last = changes.nights[0].date, changes.nights[-1].date
-    alarmed = _count(len({change.machine for change in changes.found}), "machine")
+    alarmed = counted(len({change.machine for change in changes.found}), "machine")
     head = f"{len(changes.nights)} nights, {first} to {last}: {alarmed} with an alarm"
     if not changes.tests:
         return f"{head}; changes are looked for from two nights of the same machine file on."
-    rate = _count(changes.false_alarms, "false alarm")
+    rate = counted(changes.false_alarms, "false alarm")
     text = (
         f"{head}. By chance the whole fleet has {rate} a year: {changes.tests} tests a night, {FLEET.nights:g} nights "
         f"a year, each alarm with p below {changes.threshold:.1e}."

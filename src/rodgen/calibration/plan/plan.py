@@ -19,7 +19,7 @@ from rodgen.calibration.plan.separation import Separation
 from rodgen.calibration.plan.sharpening import Sharpening
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.document import Block, Bullets, Document, Documented, Paragraph, Part, Table
-from rodgen.errors import joined, shown
+from rodgen.errors import counted, joined, shown
 from rodgen.machines.machine import Effect
 from rodgen.views import Result
 
@@ -104,7 +104,7 @@ class Plan(Documented, Result):
         if self.count:
             columns = for_people({**self.rows, **self.sky})
             rows = list(zip(*columns.values(), strict=True))
-            title = f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
+            title = f"What to measure: {counted(self.count, 'reading')}"
             yield Part([Table(list(columns), rows, "r" * len(columns))], title)
         else:
             sharpens = all(goal.kind == "sharpen" and goal.gains for goal in self.goals)

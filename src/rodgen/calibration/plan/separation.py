@@ -21,7 +21,8 @@ from rodgen.calibration.plan.design import Design, Linearized, Pair, linearized
 from rodgen.calibration.plan.goals import MOST_READINGS, Gain, Goal
 from rodgen.calibration.plan.pool import Planned, Pool
 from rodgen.calibration.plan.rows import Rows
-from rodgen.errors import InputFileError, joined
+from rodgen.calibration.words import percent
+from rodgen.errors import InputFileError, counted, joined
 from rodgen.machines.machine import Effect
 from rodgen.machines.observations import Observations
 from rodgen.statistics.thresholds import PLAN, SELECTION
@@ -37,8 +38,6 @@ MOST_DEPENDENT = 30.0
 """Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
 MOST_PAIRS = 3
 """Pairs of effects that a sentence names; the others are counted."""
-HARDLY = 0.005
-"""A smaller probability, or one as near to 1, is given in words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +229,7 @@ class Separation(Planned):
         if alike:
             texts = [f"{title[a]} and {title[b]}" for a, b in alike[:MOST_PAIRS]]
             if more := len(alike) - len(texts):
-                texts.append(f"and {more} more pair{'s' * (more > 1)}")
+                texts.append(f"and {counted(more, 'more pair')}")
             sentences.append(
                 f"No {MOST_READINGS} readings within reach would distinguish {'; '.join(texts)}."
             )
@@ -248,13 +247,7 @@ class Separation(Planned):
 
 
 def _chance(chances: Sequence[float]) -> str:
-    low, high = _percent(min(chances)), _percent(max(chances))
+    low, high = percent(min(chances), 1), percent(max(chances), 1)
     reached = min(chances) >= 1 - PLAN.doubt
     either = low if low == high or reached else f"{low} to {high}, depending on which is present"
     return f"Probability that these readings suffice: {either}."
-
-
-def _percent(probability: float) -> str:
-    if probability > 1 - HARDLY:
-        return "more than 99 %"
-    return "less than 1 %" if probability < HARDLY else f"{100 * probability:.0f} %"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.words import percent
 from rodgen.errors import joined
 from rodgen.views import plain, with_html
 
@@ -53,7 +54,7 @@ class Likely:
         """It with the size, such as ``"scale at EL (97 %): k = 12.1 ± 0.8 arcsec/rad"``."""
         seen = [e for e in self.changes if len(self.changes) <= FEW or abs(e.value) > 2 * (e.std or 0.0)]
         sizes = joined(f"{e.key} = {e.text}" for e in seen)
-        return f"{self.title} ({100 * self.probability:.0f} %)" + (f": {sizes}" if sizes else "")
+        return f"{self.title} ({percent(self.probability, 1)})" + (f": {sizes}" if sizes else "")
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -126,7 +127,7 @@ class Changed:
                 how = f": readings are {self.noise:.2g} times as far off, in no way that one effect explains"
         found = f"{self.counted} {self.at}: {what} began {when} (90 %){how}."
         if others:
-            names = joined([f"{one.title} ({100 * one.probability:.0f} %)" for one in others], most=MOST)
+            names = joined([f"{one.title} ({percent(one.probability, 1)})" for one in others], most=MOST)
             found += f" The readings do not tell it apart from {names}."
         return f"{found} {OUTSIDE}" if self.outside else found
 

@@ -24,7 +24,7 @@ from rodgen.calibration.watch.columns import WatchedColumns
 from rodgen.calibration.watch.events import Changed, Event, OutlierSeen
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
-from rodgen.errors import InputFileError, UnexpectedError, joined, shown
+from rodgen.errors import InputFileError, UnexpectedError, counted, joined, shown
 from rodgen.files import read_input
 from rodgen.statistics.change_detector import ChangeDetector
 from rodgen.statistics.thresholds import WATCH
@@ -150,7 +150,7 @@ class Watch:
             rows, file = self.fit.observations.n, self.fit.observations.data.file
             left = math.floor(max(degrees, 0))
             expected = f"a reference that leaves {WATCH.fewest:.0f}: more rows"
-            found = f"{rows} row{'s' * (rows != 1)}, which leave {left} degrees of freedom"
+            found = f"{counted(rows, 'row')}, which leave {left} degrees of freedom"
             raise InputFileError(file, "file", found, expected)
 
     def _time_of_a_row(self) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn, Layouts, bare_name
 from rodgen.data.tables.table import READABLE, Rows, Table, in_wanted_unit, row_place, values_of
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, counted, shown
 from rodgen.files import unreadable
 
 BATCH_ROWS = 1 << 15
@@ -263,7 +263,7 @@ def _as_arrow(frame: Any, name: str) -> pa.Table:
             raise InputFileError(name, "columns", f"{shown(text)} as a column's name", "text")
         arrays.append(_array(frame[text], f"column {shown(text)}", name))
         if len(arrays[-1]) != len(arrays[0]):
-            found = f"{len(arrays[-1])} row{'s' * (len(arrays[-1]) != 1)}"
+            found = counted(len(arrays[-1]), "row")
             expected = f"{len(arrays[0])}, as in the column {shown(texts[0])}"
             raise InputFileError(name, f"column {shown(text)}", found, expected)
     return pa.Table.from_arrays(arrays, names=texts)

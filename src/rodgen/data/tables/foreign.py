@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rodgen.data.units import is_unit
-from rodgen.errors import InputFileError, joined, shown
+from rodgen.errors import InputFileError, counted, joined, shown
 from rodgen.files import check_unpacked, decoded, read_input
 
 if TYPE_CHECKING:
@@ -245,7 +245,7 @@ def _sheet(file: str) -> tuple[list[tuple[int, list[Any]]], str]:
         raise
     except Exception as error:  # openpyxl answers a damaged file with errors of zip, XML and its own
         raise InputFileError(file, "file", f"no workbook ({type(error).__name__})", _EXPECTED) from None
-    more = f"; {others} other sheet{'s' * (others > 1)} not read" if others else ""
+    more = f"; {counted(others, 'other sheet')} not read" if others else ""
     return rows, f"{os.path.basename(file)}: workbook, sheet {shown(title)}{more}."
 
 
@@ -321,7 +321,7 @@ def _unpacked_size(content: bytes) -> int:
 
 
 def _of_rows(
-    file: str, rows: Sequence[tuple[int, list[Any]]], counted: str, notes: tuple[str, ...]
+    file: str, rows: Sequence[tuple[int, list[Any]]], called: str, notes: tuple[str, ...]
 ) -> ForeignTable:
     """Find the header: the first line as wide as most, with names, above a line with a number."""
     widths = [len(cells) for _, cells in rows]
@@ -348,13 +348,13 @@ def _of_rows(
         body = body[1:]
         notes += (f"Line {rows[at + 1][0]} has the units.",)
     if at:
-        notes += (f"Above the header, and not read: {at} line{'s' * (at > 1)}.",)
+        notes += (f"Above the header, and not read: {counted(at, 'line')}.",)
     for number, cells in body:
         if len(cells) > usual:
             found = f"{len(cells)} cells under {usual} columns"
-            raise InputFileError(file, f"{counted} {number}", found, "a cell for each column")
+            raise InputFileError(file, f"{called} {number}", found, "a cell for each column")
     if not body:
-        raise InputFileError(file, f"{counted} {rows[at][0] + 1}", "no rows", "rows under the header")
+        raise InputFileError(file, f"{called} {rows[at][0] + 1}", "no rows", "rows under the header")
     columns = []
     for k, text in enumerate(header):
         column = tuple(_cell(row[k] if k < len(row) else None) for _, row in body)
@@ -366,7 +366,7 @@ def _of_rows(
         if text:
             columns.append(ForeignColumn(text, name, unit, column))
     return ForeignTable(
-        file, tuple(columns), tuple(f"{counted} {n}" for n, _ in body), notes, f"{counted} {rows[at][0]}"
+        file, tuple(columns), tuple(f"{called} {n}" for n, _ in body), notes, f"{called} {rows[at][0]}"
     )
 
 

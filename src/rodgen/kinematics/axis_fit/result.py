@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.statistics.digits import last_decimal, measured
 from rodgen.views import plain, with_html
 
@@ -269,13 +269,13 @@ class AxisFit:
             Returns the names of pairs from their indices; left out, these are counted from 0, as in the arrays.
         """
         used = int(np.count_nonzero(self.weights))
-        pairs = f"{self.pairs} pair{'s' * (self.pairs != 1)}"
+        pairs = counted(self.pairs, "pair")
         if self.motions is None:
             point = "point known" if self.point_known else "point free"
             lines = [f"Axis fitted to {pairs} ({point}, loss {self.loss}): {self.status.name}"]
         else:
             count = len(self.motions.labels)
-            lines = [f"Helical axis of {count} motion{'s' * (count != 1)}: {self.status.name}"]
+            lines = [f"Helical axis of {counted(count, 'motion')}: {self.status.name}"]
         u = self.axis_uncertainty
         lines += [
             f"  direction   {vector_text(self.axis, u[0])}",
@@ -291,8 +291,8 @@ class AxisFit:
             lines += self.motions.lines(self.slide, self.slide_uncertainty)
         elif math.isfinite(self.slide_uncertainty):
             lines.append(f"  slide       {self._about_slide()}")
-        counted = f"; {used} of {pairs} count{'s' * (self.pairs == 1)}" if self.motions is None else ""
-        lines.append(f"  residuals   rms {self.rms:.4g}{counted}")
+        of_them = f"; {used} of {pairs} count{'s' * (self.pairs == 1)}" if self.motions is None else ""
+        lines.append(f"  residuals   rms {self.rms:.4g}{of_them}")
         source = "given" if self.sigma_given else f"estimated, {self.dof} degrees of freedom"
         noise = "unknown" if math.isnan(self.sigma) else f"{self.sigma:.4g} a coordinate of a reading"
         if math.isfinite(self.sigma_angle):

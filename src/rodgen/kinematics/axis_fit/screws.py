@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.array_types import Array, Index, Mask
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, counted
 from rodgen.kinematics.arrays import positive_length, real_array
 from rodgen.kinematics.axis_fit.pairs import Line, demand_finite, shown, tangents
 from rodgen.kinematics.axis_fit.result import (
@@ -232,7 +232,7 @@ def _check_body(points: Array, after: Array, label: Any, named: bool) -> None:
     count = len(np.unique(points, axis=0))
     if count < _FEWEST:
         raise RodgenError(
-            f"{of} has {count} point{'s' * (count != 1)}; without an angle a motion needs three, not on one line"
+            f"{of} has {counted(count, 'point')}; without an angle a motion needs three, not on one line"
         )
     if len(np.unique(np.concatenate([points, after], axis=1), axis=0)) > count:
         raise RodgenError(

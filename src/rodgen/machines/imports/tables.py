@@ -21,7 +21,16 @@ import numpy as np
 
 from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, read_foreign
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
-from rodgen.errors import InputFileError, UnexpectedError, in_file, joined, listed, nearest_name, shown
+from rodgen.errors import (
+    InputFileError,
+    UnexpectedError,
+    counted,
+    in_file,
+    joined,
+    listed,
+    nearest_name,
+    shown,
+)
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
 from rodgen.machines.machine import Joint, Machine
 from rodgen.machines.measured import NOTATIONS, TURNS
@@ -473,7 +482,7 @@ def _named_targets(
             )
         wide = dict(zip(targets, wide.values(), strict=True))
     said = [f"{target} is {' '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()]
-    columns.notes.append(f"Readings of {len(wide)} target{'s' * (len(wide) > 1)} in a row: {joined(said)}.")
+    columns.notes.append(f"Readings of {counted(len(wide), 'target')} in a row: {joined(said)}.")
     return wide
 
 

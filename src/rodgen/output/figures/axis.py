@@ -9,6 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from rodgen.array_types import Array, Index
+from rodgen.errors import counted
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
@@ -76,7 +77,7 @@ def axis_fit(fit: AxisFit, pairs: Pairs | Poses) -> go.Figure:
     spread = fit.axis_uncertainty[0]
     known = f"± {spread * 1e6:.3g} µrad" if math.isfinite(spread) else "uncertainty unknown"
     bad = int(fit.outliers.sum())
-    outliers = f", {bad} outlier{'s' * (bad > 1)}" if bad else ""
+    outliers = f", {counted(bad, 'outlier')}" if bad else ""
     rows = "poses" if hasattr(pairs, "position") else "pairs"
     shown = (
         ""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.calibration.diagnosis import Diagnosis
 from rodgen.calibration.diagnosis_text import rungs
-from rodgen.calibration.words import plain
+from rodgen.calibration.words import percent, plain
 from rodgen.output.figures.distributions import autocorrelation_of_residuals, quantiles_of_residuals
 from rodgen.output.figures.drawn_rows import MOST_MARKS, PLANNED, DrawnRows, coordinate, planned_rows
 from rodgen.output.figures.ladders import error_ladder
@@ -21,7 +21,7 @@ from rodgen.output.figures.maps import map_of
 from rodgen.output.figures.polar import joints_that_go_round, polar_of
 from rodgen.output.figures.residuals import components_of, file_name, reading_of, residuals_over
 from rodgen.output.figures.style import BLUE, GREY, Panel, column, describe, evenly, label
-from rodgen.output.numbers import Shown, percent, shown_unit
+from rodgen.output.numbers import Shown, shown_unit
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import Fit

@@ -19,14 +19,14 @@ from rodgen.calibration.diagnosis_text import (
     what_could_hide,
 )
 from rodgen.calibration.misidentified import on_misidentified
-from rodgen.calibration.words import capitalized, odds_text, plain, three_digits
+from rodgen.calibration.words import capitalized, odds_text, percent, plain, three_digits
 from rodgen.data.measurements import Names
 from rodgen.document import Block, Bullets, Code, Document, Download, Facts, Figure, Paragraph, Part, Table
-from rodgen.errors import joined
+from rodgen.errors import counted, joined
 from rodgen.machines.observations import order_of_rows
 from rodgen.output.figures.diagnoses import MOST_RANKED
 from rodgen.output.figures.drawn_rows import coordinate
-from rodgen.output.numbers import Shown, percent
+from rodgen.output.numbers import Shown
 from rodgen.output.report.hardware import in_hardware, own_errors
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     yield "Readings", f"{machine.measurand.words}, {frame}"
     poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
     runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""
-    counts = f"{o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}"
+    counts = f"{counted(o.n, 'row')}, {counted(poses, 'pose')}{runs}"
     yield "Data", f"{plain(_file(o.data.file), 80)}: {counts}"
     names = [plain(target.name, 24) for target in machine.targets]
     yield ("Target" if len(names) == 1 else "Targets"), joined(names, most=NAMED)
