@@ -266,6 +266,15 @@ def test_numbers_that_all_legs_share_are_one_answer(made, off):
 
 
 @pytest.mark.thorough
+def test_a_number_that_the_file_estimates_is_not_called_wrong():
+    built = replace(printer([]), estimate=("R", *printer([]).estimate))
+    found = diagnose(built, Measurements.from_frame(probed(60, rod=L + 0.8)))
+    text = " ".join(str(found).split())
+    assert re.search(rf"not those of the file: L is \d+\.\d+ ± 0\.\d+ mm, not {L:g}; with that", text)
+    assert "R is" not in text
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("family", PLATFORMS)
 def test_a_leg_that_is_off_is_no_number_of_all(family):
     leg = LEGS[family][0]

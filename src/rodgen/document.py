@@ -100,7 +100,7 @@ class Download:
 
 @dataclass(frozen=True)
 class Figure:
-    """The place of a figure, by its number on the page; `alt` is what it shows, in words."""
+    """The place of a figure, by its number on the page; `alt` is what it shows, in words; its title may be empty."""
 
     number: int
     name: str
@@ -171,7 +171,7 @@ def _lines(blocks: Iterable[Block]) -> Iterator[str]:
             case Paragraph(kind="line"):
                 yield block.text
             case Paragraph():
-                yield from textwrap.wrap(block.text, WIDTH)
+                yield from _wrapped(block.text, "", "")
             case Facts():
                 yield from [f"  {block.title}"] * bool(block.title)
                 for name, text in block.said:
@@ -230,9 +230,15 @@ def as_html(blocks: Iterable[Block], level: int = 2) -> str:
 
 
 def _text(text: str) -> str:
-    """Return text as HTML, with the signs that people write: µ, and minus before a number."""
-    text = re.sub(r"\bum\b", "µm", text)
-    return html.escape(re.sub(r"(?<![\w.)])-(?=\d)", "−", text))
+    """Return text as HTML, with the signs that people write: µ after a number or as a unit, and minus before a number.
+
+    What stands in quotation marks is to be copied, and stays.
+    """
+    parts = re.split(r"((?<!\w)'[^']*'(?!\w))", text)
+    for k in range(0, len(parts), 2):
+        part = re.sub(r"(?<=\d )um\b|(?<=\bin )um\b|(?<=\[)um\b|^um(?=$|[ /*])", "µm", parts[k])
+        parts[k] = re.sub(r"(?<![\w.)])-(?=\d)", "−", part)
+    return html.escape("".join(parts))
 
 
 def _tag(name: str, content: str, kind: str = "", more: str = "") -> str:
@@ -267,12 +273,14 @@ def _html(block: Block, level: int) -> str:
             )
         case Download():
             data = base64.b64encode(block.text.encode()).decode()
-            link = f'<a download="{block.name}" href="data:text/csv;charset=utf-8;base64,{data}">{block.name}</a>'
+            name = html.escape(block.name)
+            link = f'<a download="{name}" href="data:text/csv;charset=utf-8;base64,{data}">{name}</a>'
             return _tag("p", f"As a file: {link}", "files")
         case Figure():
             note = _tag("p", _text(block.note), "note") if block.note else ""
             plot = _tag("div", "", "plot", f' data-figure="{block.number}" role="img"{_label(block.alt)}')
-            return f'<figure id="{block.name}"><figcaption>{_text(block.title)}</figcaption>{note}{plot}</figure>'
+            caption = _tag("figcaption", _text(block.title)) if block.title else ""
+            return _tag("figure", caption + note + plot, "", f' id="{html.escape(block.name)}"')
         case Part():
             return _html_of_part(block, level)
 

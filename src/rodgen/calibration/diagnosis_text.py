@@ -158,7 +158,7 @@ def on_geometry(diagnosis: Diagnosis) -> tuple[str, str]:
     geometry = diagnosis.geometry
     if geometry is None:
         return "", ""
-    after, numbers = diagnosis.base.rms, joined([*_numbers(diagnosis)])
+    after, numbers = diagnosis.base.rms, "; ".join(_numbers(diagnosis))
     fallen = fall(geometry.before.rms, after, diagnosis.rms.unit) + _against_noise(diagnosis, diagnosis.base)
     how = f"{numbers}; with that" if numbers else "with estimated ones"
     return (
@@ -175,7 +175,8 @@ def _numbers(diagnosis: Diagnosis) -> Iterator[str]:
     if geometry is None or geometry.effects:
         return
     kinematics, unit = fit.machine.kinematics, fit.machine.length_unit
-    for name in (name for name in kinematics.numbers if name in geometry.estimate):
+    before = geometry.before.machine.estimate
+    for name in (name for name in kinematics.numbers if name in geometry.estimate and name not in before):
         for x, drawn in zip(kinematics.numbers[name], kinematics.number(name), strict=True):
             shown = f"{name}.{x}" if x else name
             one = fit.estimates[f"geometry.{shown}"]
@@ -265,10 +266,10 @@ def causes(d: Diagnosis, more: Callable[[DiagnosedEffect], Facts] | None = None)
     Parameters
     ----------
     more : callable, optional
-        From an effect to what else there is to say of it.
+        From an effect to what else there is to say of it; then all alternatives are listed.
     """
     for steps in of_one_kind(d.steps):
-        part = of_effects(steps, d.base.machine)
+        part = of_effects(steps, d.base.machine, None if more else MOST_NAMED)
         further = [] if more is None else [fact for step in steps for fact in more(step).said]
         yield replace(
             part, blocks=[*part.blocks, *([Facts(list(dict.fromkeys(further)))] if further else [])]
@@ -366,8 +367,8 @@ def of_one_kind(steps: Sequence[DiagnosedEffect]) -> list[list[DiagnosedEffect]]
     return [*kinds.values()]
 
 
-def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Part:
-    """Return what there is to say of one effect, at one place or several."""
+def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine, most: int | None = MOST_NAMED) -> Part:
+    """Return what there is to say of one effect, at one place or several, with so many alternatives or all."""
     effect, definition = steps[0].effect, steps[0].effect.definition
     many = len(steps) > 1
     rows: list[tuple[str, str]] = []
@@ -379,7 +380,7 @@ def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Part:
             ("Unusual", far_from_usual(step, machine)),
             ("Where", shares(step)),
         ]
-        rows += [("" if k else "Or", text) for k, text in enumerate(alternatives(step))]
+        rows += [("" if k else "Or", text) for k, text in enumerate(alternatives(step, most))]
     rows += [
         ("Meaning", definition.meaning),
         ("Usual size", definition.usual_size),
@@ -389,12 +390,17 @@ def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine) -> Part:
     return Part([Facts(rows)], title, "effect")
 
 
-def alternatives(step: DiagnosedEffect) -> list[str]:
+def alternatives(step: DiagnosedEffect, most: int | None = MOST_NAMED) -> list[str]:
     """Return what these data cannot distinguish from an effect, the most probable first, each with its odds."""
     others = [alias for alias in step.indistinguishable_from if alias not in step.shares]
-    aliases = sorted(others, key=lambda alias: -alias.odds)
-    found = [f"{together(alias)}, {comparison(alias.odds)}" for alias in aliases[:MOST_NAMED]]
-    return [*found, *([f"{len(aliases) - MOST_NAMED} more, in --json"] if aliases[MOST_NAMED:] else [])]
+    found = [
+        f"{together(alias)}, {comparison(alias.odds)}" for alias in sorted(others, key=lambda a: -a.odds)
+    ]
+    return (
+        found
+        if most is None
+        else [*found[:most], *[f"{len(found) - most} more, in --json"] * (len(found) > most)]
+    )
 
 
 def shares(step: DiagnosedEffect) -> str:

@@ -58,11 +58,11 @@ def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor | None) ->
     align = "l".ljust(len(header), "r")
     rows = [[*row, model.odds] for row, model in zip(rows, models, strict=True)]
     if noise is not None and noise.value is not None:
-        known, interval = noise.replicates, ""
+        known, title = noise.replicates, noise_name(noise.source)
         if known is not None:
-            interval = f"{size(known.low)} to {size(known.high)} (95 %)"
-            interval += "" if noise.stated is None else f"; stated: {size(noise.stated)}"
-        rows.append([noise_name(noise.source), size(noise.value), *[""] * (len(header) - 2), interval])
+            title += f" ({size(known.low)} to {size(known.high)} at 95 %)"
+            title += "" if noise.stated is None else f"; stated: {size(noise.stated)}"
+        rows.append([title, size(noise.value), *[""] * (len(header) - 1)])
     return Table([*header, "odds"], rows, align)
 
 

@@ -270,6 +270,8 @@ class Page:
                 back.props["aria-label"] = f"Go back to: {title}"
                 if number == session.at:
                     back.props("color=primary").style("font-weight:650")
+                if "rung" not in session.states[number].__dict__:
+                    numbers[1] = "…"  # it is being computed
             else:
                 ui.label(title)
         for words in numbers:

@@ -10,7 +10,7 @@ from rodgen.calibration.fleet.changes import Change
 from rodgen.calibration.fleet.fleet import Fleet, FleetEffect, FleetParameter, Kind, Odd
 from rodgen.calibration.words import capitalized, probability, sized, two_digits
 from rodgen.data.units import readable
-from rodgen.document import Block, Document, Paragraph, Part, Table
+from rodgen.document import Block, Document, Facts, Paragraph, Part, Table
 from rodgen.errors import counted, joined
 from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import FLEET
@@ -30,7 +30,7 @@ def _blocks(fleet: Fleet) -> Iterator[Block]:
     yield Paragraph(about_machines(fleet))
     if fleet.failed:
         rows = [(machine.name, machine.error) for machine in fleet.failed]
-        yield Part([Table(("machine", "why"), rows)], "Not diagnosed", "section")
+        yield Part([Facts(rows)], "Not diagnosed", "section")
     if len(fleet.changes.nights) > 1:
         rows = by_machine(fleet.changes.found)
         yield Part([Paragraph(about_alarms(fleet)), *_listed("what changed", rows)], "Alarms", "section")
@@ -70,7 +70,7 @@ def _effects(kind: Kind) -> Iterator[Block]:
         "spread between machines",
         "one machine ±",
     )
-    more = "more effects, which the page and --json show"
+    more = "more rows, which the page and --json show"
     yield (
         Table(header, rows, most=MOST, more=more)
         if rows

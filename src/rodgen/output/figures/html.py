@@ -58,7 +58,9 @@ def figure_page(figures: Iterable[go.Figure]) -> str:
     return page(Document(places, listed[0].layout.meta["title"]), listed)
 
 
-def page(document: Document, figures: Iterable[go.Figure], *, over: str = "", more: str = "") -> str:
+def page(
+    document: Document, figures: Iterable[go.Figure], *, over: str = "", more: str = "", window: str = ""
+) -> str:
     """Return a document as a page that needs no network.
 
     Parameters
@@ -70,6 +72,8 @@ def page(document: Document, figures: Iterable[go.Figure], *, over: str = "", mo
         A word above the title; without one the title is only that of the window.
     more : str, optional
         Text below the title.
+    window : str, optional
+        What the title of the window begins with; left out: the word above the title.
     """
     title, code = html.escape(document.title), (get_plotlyjs(), asset("figures.js"), asset("page.js"))
     soft = f'<p class="soft">{html.escape(more)}</p>' if more else ""
@@ -81,7 +85,7 @@ def page(document: Document, figures: Iterable[go.Figure], *, over: str = "", mo
     return PAGE.format(
         policy=policy(*code),
         version=version("rodgen"),
-        title=f"{html.escape(over)}: {title}" if over else title,
+        title=f"{html.escape(window or over)}: {title}" if over else title,
         style=asset("page.css"),
         head=head,
         body=as_html(document.blocks),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,7 +74,8 @@ def report(
         Places of figures, which are found by their names.
     """
     drawn = {figure.name: figure for figure in figures}
-    errors = Part([drawn["ladder"], *on_errors(diagnosis)], "The error, model by model", "section")
+    ladder = drawn["ladder"]
+    errors = Part([replace(ladder, title=""), *on_errors(diagnosis)], ladder.title, "section")
     measured = Part(list(_measured(diagnosis, shown)), "What was measured", "section")
     blocks: list[Block] = [
         Part(list(_verdict(diagnosis, plan)), "", f"verdict {diagnosis.verdict}"),
@@ -149,6 +151,10 @@ def _machine(diagnosis: Diagnosis, radii: Mapping[str, float]) -> Iterator[Block
         return Facts(rows)
 
     yield from causes(diagnosis, more)
+    others = [e for step in diagnosis.steps for a in step.indistinguishable_from for e in a.effects]
+    named = {step.effect.name for step in diagnosis.steps}
+    if rows := {e.name: e.definition.meaning for e in others if e.name not in named}:
+        yield Part([Facts([*rows.items()])], "What the alternatives would be", "folded")
     machine, data = diagnosis.base.machine.file, diagnosis.base.observations.data.file
     if diagnosis.found and machine and data:
         command = shlex.join(["rodgen", "diagnose", machine, data, "-o", "better.toml"])

@@ -8,7 +8,9 @@ from itertools import starmap
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.diagnosis import Diagnosis
+from rodgen.calibration.diagnosis_text import statements
 from rodgen.calibration.fleet.summary import drawn_parameters, machines
+from rodgen.calibration.words import plain
 from rodgen.document import Document
 from rodgen.errors import InputFileError, joined
 from rodgen.files import OutputSet, write_file
@@ -85,7 +87,9 @@ def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -
     document = report(
         diagnosis, plan, unit_of(diagnosis), radii, list(starmap(figure_block, enumerate(drawn)))
     )
-    return figures, page(document, drawn, over="Diagnosis", more=below_the_title(diagnosis))
+    window = plain(statements(diagnosis)[-1][0], 100)
+    text = page(document, drawn, over="Diagnosis", more=below_the_title(diagnosis), window=window)
+    return figures, text
 
 
 def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
