@@ -275,6 +275,17 @@ def test_a_number_that_the_file_estimates_is_not_called_wrong():
 
 
 @pytest.mark.thorough
+def test_the_file_in_the_table_of_errors_is_that_with_its_own_dimensions_on_further_measurements_too():
+    seen, further = (Measurements.from_frame(probed(60, radius=R + 0.8, seed=seed)) for seed in (0, 5))
+    built = printer([])
+    found = diagnose(built, seen, test=further)
+    assert found.geometry is not None
+    assert found.rms.before_test == pytest.approx(fit(built, further).rms)  # nothing of it is estimated
+    assert found.rms.after_test < 0.2 * found.rms.before_test  # as on the readings that were seen
+    assert found.rms.after < 0.2 * found.rms.before
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("family", PLATFORMS)
 def test_a_leg_that_is_off_is_no_number_of_all(family):
     leg = LEGS[family][0]

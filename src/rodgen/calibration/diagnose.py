@@ -252,6 +252,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
         answer.rms,
         before=geometry.before.rms,
         before_held_out=geometry.rms_held_out,
+        before_test=None if subject.others is None else validation_error(geometry.before, subject.others),
         not_held_out=_not_held_out(geometry.before.held_out()) or answer.rms.not_held_out,
     )
     return replace(answer, geometry=geometry, verdict=verdict, rms=rms)
