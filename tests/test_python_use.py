@@ -21,7 +21,7 @@ from rodgen.errors import InputFileError
 from rodgen.kinematics import delta, hexapod, instantaneous_euler, screws, spatial, three_sps_s, tricept
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
-from rodgen.views import Records, html_of_table
+from rodgen.views import Records
 
 
 @pytest.fixture(scope="module")
@@ -167,8 +167,12 @@ def test_residuals_of_copied_rows_stand_in_the_rows_as_they_were_given(table, co
     np.testing.assert_array_equal(found["C [deg]"], twice["C [deg]"])
     np.testing.assert_array_equal(found["residual_x [mm]"][24:], found["residual_x [mm]"][:24])
     many = table.fit({name: np.tile(values, 3) for name, values in columns.items()}).residuals
-    assert many._repr_html_() == html_of_table(many.columns())
     assert "72 rows" in many._repr_html_()
+    assert [row[0] for row in many.document().blocks[0].rows] == [
+        *(f"{c:.6g}" for c in many.columns()["C [deg]"][:5]),
+        "…",
+        *(f"{c:.6g}" for c in many.columns()["C [deg]"][-5:]),
+    ]
 
 
 def test_residuals_are_an_array(refuses, fit):
@@ -188,9 +192,9 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
     for one in (fit, diagnosis, table, *(result for result, _ in results)):
         assert one._repr_html_().startswith("<")
     assert "encoder_eccentricity" in diagnosis.steps._repr_html_()
-    assert "<td>C.axis.a</td>" in fit.parameters._repr_html_()
-    assert "<th>C [deg]</th>" in fit.observations._repr_html_()
-    assert "<th>residual_x [mm]</th>" in fit.residuals._repr_html_()
+    assert ">C.axis.a</th>" in fit.parameters._repr_html_()
+    assert ">C [deg]</th>" in fit.observations._repr_html_()
+    assert ">residual_x [mm]</th>" in fit.residuals._repr_html_()
     assert "<b>" not in replace(table, name="<b>")._repr_html_()
     parts = (
         fit.noise,
@@ -204,36 +208,16 @@ def test_every_result_shows_itself_in_a_notebook(table, fit, diagnosis, results)
         assert one._repr_html_().startswith("<")
 
 
-class Counted(list):
-    """A column that counts the cells that are read."""
-
-    read = 0
-
-    def __getitem__(self, key):
-        self.read += 1
-        return super().__getitem__(key)
-
-    def __iter__(self):
-        raise AssertionError("all cells of the column are read")
-
-
-@pytest.mark.thorough
 def test_a_long_table_costs_the_rows_that_are_shown(fit):
-    column = Counted(range(10_000_000))
-    shown = html_of_table({"a": column})
-    assert column.read == 10
-    assert "<caption" in shown
-    assert [int(x) for x in re.findall(r"<td>(\d+)</td>", shown)] == [
-        *range(5),
-        *range(9_999_995, 10_000_000),
-    ]
     calls = []
-    records = Records(range(100), lambda i: calls.append(i) or {"i": i})
-    assert records._repr_html_().count("<tr>") == 12
-    assert len(calls) == 10
+    records = Records(range(10_000_000), lambda i: calls.append(i) or {"i": i, "all": [0] * 10_000})
+    (table,) = records.document().blocks
+    assert calls == [*range(5), *range(9_999_995, 10_000_000)]
+    assert [row[0] for row in table.rows] == [*map(str, calls[:5]), "…", *map(str, calls[5:])]
+    assert "10000000 rows" in records._repr_html_()
+    assert table.rows[0][1] == "list of 10000"
     many = fit.predict({"C [deg]": np.linspace(0, 90, 100), "target": ["far"] * 100})
-    assert many._repr_html_() == html_of_table(many.columns())
-    assert "<td>list of 10000</td>" in html_of_table({"a": [[0] * 10_000]})
+    assert "100 rows" in many._repr_html_()
 
 
 def test_an_error_in_the_input_is_short_in_a_notebook(table):

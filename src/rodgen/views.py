@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import html
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from enum import Enum
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from rodgen.document import Code, Document, Facts, Table
 from rodgen.errors import RodgenError
 
 FEW = 12
@@ -48,8 +50,12 @@ class Tabular:
         """
         return data_frame(self.columns())
 
+    def document(self) -> Document:
+        """Return the table, of a long one the first and the last rows."""
+        return shown_table(self.shown_columns, self.row_count)
+
     def _repr_html_(self) -> str:
-        return html_of_table(self.shown_columns(shown_rows(self.row_count)), count=self.row_count)
+        return self.document()._repr_html_()
 
 
 class Records(Tabular, tuple[Item, ...]):
@@ -92,7 +98,7 @@ class Records(Tabular, tuple[Item, ...]):
 
 
 def plain(result: Any, names: str = "") -> dict[str, Any]:
-    """Return attributes of a result as plain data, with the results in them; tuples become lists.
+    """Return attributes of a result as :func:`encoded` data.
 
     Parameters
     ----------
@@ -112,33 +118,43 @@ def plain(result: Any, names: str = "") -> dict[str, Any]:
         value = result
         for part in (path or key).split("."):
             value = None if value is None else getattr(value, part)
-        found[key] = _encoded(value)
+        found[key] = encoded(value)
     return found
 
 
-def _encoded(value: Any) -> Any:
-    if hasattr(value, "to_dict"):
-        return value.to_dict()
-    if dataclasses.is_dataclass(value):
-        return plain(value)
-    if isinstance(value, Mapping):
-        return {key: _encoded(part) for key, part in value.items()}
-    return [_encoded(part) for part in value] if isinstance(value, tuple | list) else value
+def encoded(value: Any) -> Any:
+    """Return a result, or what holds some, as data for JSON; numbers keep all digits.
 
-
-def finite(data: Any) -> Any:
-    """Return plain data with None for numbers that are not finite, which JSON has not.
+    A result is what its `to_dict` returns, else its fields; an enumeration is a name, an array a list, and a number
+    that is not finite None.
 
     Examples
     --------
-    >>> finite({1: (0.5, float("nan"))})
-    {'1': [0.5, None]}
+    >>> encoded({1: (0.5, float("nan")), "a": np.eye(2, dtype=int), "b": np.float32(0.25)})
+    {'1': [0.5, None], 'a': [[1, 0], [0, 1]], 'b': 0.25}
     """
-    if isinstance(data, Mapping):
-        return {str(key): finite(value) for key, value in data.items()}
-    if isinstance(data, Iterable) and not isinstance(data, str):
-        return [finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, int):
+        return value
+    if isinstance(value, np.ndarray | np.generic):
+        return encoded(value.tolist())
+    if hasattr(value, "to_dict"):
+        return encoded(value.to_dict())
+    if dataclasses.is_dataclass(value):
+        return plain(value)
+    if isinstance(value, Mapping):
+        return {str(key): encoded(part) for key, part in value.items()}
+    return [encoded(part) for part in value]
+
+
+def to_json(data: Any, *, indent: int | None = None, only_ascii: bool = False) -> str:
+    """Return a result, or what holds some, as a text of JSON; see :func:`encoded`."""
+    return json.dumps(encoded(data), indent=indent, ensure_ascii=only_ascii, allow_nan=False)
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:
@@ -157,7 +173,7 @@ def data_frame(columns: Mapping[str, Any]) -> Any:
 
 
 def html_of(result: Any) -> str:
-    """Return a result as HTML: its text where it has one, else a table of its fields.
+    """Return a result as HTML: its text where it has one, else its fields.
 
     Examples
     --------
@@ -166,8 +182,8 @@ def html_of(result: Any) -> str:
     ...     "Where something is."
     ...     x: float
     ...     found: bool
-    >>> html_of(Place(1 / 3, True)).partition("</thead>")[2]
-    '<tbody><tr><td>x</td><td>0.333333</td></tr><tr><td>found</td><td>True</td></tr></tbody></table>'
+    >>> html_of(Place(1 / 3, True)).partition("<tbody>")[2].partition("</tbody>")[0]
+    '<tr><th scope="row">x</th><td>0.333333</td></tr><tr><th scope="row">found</th><td>True</td></tr>'
     """
     if callable(getattr(result, "summary", None)):
         return html_of_text(result.summary())
@@ -178,8 +194,8 @@ def html_of(result: Any) -> str:
         names = [field.name for field in dataclasses.fields(result) if field.repr and field.name[0] != "_"]
     else:
         names = list(result._fields)
-    fields = {"field": names, "value": [getattr(result, name) for name in names]}
-    return html_of_table(fields, (type(result).__doc__ or "").partition("\n")[0])
+    title = (type(result).__doc__ or "").partition("\n")[0]
+    return Document([Facts([(name, _cell(getattr(result, name))) for name in names])], title)._repr_html_()
 
 
 def with_html(result: type[Item]) -> type[Item]:
@@ -239,36 +255,27 @@ class Result:
 
 def html_of_text(text: str) -> str:
     """Return text as HTML, its columns one below the other."""
-    return f'<pre style="white-space: pre; overflow-x: auto">{html.escape(text)}</pre>'
+    return Document([Code(text)])._repr_html_()
 
 
-def shown_rows(count: int) -> list[int]:
-    """Return the indices of the rows of a table that are shown: of a long one the first and the last."""
-    return [*range(count)] if count <= ROWS else [*range(ENDS), *range(count - ENDS, count)]
-
-
-def html_of_table(columns: Mapping[str, Any], caption: str = "", count: int | None = None) -> str:
-    """Return columns as an HTML table, of a long one the first and the last rows.
+def shown_table(shown: Callable[[Sequence[int]], Mapping[str, Any]], count: int, title: str = "") -> Document:
+    """Return a table as a document, of a long one the first and the last rows.
 
     Parameters
     ----------
-    columns : mapping of str to sequence
-    caption : str
-    count : int, optional
-        Of the rows, where the columns hold only those of `shown_rows`.
+    shown : callable
+        From indices of rows to the columns with these.
+    count : int
+        Of all rows.
+    title : str
     """
-    if count is None:
-        count = max(map(len, columns.values()), default=0)
-        columns = {name: [cells[i] for i in shown_rows(count)] for name, cells in columns.items()}
-    rows = list(zip(*columns.values(), strict=True))
-    if count > ROWS:
-        caption = f"{caption} {count} rows".strip()
-        rows.insert(ENDS, tuple("…" for _ in columns))
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
-    lines = ("".join(f"<td>{html.escape(_cell(cell))}</td>" for cell in row) for row in rows)
-    body = "".join(f"<tr>{line}</tr>" for line in lines)
-    above = f'<caption style="text-align: left">{html.escape(caption)}</caption>' if caption else ""
-    return f"<table>{above}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    many = count > ROWS
+    columns = shown([*range(ENDS), *range(count - ENDS, count)] if many else range(count))
+    rows = [[_cell(cell) for cell in row] for row in zip(*columns.values(), strict=True)]
+    if many:
+        title = f"{title} {count} rows".strip()
+        rows.insert(ENDS, ["…"] * len(columns))
+    return Document([Table(list(columns), rows)], title)
 
 
 def _cell(value: Any) -> str:

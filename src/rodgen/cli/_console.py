@@ -194,11 +194,9 @@ def show(text: str, end: str = "\n") -> None:
 
 def show_json(data: Any, *, indent: int | None = 2) -> None:
     """Print data as JSON, with null for a number that is not finite; on one line where `indent` is None."""
-    import json
+    from rodgen.views import to_json
 
-    from rodgen.views import finite
-
-    show(json.dumps(finite(data), indent=indent, allow_nan=False))
+    show(to_json(data, indent=indent, only_ascii=True))
 
 
 def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:

@@ -7,7 +7,7 @@ import contextlib
 import math
 from typing import TYPE_CHECKING, Any, cast
 
-from rodgen.cli._console import NOT_CONVERGED, OK, Command, show
+from rodgen.cli._console import NOT_CONVERGED, OK, Command, show, show_json
 from rodgen.cli._machine import add_plot, figures_for
 from rodgen.cli._values import InputFile, OutputFile, quantity
 from rodgen.errors import InputFileError, RodgenError, joined, shown
@@ -136,9 +136,7 @@ def _fit_axis(options: argparse.Namespace) -> int:
     if figures:
         figures.save_figure(figures.axis_fit(fit, table), options.plot)
     if options.json:
-        import json
-
-        show(json.dumps({"file": options.pairs, "unit": table.unit, **fit.to_dict()}, allow_nan=False))
+        show_json({"file": options.pairs, "unit": table.unit, **fit.to_dict()}, indent=None)
     else:
         show(f"{options.pairs}, lengths in {table.unit}")
         show(fit.summary() if options.instantaneous else fit.summary(table.places))

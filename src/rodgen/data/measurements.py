@@ -24,7 +24,7 @@ from rodgen.data.tables.parts import Part, parts_of
 from rodgen.data.tables.table import Table, places_of, row_place, values_of
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, counted, shown
-from rodgen.views import data_frame, html_of_table
+from rodgen.views import data_frame, shown_table
 
 __all__ = ["UNNAMED", "Measurements", "Names", "Numbers", "Places", "Scan", "plain_name"]
 
@@ -373,7 +373,8 @@ class Measurements:
         return {column.text: column.values for column in self.columns.values()}
 
     def _repr_html_(self) -> str:
-        return html_of_table(self.take(slice(0, 10))._by_text(), repr(self))
+        first = self.take(slice(0, 10))._by_text()
+        return shown_table(lambda _: first, min(self.rows, 10), repr(self))._repr_html_()
 
     def __repr__(self) -> str:
         names = ", ".join(column.text for column in self.columns.values())

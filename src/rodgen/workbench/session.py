@@ -30,6 +30,7 @@ from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.observations import Observations
+from rodgen.views import to_json
 from rodgen.workbench.actions import Action, action_of
 
 if TYPE_CHECKING:
@@ -260,10 +261,7 @@ class Session:
 
     def _saved(self) -> None:
         if self.file is not None:
-            write_file(
-                self.file,
-                (json.dumps(self._to_dict(self.file), indent=1, ensure_ascii=False) + "\n").encode(),
-            )
+            write_file(self.file, f"{to_json(self._to_dict(self.file), indent=1)}\n".encode())
 
     def _to_dict(self, file: str) -> dict[str, Any]:
         first, folder = self.states[0], os.path.dirname(os.path.abspath(file))

@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 from rodgen.errors import InputFileError
 from rodgen.files import make_folder, read_input, write_file
-from rodgen.views import finite
+from rodgen.views import to_json
 
 PLAN, MACHINES = "fleet.json", "machines"
 FORMAT = 2
@@ -185,4 +185,4 @@ def _read(file: str) -> dict[str, Any]:
 
 
 def _write(file: str, content: Mapping[str, Any]) -> None:
-    write_file(file, (json.dumps(finite(content), ensure_ascii=False) + "\n").encode())
+    write_file(file, f"{to_json(content)}\n".encode())

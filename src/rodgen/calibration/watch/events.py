@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.words import percent
+from rodgen.document import Document, Documented, Paragraph
 from rodgen.errors import joined
-from rodgen.views import plain, with_html
+from rodgen.views import plain
 
 LARGE = 3.0
 """Factor of the noise beyond which it may as well be that several effects have changed: instruments seldom do that."""
@@ -58,18 +59,22 @@ class Likely:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "title": self.title,
-            "effect": self.effect,
-            "joint": self.place,
-            "probability": self.probability,
-            "changes": {e.key: {"value": e.value, "std": e.std, "unit": e.unit} for e in self.changes},
-        }
+        changes = {e.key: plain(e, "value std unit") for e in self.changes}
+        return plain(self, "title effect joint=place probability") | {"changes": changes}
 
 
-@with_html
+class _Event(Documented):
+    """What stands on one line, as it comes."""
+
+    text: str
+
+    def document(self) -> Document:
+        """Return the sentences as a document."""
+        return Document([Paragraph(self.text, "line")])
+
+
 @dataclass(frozen=True)
-class Changed:
+class Changed(_Event):
     """The machine is no longer what it was.
 
     Attributes
@@ -138,9 +143,8 @@ class Changed:
         return {"event": name, self.counted: self.at, **plain(self, keys)}
 
 
-@with_html
 @dataclass(frozen=True)
-class OutlierSeen:
+class OutlierSeen(_Event):
     """A reading that is far from what was expected, while those after it are not.
 
     Attributes

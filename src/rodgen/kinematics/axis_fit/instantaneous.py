@@ -27,7 +27,6 @@ from rodgen.kinematics.axis_fit.result import (
     TWO_SIDED,
     ZERO_CHANCE,
     angle_text,
-    plain_value,
     table_lines,
     vector_text,
 )
@@ -155,17 +154,12 @@ class InstantaneousAxes:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all results as plain Python values for :mod:`json`; numbers that are not finite are None."""
-        found = {
+        names = "time axis point rate slide_rate pitch axis_uncertainty point_uncertainty rate_uncertainty"
+        more = "slide_rate_uncertainty pitch_uncertainty origin sigma sigma_angle_rad=sigma_angle sigma_given"
+        return {
             "status": [ScrewStatus(s).name for s in self.status.tolist()],
-            **plain(
-                self,
-                "time axis point rate slide_rate pitch axis_uncertainty point_uncertainty rate_uncertainty",
-            ),
-            **plain(self, "slide_rate_uncertainty pitch_uncertainty origin sigma"),
-            "sigma_angle_rad": self.sigma_angle,
-            "sigma_given": self.sigma_given,
+            **plain(self, f"{names} {more}"),
         }
-        return {key: plain_value(value) for key, value in found.items()}
 
 
 def instantaneous_axes(

@@ -28,6 +28,13 @@ FEW_FREEDOMS = 10
 NO_ACCIDENT = 5.0
 """A statistic this many of its standard deviations off is no accident."""
 
+_KEYS = (
+    "status undetermined remarks pairs outliers axis axis_uncertainty_rad=axis_uncertainty "
+    "point point_known point_uncertainty covariance_axis_point=covariance origin rms sigma sigma_angle_rad=sigma_angle "
+    "sigma_given dof chi_square condition candidate_axes candidate_points candidate_rms free_directions loss "
+    "iterations slide slide_uncertainty slide_fitted slide_by_angle motions"
+)
+
 
 class AxisFitStatus(IntEnum):
     """How far the pairs determine the direction of the axis.
@@ -100,13 +107,8 @@ class Motions:
 
     def to_dict(self) -> dict[str, Any]:
         """Return them as plain Python values."""
-        found = {
-            "labels": list(self.labels),
-            "angles_rad": self.angles,
-            "angle_uncertainty_rad": self.angle_uncertainty,
-            **plain(self, "slides slide_uncertainty no_slide one_pitch"),
-        }
-        return {key: plain_value(value) for key, value in found.items()}
+        names = "labels angles_rad=angles angle_uncertainty_rad=angle_uncertainty"
+        return plain(self, f"{names} slides slide_uncertainty no_slide one_pitch")
 
 
 @with_html
@@ -330,23 +332,8 @@ class AxisFit:
         pairwise : bool
             Whether residuals and weights of every row are included.
         """
-        everything: dict[str, Any] = {
-            "status": self.status.name,
-            **plain(self, "undetermined remarks pairs"),
-            "outliers": np.flatnonzero(self.outliers),
-            "axis": self.axis,
-            "axis_uncertainty_rad": self.axis_uncertainty,
-            **plain(self, "point point_known point_uncertainty"),
-            "covariance_axis_point": self.covariance,
-            **plain(self, "origin rms sigma"),
-            "sigma_angle_rad": self.sigma_angle,
-            **plain(self, "sigma_given dof chi_square condition"),
-            **plain(self, "candidate_axes candidate_points candidate_rms free_directions loss iterations"),
-            **plain(self, "slide slide_uncertainty slide_fitted slide_by_angle motions"),
-        }
-        if pairwise:
-            everything |= {"residuals": self.residuals, "weights": self.weights}
-        return {key: plain_value(value) for key, value in everything.items()}
+        found = plain(self, _KEYS + " residuals weights" * pairwise)
+        return found | {"outliers": np.flatnonzero(self.outliers).tolist()}
 
 
 def nearest(axis: Array, point: Array, covariance: Array, to: Array) -> tuple[Array, Array]:
@@ -368,17 +355,6 @@ def principal_sizes(covariance: Array) -> Array:
         return np.full(len(covariance), np.nan)
     sizes: Array = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[::-1], 0))
     return sizes
-
-
-def plain_value(value: Any) -> Any:
-    """Return a value for JSON, with None for numbers that are not finite."""
-    if isinstance(value, np.ndarray):
-        return plain_value(value.tolist())
-    if isinstance(value, list):
-        return [plain_value(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def vector_text(value: Array, uncertainty: float) -> str:
