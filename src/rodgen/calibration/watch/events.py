@@ -66,7 +66,10 @@ class Likely:
 class _Event(Documented):
     """What stands on one line, as it comes."""
 
-    text: str
+    @property
+    def text(self) -> str:
+        """The event as sentences."""
+        raise NotImplementedError
 
     def document(self) -> Document:
         """Return the sentences as a document."""
