@@ -19,6 +19,7 @@ from rodgen.cli._console import OK, Command, located, refused, show
 from rodgen.cli._machine import add_scheduler
 from rodgen.cli._tables import Columns, add_table, map_rows, named
 from rodgen.data.units import conversion_factor, number_and_unit
+from rodgen.document import Document, Table
 from rodgen.errors import in_file, listed, shown, suggestion
 
 _PORTS = {
@@ -182,8 +183,7 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     name = options.help or options.function
     if options.list:
-        width = max(map(len, _FUNCTIONS))
-        show("\n".join(f"{each:{width}}  {_summary(each)}" for each in _FUNCTIONS))
+        show(str(Document([Table((), [(each, _summary(each)) for each in _FUNCTIONS])])))
     elif options.help is not None:
         show(_Call(name).help() if name else parser.format_help().rstrip("\n"))
     elif options.table is None:

@@ -8,7 +8,6 @@ import importlib.util
 import os
 import platform
 import sys
-import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 from rodgen import __version__
 from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show, show_result
 from rodgen.cli._machine import add_json
+from rodgen.document import Document, Facts, Paragraph, Part
 
 _DOCTOR = """\
 Show what this installation runs on: versions, the kernels and their instruction set, the C compiler for models that
@@ -61,7 +61,7 @@ def _run(options: argparse.Namespace) -> int:
         for part in ("kernels", "compiler", "cache")
         if found[part]["problem"]
     ]
-    show_result(options, lambda: found, lambda: "\n".join(_lines(found)))
+    show_result(options, lambda: found, lambda: str(_document(found)))
     return FAILED if found["problems"] else OK
 
 
@@ -157,48 +157,42 @@ def _browser() -> str | None:
     return browser()
 
 
-def _lines(found: dict[str, Any]) -> Iterator[str]:
-    def line(name: str, text: str) -> str:
-        return f"{name:<10} {text}"
-
+def _document(found: dict[str, Any]) -> Document:
     kernels, compiler, cache, threads = (found[part] for part in ("kernels", "compiler", "cache", "threads"))
-    yield line("rodgen", f"{found['rodgen']} on Python {found['python']['version']}, {found['platform']}")
-    packages = ", ".join(f"{name} {version}" for name, version in found["packages"].items() if version)
-    for number, part in enumerate(textwrap.wrap(packages, 100)):
-        yield line("" if number else "packages", part)
     missing: dict[str, list[str]] = {}
     for name, extra in EXTRAS.items():
         if found["packages"][name] is None:
             missing.setdefault(extra, []).append(name)
-    for extra, names in missing.items():
-        yield line("", f"no {', '.join(names)}: pip install 'rodgen[{extra}]'")
     if kernels["instruction_set"] != "numpy":
-        yield line("kernels", f"compiled, {kernels['instruction_set']}")
+        compiled = f"compiled, {kernels['instruction_set']}"
     elif kernels["file"] is None:
-        yield line("kernels", "NumPy: none were compiled when rodgen was installed")
+        compiled = "NumPy: none were compiled when rodgen was installed"
     else:
-        yield line(
-            "kernels",
-            f"NumPy: {'the compiled ones do not load' if kernels['problem'] else 'RODGEN_CPU is set'}",
-        )
-    if compiler["command"]:
-        yield line("compiler", f"{compiler['command']}: {compiler['version']}")
-    else:
-        yield line("compiler", "none: kernels run on NumPy")
+        compiled = f"NumPy: {'the compiled ones do not load' if kernels['problem'] else 'RODGEN_CPU is set'}"
+    known = f"{compiler['command']}: {compiler['version']}"
     size = f"{cache['entries']} entries, {cache['bytes'] / 1e6:.1f} MB, {'' if cache['writable'] else 'not '}writable"
-    yield line("cache", f"{cache['folder']}: {size}")
     libraries = [f"{library['library']} {library['threads']}" for library in threads["libraries"]]
-    yield line("threads", ", ".join([f"{threads['processors']} processors", *libraries]))
     none = (
         "no Chrome or Chromium"
         if found["packages"]["choreographer"]
         else "not looked for: Kaleido is not installed"
     )
-    yield line("browser", found["browser"] or f"{none}; figures as .html only")
-    if found["environment"]:
-        yield line("set", " ".join(f"{name}={value}" for name, value in found["environment"].items()))
-    yield ""
-    yield from found["problems"] or ["Nothing is broken."]
+    rows = [
+        ("rodgen", f"{found['rodgen']} on Python {found['python']['version']}, {found['platform']}"),
+        (
+            "packages",
+            ", ".join(f"{name} {version}" for name, version in found["packages"].items() if version),
+        ),
+        *(("", f"no {', '.join(names)}: pip install 'rodgen[{extra}]'") for extra, names in missing.items()),
+        ("kernels", compiled),
+        ("compiler", known if compiler["command"] else "none: kernels run on NumPy"),
+        ("cache", f"{cache['folder']}: {size}"),
+        ("threads", ", ".join([f"{threads['processors']} processors", *libraries])),
+        ("browser", found["browser"] or f"{none}; figures as .html only"),
+        ("set", " ".join(f"{name}={value}" for name, value in found["environment"].items())),
+    ]
+    problems = found["problems"] or ["Nothing is broken."]
+    return Document([Facts(rows), Part([Paragraph(text, "line") for text in problems])])
 
 
 # completion --------------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from rodgen.cli._machine import (
     remark_on_rows,
 )
 from rodgen.cli._values import EditedMachine, InputFile
+from rodgen.document import Document, Table
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import write_file
 
@@ -391,13 +392,10 @@ def new_name(machine: str, words: Sequence[str]) -> str:
 
 
 def _described(effect: Effect) -> dict[str, Any]:
-    return {
-        "effect": effect.name,
-        "place": effect.place,
-        "meaning": effect.definition.meaning,
-        "usual_size": effect.definition.usual_size,
-        "remedy": effect.definition.remedy,
-    }
+    from rodgen.views import plain
+
+    about = ("meaning", "usual_size", "remedy")
+    return plain(effect, "effect=name place " + " ".join(f"{name}=definition.{name}" for name in about))
 
 
 def _parameters(rung: Rung) -> list[Estimate]:
@@ -411,8 +409,7 @@ def _parameters(rung: Rung) -> list[Estimate]:
 
 
 def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
-    width = max((len(e.key) for e in estimates), default=0)
-    yield from (f"  {e.key:{width}}  {e.text}" for e in estimates)
+    yield from [str(Document([Table((), [(e.key, e.text) for e in estimates])]))] * bool(estimates)
 
 
 def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:

@@ -6,6 +6,7 @@ import argparse
 
 from rodgen.cli._console import OK, Command, show
 from rodgen.cli._values import OutputFile, quantity, whole
+from rodgen.document import Document, Table
 from rodgen.errors import in_file
 from rodgen.files import write_file
 
@@ -58,8 +59,7 @@ def _run(options: argparse.Namespace) -> int:
 
     kind, latitude = options.kind, options.latitude
     if kind is None:
-        width = max(map(len, KINDS))
-        show("\n".join(f"  {name:{width}}  {words}" for name, words in KINDS.items()))
+        show(str(Document([Table((), list(KINDS.items()))])))
         return OK
     north = latitude.to("rad")[0] if latitude else None
     with in_file("command line", "rodgen new"):
