@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+from collections.abc import Iterable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -188,21 +189,26 @@ def component(name: str) -> str:
     return text.partition("\n;;\n")[2]
 
 
+def one_of_each(names: Iterable[str]) -> dict[str, str]:
+    """Return for the name of each content a cell that has it."""
+    return {content(name).name: name for name in names}
+
+
 @pytest.fixture(scope="module")
 def kinematics(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    """The components of all fast cells, compiled at once, each function with a number at its end."""
+    """The components of all contents of fast cells, compiled at once, each function with that name at its end."""
     folder = tmp_path_factory.mktemp("kinematics")
     for file, text in HEADERS.items():
         (folder / file).write_text(text)
     functions = ("forward", "jacobian", "ideal", "compensate")
-    for k, name in enumerate(OF_LINUXCNC):
+    for which, name in one_of_each(OF_LINUXCNC).items():
         own = (
             [f"kinematics{x}" for x in ("Type", "Forward", "Inverse")]
             + ["nothing"]
             + [f"device_{x}" for x in functions]
         )
-        numbered = "".join(f"#define {x} {x}_{k}\n" for x in own)
-        (folder / f"kinematics_{k}.c").write_text(numbered + component(name))
+        numbered = "".join(f"#define {x} {x}_{which}\n" for x in own)
+        (folder / f"kinematics_{which}.c").write_text(numbered + component(name))
     sources = sorted(str(path) for path in folder.glob("*.c"))
     command = [compiler, "-std=gnu11", "-O0", "-fPIC", "-shared", f"-I{folder}", *sources]
     subprocess.run([*command, "-o", str(folder / "all.so"), "-lm"], check=True)
@@ -216,7 +222,7 @@ def test_linuxcnc_brings_the_machine_where_the_nominal_one_is(name, kinematics):
     joints, q = case.machine.joints, case.observations.q
     axes = [joint.name[0].lower() for joint in joints]
     units = np.where([joint.revolute for joint in joints], np.pi / 180, 1.0)
-    inverse = getattr(kinematics, f"kinematicsInverse_{OF_LINUXCNC.index(name)}")
+    inverse = getattr(kinematics, f"kinematicsInverse_{content(name).name}")
     corrected = np.empty(q.shape)
     for given, row in zip(q / units, corrected, strict=True):
         pose = Pose(**dict(zip(axes, given.tolist(), strict=True)))
@@ -235,7 +241,7 @@ def test_linuxcnc_brings_the_machine_where_the_nominal_one_is(name, kinematics):
 
 
 def test_machines_without_axes_of_linuxcnc_are_refused():
-    for name in sorted({*FAST} - {*OF_LINUXCNC}):
+    for name in one_of_each(sorted({*FAST} - {*OF_LINUXCNC})).values():
         with pytest.raises(InputFileError):
             component(name)
 
