@@ -205,6 +205,10 @@ def driven(natural: float, forward: float, scale: float = 1.0) -> dict[str, Arra
 
 
 @pytest.mark.thorough
+@pytest.mark.quick(  # a slide has the axis' lags by the same formulas: one of both is enough
+    *(f"rotary-axis-{case}" for case in ("1.0-400.0-effects0", "0.95-200.0-effects1", "0.0-1000.0-effects2")),
+    "linear-axis-0.95-200.0-effects1",
+)
 @pytest.mark.parametrize(
     ("forward", "natural", "effects"),
     [

@@ -110,9 +110,16 @@ FEW = (
     "load times wave", "height seen by distances", "column seen by directions",
 )  # fmt: skip
 """A kind of each driver and of each reading; `make test-slow` has the others, which take the same way."""
-every_kind = pytest.mark.parametrize(
-    "name", [k if k in FEW else pytest.param(k, marks=pytest.mark.slow) for k in KINDS]
-)
+OF_EACH_READING = ("step at an angle", "height seen by distances", "column seen by directions")
+
+
+def every_kind(few: Sequence[str]) -> pytest.MarkDecorator:
+    """Repeat a test for every kind, of which all but a few are slow."""
+    return pytest.mark.parametrize(
+        "name", [k if k in few else pytest.param(k, marks=pytest.mark.slow) for k in KINDS]
+    )
+
+
 LIKE = {"axis that wobbles thrice": ("tilt_error_motion", "AZ")}
 """Effects of the catalogue that say the same with other harmonics: over half a turn they may explain as much."""
 INNOCENT = {"table": TABLE, "gantry": GANTRY, "telescope": TELESCOPE, "range": RANGE}
@@ -210,7 +217,7 @@ def drivers_in(form: Candidate) -> set[str]:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-@every_kind
+@every_kind(FEW)
 def test_driver_of_what_raises_the_error_by_a_half(name: str, seed: int) -> None:
     forms, catalogued, *_ = told(name, seed, BY_A_HALF)
     if not forms:
@@ -220,7 +227,7 @@ def test_driver_of_what_raises_the_error_by_a_half(name: str, seed: int) -> None
 
 
 @pytest.mark.thorough
-@every_kind
+@every_kind(OF_EACH_READING)  # a driver that is found predicts by the same functions, whatever it is
 def test_form_predicts_readings_that_it_has_not_seen(name: str) -> None:
     """Within what the noise of the readings makes of the parameters, of which it has more than the truth at times."""
     forms, _, _, columns, effects, noise = told(name, 2, 3.0)
