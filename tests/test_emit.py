@@ -682,6 +682,22 @@ def test_far_starts_lead_home(every):
     assert np.abs(module.forward(corrected, 0, **conditions) - wanted)[reached].max() <= REACHED
 
 
+def test_cases_that_step_together_end_as_beside_one_that_takes_no_step(every):
+    device = every("arm")
+    module, conditions = loaded(device.folder), {k: v[:6] for k, v in device.conditions().items()}
+    q = device.case.observations.q[:6]
+    wanted = module.forward(q, 0, **conditions)
+    start = q + np.geomspace(1e-6, 0.3, 6)[:, None]  # they need different numbers of steps
+    together = module.compensate(wanted, start, 0, **conditions)
+    further = {k: np.concatenate([v, v[:1]]) for k, v in conditions.items()}
+    beside = module.compensate(
+        np.concatenate([wanted, wanted[:1]]), np.concatenate([start, start[:1] * np.nan]), 0, **further
+    )
+    for found, expected in zip(beside, together, strict=True):
+        assert np.abs(found[:6] - expected).max() <= WITHIN
+    assert beside[1][6] == module.NOT_FINITE
+
+
 def test_wanted_direction_may_have_any_length(every):
     device = every("mount")
     module, conditions = loaded(device.folder), {k: v[:5] for k, v in device.conditions().items()}
