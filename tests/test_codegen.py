@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import ctypes
 import hashlib
+import itertools
+import math
 import os
 import re
 import subprocess
@@ -195,6 +197,21 @@ def test_exact_evaluation_means_what_floating_point_means() -> None:
     assert mpmath.isnan(kernel.evaluate({"x": -1, "y": 1})["root"])
     assert kernel.evaluate({"x": float("nan"), "y": 1})["chosen"] == 2
     assert kernel.evaluate({"x": float("inf"), "y": 1})["chosen"] == 1
+
+
+def test_exact_powers_and_their_derivatives_are_those_of_floating_point() -> None:
+    k = builder()
+    x, y = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
+    k.output("power", x**y, unit="1", doc="")
+    kernel = k.build().jacobian(values=True)
+    for point in itertools.product([0.0, -2.0, -0.5, 0.5, 3.0], [0.0, -1.0, 1.0, 2.5, -math.inf, math.inf]):
+        exact = kernel.evaluate(dict(zip("xy", point, strict=True)))
+        found = [exact["power"], *exact["power_jacobian"]]
+        base, exponent = np.array(point)
+        with np.errstate(all="ignore"):
+            value = base**exponent
+            expected = [value, exponent * base ** (exponent - 1), value * np.log(base)]
+        np.testing.assert_allclose(np.array(found, float), expected, rtol=1e-15)  # three roundings
 
 
 # The usual case ------------------------------------------------------------------------------------------

@@ -36,6 +36,10 @@ def _quotient(above: Real, below: Real) -> Real:
 
 
 def _power(x: Real, y: Real) -> Real:
+    if x == 0 and y < 0:
+        return mpmath.inf
+    if mpmath.isinf(y):  # of any base, as if it were even
+        return abs(x) ** y
     return mpmath.nan if x < 0 and y != int(y) else x**y
 
 
