@@ -155,7 +155,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 
 _LARGEST_EXPONENT = 20
 _MOST_BITS = 2048  # of a constant; a 40 digit number down to 1e-300 has 1130
-_LARGEST = 1e300
+_SMALLEST, _LARGEST = Fraction(1, 10**300), 1e300
 _ZERO = 1e-15  # of its parts; what is this small has been rounded: sin(pi) in floating point is 1e-16
 
 
@@ -180,7 +180,10 @@ def constant(node: ast.expr) -> Fraction | float | None:
             return None if value is None else _checked(node, _called(node, function, value))
         case ast.BinOp(left, symbol, right):
             found = _power if isinstance(symbol, ast.Pow) else _operation
-            value = found(node, constant(left), constant(right))
+            a, b = constant(left), constant(right)
+            value = found(node, a, b)
+            if value == 0 and a and b and not isinstance(symbol, ast.Add | ast.Sub):  # too small for a float
+                raise _beyond(node)
             return None if value is None else _checked(node, value)
     raise TypeError(node)
 
@@ -240,7 +243,7 @@ def _operation(
 
 
 def _checked(node: ast.expr, value: Fraction | float) -> Fraction | float:
-    if value and not 1 / _LARGEST <= (value if value > 0 else -value) <= _LARGEST:
+    if value and not _SMALLEST <= (value if value > 0 else -value) <= _LARGEST:
         raise _beyond(node)
     if isinstance(value, Fraction) and _bits(value) > _MOST_BITS:
         raise _beyond(node)
