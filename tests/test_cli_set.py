@@ -40,6 +40,30 @@ def test_a_prior_bounds_and_a_tie_are_written_and_taken_away(file, rodgen_comman
 
 
 @pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ('EL.axis.a.prior = "0 ± 3 arcsec" # b', '"EL.axis.a" = { prior = "0 ± 12 arcsec" } # b'),
+        (
+            'EL = { axis = { a = { prior = "0 ± 3 arcsec" } } } # b',
+            '"EL.axis.a" = { prior = "0 ± 12 arcsec" } # b',
+        ),
+        (
+            'EL.axis.a.bounds = ["-30 arcsec", inf]\n# x\nEL.axis.a.prior = "0 ± 3 arcsec" # b',
+            '# x\n"EL.axis.a" = { prior = "0 ± 12 arcsec" } # b',
+        ),
+        ("EL.axis.a = { prior = '0 ± 3 arcsec' } # b", 'EL.axis.a = { prior = "0 ± 12 arcsec" } # b'),
+    ],
+)
+def test_an_entry_in_any_form_is_set(file, rodgen_command, entry, expected):
+    text = file.read_text() + "\n[known]\n{}\nAZ.axis.b.prior = '0 ± 9 arcsec'\n"
+    file.write_text(text.format(entry))
+    rodgen_command("set", file, "EL.axis.a", "--prior", "0 ± 12 arcsec", "-o", file)
+    assert file.read_text() == text.format(expected)
+    assert rodgen_command("set", file, "EL.axis.a", "--free", "-o", file)[0] == 0
+    assert Machine.load(file).known.keys() == {"AZ.axis.b"}
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         ["EL.axis.a"],

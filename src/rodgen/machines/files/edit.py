@@ -139,6 +139,10 @@ class _Entry(NamedTuple):
     value_at: slice
     value: str
     """As it is written, without a comment behind it."""
+    is_whole: bool
+    """Whether the value is that of the key, not a part of it as in ``a.prior = ...``, and nothing around it."""
+    before: tuple[slice, ...]
+    """The lines of its other parts."""
 
 
 @dataclass
@@ -183,10 +187,16 @@ def _edits(text: str, old: _Blocks, new: _Blocks, new_text: str) -> Iterator[tup
             yield slice(first, first), f"{gap}{written}" + "\n" * bool(text[first:])
         else:
             for key, entry in block.entries.items():
-                if key in was and key not in now:
+                if was.get(key) == now.get(key):
+                    continue
+                yield from ((place, "") for place in entry.before)
+                if key not in now:
                     yield entry.place, ""
-                elif key in now and was.get(key) != now[key]:
+                elif entry.is_whole:
                     yield entry.value_at, now[key]
+                else:  # its value is that of another key
+                    line = new_text[new[of].entries[key].place].rstrip()
+                    yield slice(entry.place.start, entry.value_at.stop), line
             lines = [new_text[new[of].entries[key].place] for key in now if key not in was | block.values]
             gap = "\n" * (bool(lines) and not text[: block.end].endswith("\n"))
             yield slice(block.end, block.end), gap + "".join(lines)
@@ -261,7 +271,8 @@ def _blocks(text: str) -> _Blocks:
         block.end = block.end if inner else place.stop
         if content is not None:
             block.content |= {} if inner else content
-            block.entries[inner + _entry_key(table, content)] = _entry(text, content, place)
+            key, value = _entry_key(table, content)
+            block.entries[inner + key] = _entry(text, content, value, place, block.entries.get(inner + key))
     for _, block in blocks:
         block.parts = [_with_comments(text, part) for part in block.parts]
     return {(table, *_name(table, block.content)): block for table, block in blocks}
@@ -275,8 +286,8 @@ def _name(table: str, content: dict[str, Any]) -> list[str]:
     return [str(content.get(key)) for key in keys.get(table, ())]
 
 
-def _entry_key(table: str, content: dict[str, Any]) -> str:
-    """Return the key of an entry; of ``[known]`` and ``[ties]``, which may be written with dots, the whole of it."""
+def _entry_key(table: str, content: dict[str, Any]) -> tuple[str, Any]:
+    """Return an entry's key and value; the key of ``[known]`` and ``[ties]``, perhaps with dots, is the whole of it."""
     ((name, value),) = content.items()
     while (
         table in {"known", "ties"}
@@ -286,10 +297,10 @@ def _entry_key(table: str, content: dict[str, Any]) -> str:
     ):
         ((inner, value),) = value.items()
         name = f"{name}.{inner}"
-    return str(name)
+    return str(name), value
 
 
-def _entry(text: str, content: dict[str, Any], place: slice) -> _Entry:
+def _entry(text: str, content: dict[str, Any], says: Any, place: slice, other: _Entry | None) -> _Entry:
     key = _KEY.match(text, place.start, place.stop)
     start = key.end() if key else place.start
     value = text[start : place.stop].rstrip()
@@ -298,7 +309,11 @@ def _entry(text: str, content: dict[str, Any], place: slice) -> _Entry:
             if tomllib.loads(text[place.start : start + comment.start()].removeprefix("\ufeff")) == content:
                 value = value[: comment.start()].rstrip()
                 break
-    return _Entry(place, slice(start, start + len(value)), value)
+    is_whole = False
+    with contextlib.suppress(tomllib.TOMLDecodeError):  # the sign = is within the key
+        is_whole = tomllib.loads(f"value = {value}") == {"value": says}
+    before = (*other.before, other.place) if other else ()
+    return _Entry(place, slice(start, start + len(value)), value, is_whole, before)
 
 
 def _with_comments(text: str, part: slice) -> slice:
