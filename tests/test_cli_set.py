@@ -63,6 +63,13 @@ def test_an_entry_in_any_form_is_set(file, rodgen_command, entry, expected):
     assert Machine.load(file).known.keys() == {"AZ.axis.b"}
 
 
+def test_a_new_table_leaves_comments_with_the_block_below(file, rodgen_command):
+    head, effects = file.read_text().rstrip(), '# above\n# it\n[[effect]]\nname = "tube_flexure"\n'
+    file.write_text(f"{head}\n{effects}")
+    rodgen_command("set", file, "EL.axis.a", "--tie", "EL.axis.b", "-o", file)
+    assert file.read_text() == f'{head}\n\n[ties]\n"EL.axis.a" = "EL.axis.b"\n\n{effects}'
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -169,7 +169,7 @@ def _edits(text: str, old: _Blocks, new: _Blocks, new_text: str) -> Iterator[tup
     """Yield the places of a text that change, and what stands there then."""
     there = _blocks(text)
     effects = [part for of, block in there.items() if of[0] == "effect" for part in block.parts]
-    first = min((part.start for part in effects), default=len(text))
+    first = min((_with_comments_above(text, [part]).start for part in effects), default=len(text))
     last = max((part.stop for part in effects), default=len(text))
     further = ""
     for of in {**old, **new}:
