@@ -71,6 +71,26 @@ def test_a_new_table_leaves_comments_with_the_block_below(file, rodgen_command):
 
 
 @pytest.mark.parametrize(
+    ("statement", "option", "message"),
+    [
+        (
+            '[known]\n"EL.axis.a" = { prior = "0 ± 3 arcsec" } # why',
+            ["--tie", "EL.axis.b"],
+            "out of [known] first",
+        ),
+        ('[ties]\n"EL.axis.a" = "EL.axis.b" # why', ["--prior", "0 ± 3 arcsec"], "out of [ties] first"),
+    ],
+)
+def test_a_statement_does_not_replace_one_of_another_kind(file, rodgen_command, statement, option, message):
+    text = f"{file.read_text()}\n{statement}\n"
+    file.write_text(text)
+    code, out, err = rodgen_command("set", file, "EL.axis.a", *option, "-o", file)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert message in err
+    assert file.read_text() == text
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         ["EL.axis.a"],

@@ -106,6 +106,8 @@ def test_parameters_are_tied_and_free_again(refuses, session, tmp_path):
     assert tied.rms > free.rms
     assert f'[ties]\n"{of}" = "-2 * {other} + 3 arcsec"\n' in session.state.text
     refuses(session.do, Tie(other, of))
+    refuses(session.do, Known(of, {"prior": "0 ± 2 arcsec"}))
+    assert session.do(Known(of)).machine.ties.keys() == {of}
     session.do(Tie(of, other))
     assert session.state.text.count(f'"{of}"') == 1
     session.save(tmp_path / "mount.rodgen")

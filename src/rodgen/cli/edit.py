@@ -266,12 +266,11 @@ def _set(options: argparse.Namespace) -> int:
         expected = "a prior, bounds, or both; or --tie; or --free"
         raise UsageError(refused("rodgen set", "none, or too much", expected))
     machine = Machine.load(file)
-    changed = machine.freeing(key)
     if options.tie is not None:
-        changed = changed.tying(key, options.tie)
+        changed = machine.tying(key, options.tie)
     elif known:
-        changed = changed.knowing(key, **known)
-    elif changed == machine:
+        changed = machine.knowing(key, **known)
+    elif (changed := machine.freeing(key)) == machine:
         expected = joined([*machine.known, *machine.ties]) or "an entry; there is none"
         raise InputFileError(file, "[known] and [ties]", f"nothing of {shown(key)}", expected)
     output = write_machine(options, edited_text(file, changed), key.split("."))

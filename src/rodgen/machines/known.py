@@ -202,7 +202,8 @@ def read_tie(machine: MachineData, key: str, text: str) -> Combination:
     if known[key].hold is not None:
         raise UnexpectedError("a parameter that is held", "one of the two, hold or a tie")
     if entry := next((name for name in machine.known if belongs(key, name)), None):
-        raise UnexpectedError(f"given together with {shown(entry)} in [known]", "that of a free parameter")
+        expected = "a free parameter: take that entry out of [known] first"
+        raise UnexpectedError(f"given together with {shown(entry)} in [known]", expected)
     if other := next((name for name, tie in machine.ties.items() if key in dict(tie.factors)), None):
         raise UnexpectedError(f"a tie of what {shown(other)} is tied to", "that of another parameter")
     own = combination(text, units, units[key], machine.length_unit, "parameter")

@@ -262,7 +262,9 @@ class Machine(MachineData):
         given = {name: x for name, x in (("prior", prior), ("bounds", bounds)) if x is not None}
         with in_file(self.file or self.name, f"[known], {key}"):
             if tied := next((name for name in self.ties if belongs(name, key)), None):
-                raise UnexpectedError(f"{shown(tied)}, which is tied", "a parameter that is not")
+                raise UnexpectedError(
+                    f"{shown(tied)}, which is tied", "a free parameter: take that one out of [ties] first"
+                )
             known = read_known(self, key, given)
         return replace(self, known={**self.known, key: known})
 

@@ -205,8 +205,11 @@ class Known(Action):
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        changed = state.machine.freeing(self.key)
-        changed = changed.knowing(self.key, **self.content) if self.content else changed
+        machine = state.machine
+        if self.content:
+            changed = machine.knowing(self.key, **self.content)
+        else:
+            changed = replace(machine, known={k: x for k, x in machine.known.items() if k != self.key})
         return edited_text(state.file, changed, state.text)
 
 
@@ -233,8 +236,12 @@ class Tie(Action):
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
-        changed = state.machine.freeing(self.key)
-        return edited_text(state.file, changed.tying(self.key, self.to) if self.to else changed, state.text)
+        machine = state.machine
+        if self.to:
+            changed = machine.tying(self.key, self.to)
+        else:
+            changed = replace(machine, ties={k: x for k, x in machine.ties.items() if k != self.key})
+        return edited_text(state.file, changed, state.text)
 
 
 @dataclass(frozen=True)
