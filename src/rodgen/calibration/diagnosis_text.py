@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.error_table import THE_FILE, Model, error_table
+from rodgen.calibration.error_table import THE_FILE, Model, error_table, on_replicates
 from rodgen.calibration.gross_readings import on_outliers
 from rodgen.calibration.pointing import pointing
 from rodgen.calibration.repairs import digits_of, simplest
@@ -350,9 +350,14 @@ def rungs(d: Diagnosis) -> list[Model]:
 
 def on_errors(d: Diagnosis) -> Iterator[Block]:
     """Yield the errors from model to model, with the noise; then what there is to say of them and of outliers."""
-    yield error_table(rungs(d), d.rms.unit, d.final.noise)
+    models, noise = rungs(d), d.final.noise
+    yield error_table(models, d.rms.unit, noise)
     fits = (d.base, d.final_with_forms)
-    notes = [*dict.fromkeys(fit.held_out().note for fit in fits), only_together(d)]
+    notes = [
+        on_replicates(models, d.rms.unit, noise),
+        *dict.fromkeys(fit.held_out().note for fit in fits),
+        only_together(d),
+    ]
     notes.append(on_outliers(d.final_with_forms, d.base.outliers))
     if on_sky := pointing(d.final_with_forms):
         notes.append(on_sky.sentence(d.base.rms if d.found else None))

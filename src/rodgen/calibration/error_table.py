@@ -30,7 +30,7 @@ class Model(NamedTuple):
 
 
 def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor | None) -> Table:
-    """Return the errors of models, then the noise where it is known, with its 95 % interval by replicates.
+    """Return the errors of models, then the noise where it is known.
 
     Parameters
     ----------
@@ -58,12 +58,18 @@ def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor | None) ->
     align = "l".ljust(len(header), "r")
     rows = [[*row, model.odds] for row, model in zip(rows, models, strict=True)]
     if noise is not None and noise.value is not None:
-        known, title = noise.replicates, noise_name(noise.source)
-        if known is not None:
-            title += f" ({size(known.low)} to {size(known.high)} at 95 %)"
-            title += "" if noise.stated is None else f"; stated: {size(noise.stated)}"
-        rows.append([title, size(noise.value), *[""] * (len(header) - 1)])
+        rows.append([noise_name(noise.source), size(noise.value), *[""] * (len(header) - 1)])
     return Table([*header, "odds"], rows, align)
+
+
+def on_replicates(models: Sequence[Model], unit: str, noise: NoiseFloor) -> str:
+    """Return how well replicates determine the noise, in the unit of the table, and what is stated; or nothing."""
+    if (known := noise.replicates) is None:
+        return ""
+    factor, shown = readable(unit, max(model.rms for model in models))
+    low, high = (three_digits(x * factor) for x in (known.low, known.high))
+    stated = "" if noise.stated is None else f"; {three_digits(noise.stated * factor)} {shown} is stated"
+    return f"By replicates the noise is between {low} and {high} {shown} (95 %){stated}."
 
 
 def noise_name(source: str | None) -> str:
