@@ -8,6 +8,8 @@ import graphlib
 import importlib.util
 import inspect
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -223,3 +225,17 @@ def test_each_promise_names_a_check_that_there_is() -> None:
                 assert f"def {check}(" in tests, check
             else:  # tests/test_readme.py finds the target
                 assert check.startswith(("make ", "rodgen ", "RECORD")), check
+
+
+def test_the_page_of_benchmarks_is_made_of_what_was_measured() -> None:
+    """In a process of its own: benchmarks/ names its modules as other folders do."""
+    code = (
+        "import json, pathlib, report\n"
+        "kept = json.loads(pathlib.Path('results/latest.json').read_text(encoding='utf-8'))\n"
+        "page = pathlib.Path('../docs/benchmarks.md').read_text(encoding='utf-8')\n"
+        "assert report.compose(kept) == page"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT / "benchmarks"
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -214,6 +214,40 @@ def work(tmp_path, monkeypatch):
     return tmp_path
 
 
+LATE = {
+    "fit": "fit m.toml d.csv -o f.toml --residuals r.csv",
+    "simulate": "simulate m.toml d.csv --hidden --seed 1 -o s.csv --truth t.json",
+    "emit": "emit m.toml d.csv --lang c -o code",
+}
+
+
+@pytest.mark.thorough("simulate", "fit")
+@pytest.mark.parametrize("name", LATE)
+def test_a_disk_that_fails_at_the_last_file_leaves_none(name, work, monkeypatch, rodgen_command):
+    before = sorted(os.listdir())
+    written, count, most = os.fsync, [], [1000]
+
+    def counted(descriptor):
+        if os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(work)):  # not in the cache of kernels
+            count.append(descriptor)
+            if len(count) == most[0]:
+                raise OSError(28, "No space left on device")
+        written(descriptor)
+
+    monkeypatch.setattr("rodgen.files.os.fsync", counted)
+    assert rodgen_command(*LATE[name].split())[0] == 0
+    new = sorted(set(os.listdir()) - set(before))
+    assert new
+    for file in new:
+        shutil.rmtree(file) if os.path.isdir(file) else os.unlink(file)
+    most[0], count[:] = len(count), []
+    code, out, err = rodgen_command(*LATE[name].split())
+    assert (code, out) == (2, "")
+    assert "cannot be written (No space left on device)" in err.splitlines()[-1]
+    assert "complete" not in err
+    assert sorted(os.listdir()) == before
+
+
 def test_where_a_disk_fails_between_two_names_the_first_is_said_to_be_complete(
     work, monkeypatch, rodgen_command
 ):
@@ -226,7 +260,7 @@ def test_where_a_disk_fails_between_two_names_the_first_is_said_to_be_complete(
 
     before = sorted(os.listdir())
     monkeypatch.setattr("rodgen.files.os.replace", full)
-    code, out, err = rodgen_command(*"fit m.toml d.csv -o f.toml --residuals r.csv".split())
+    code, out, err = rodgen_command(*LATE["fit"].split())
     (there,) = set(os.listdir()).difference(before)
     assert (code, out, there) == (2, "", "f.toml")
     assert err.splitlines()[-1].startswith("r.csv: file: cannot be written (Input/output error); expected")

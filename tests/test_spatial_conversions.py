@@ -233,6 +233,13 @@ def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, conv
             np.testing.assert_array_equal(table.end, np.eye(4))
 
 
+def test_a_presets_standard_table_is_that_of_the_books():
+    """The Puma 560 of the notes: the twists of the standard table are those after each joint, as Paul writes them."""
+    table = spatial.to_denavit_hartenberg(spatial.PUMA_560)
+    assert np.degrees(table.alpha).round(9).tolist() == [90, 0, 270, 90, 90, 0]
+    assert table.offset.tolist() == [0, 5.9, 0, 17, 0, 4]
+
+
 def test_tables_that_do_not_fit_are_an_error():
     with pytest.raises(RodgenError, match=r"alpha has the shape \(1,\)"):
         spatial.from_denavit_hartenberg("RR", [1.0, 2.0], [0.0], [0.0, 0.0])

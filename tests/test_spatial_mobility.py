@@ -233,6 +233,13 @@ def test_the_picture_has_every_joint_and_link(mechanism):
             assert axis.range[0] + 15 < value < axis.range[1] - 15
 
 
+def test_names_are_escaped_in_the_picture():
+    mechanism = Mechanism("RR", [1.0], [0.0], name="a < b & c", names=["<1>", '"2"'])
+    figure = planar_representation(mechanism)
+    assert figure.layout.title.text == "a &lt; b &amp; c"
+    assert "&lt;1&gt;" in [note.text for note in figure.layout.annotations]
+
+
 def test_the_derivation_of_loops_is_closed():
     """Every entry is proved, or refuted with an exact counterexample; the figure of the facts sheet is reported."""
     derivation = spatial_loops.derivation
