@@ -12,7 +12,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -52,6 +52,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--freeze", action="store_true", help="freeze the messages of refused inputs anew")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse what would lose messages: each of several processes would write the file with its own ones."""
+    if config.option.freeze and getattr(config.option, "numprocesses", None):
+        raise pytest.UsageError("--freeze: together with -n; expected one process, which writes the file")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give a file to one of several test processes, so that its fixtures and derivations are made once.
@@ -61,6 +67,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     Of a grid whose mark names the quick cases, the others are slow. Cases that the mark `thorough` names are not
     thorough themselves.
     """
+    if not config.getoption("lf", False) and not any("::" in argument for argument in config.args):
+        for item in items:  # before -k and -m: each file's tests are all here
+            COLLECTED[item.path.stem].add(item.name)
     for item in items:
         quick = item.get_closest_marker("quick")
         if quick is not None and item.callspec.id not in quick.args:
@@ -214,20 +223,37 @@ def rodgen_command(capsys):
 REFUSALS = Path(__file__).parents[1] / "answers" / "frozen" / "refusals.json"
 """What is said of each input that is refused: by file of tests, and by test with its case."""
 
+COLLECTED: defaultdict[str, set[str]] = defaultdict(set)
+"""The tests with their cases of each file that was collected as a whole."""
+
+
+def test_of(key: str) -> str:
+    """Return the test of a frozen message: the second one of a test is numbered, and so on."""
+    return re.sub(r" #\d+$", "", key)
+
 
 @pytest.fixture(scope="session")
 def frozen_refusals(request: pytest.FixtureRequest) -> Iterator[dict[str, dict[str, str]]]:
-    """All frozen messages; with --freeze those of the tests that were run are written."""
+    """All frozen messages; at the end none is of a test that is gone. With --freeze what was asked is written."""
     kept: dict[str, dict[str, str]] = json.loads(REFUSALS.read_text(encoding="utf-8"))
     yield kept
+    gone = [
+        (file, key) for file in COLLECTED for key in kept.get(file, ()) if test_of(key) not in COLLECTED[file]
+    ]
     if request.config.option.freeze:
+        for file, key in gone:
+            del kept[file][key]
         text = json.dumps(kept, indent=1, sort_keys=True, ensure_ascii=False)
         REFUSALS.write_text(f"{text}\n", encoding="utf-8")
+    else:
+        assert gone == [], "messages of tests that are gone: pytest --freeze the files as a whole"
 
 
 @pytest.fixture
-def is_frozen(request: pytest.FixtureRequest, tmp_path: Path, frozen_refusals: dict[str, dict[str, str]]):
-    """Assert that a message is one printable line, and the frozen one of this test and case."""
+def is_frozen(
+    request: pytest.FixtureRequest, tmp_path: Path, frozen_refusals: dict[str, dict[str, str]]
+) -> Iterator[Callable[[str], None]]:
+    """Assert that a message is one printable line, and the frozen one of this test and case; and all are asked."""
 
     def check(message: str) -> None:
         message = message.replace(str(tmp_path), "FOLDER").replace(str(Path(__file__).parents[1]), "ROOT")
@@ -235,9 +261,8 @@ def is_frozen(request: pytest.FixtureRequest, tmp_path: Path, frozen_refusals: d
         message = re.sub(r" \(choose from .*", "", message)  # which Python quotes otherwise in each version
         message = re.sub(r"(damaged Parquet data) \(.*\);", r"\1;", message)  # in the words of Arrow
         assert message.isprintable()
-        of_file = frozen_refusals.setdefault(request.node.path.stem, {})
         key = request.node.name
-        count = sum(name.partition(" #")[0] == key for name in asked)
+        count = len(asked)
         key += f" #{count + 1}" * (count > 0)
         asked.append(key)
         if request.config.option.freeze:
@@ -247,16 +272,27 @@ def is_frozen(request: pytest.FixtureRequest, tmp_path: Path, frozen_refusals: d
         )
 
     asked: list[str] = []
-    return check
+    of_file = frozen_refusals.setdefault(request.node.path.stem, {})
+    failed = request.session.testsfailed
+    yield check
+    if request.session.testsfailed == failed:
+        left = [key for key in of_file if test_of(key) == request.node.name and key not in asked]
+        if request.config.option.freeze:
+            for key in left:
+                del of_file[key]
+        else:
+            assert left == [], f"messages that are not asked: pytest --freeze {request.node.nodeid}"
 
 
 @pytest.fixture
 def refuses(is_frozen: Callable[[str], None]):
-    """Call a function with what it must refuse, in the frozen sentence."""
+    """Call a function with what it must refuse, in the frozen sentence; another type of error is named."""
     from rodgen.errors import RodgenError
 
-    def call(function: Callable[..., Any], *arguments: Any, **options: Any) -> None:
-        with pytest.raises((RodgenError, ValueError, TypeError)) as error:
+    def call(
+        function: Callable[..., Any], *arguments: Any, raises: type[Exception] = RodgenError, **options: Any
+    ) -> None:
+        with pytest.raises(raises) as error:
             function(*arguments, **options)
         kind = "" if isinstance(error.value, RodgenError) else f"{error.type.__name__}: "
         is_frozen(f"{kind}{error.value}")

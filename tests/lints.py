@@ -7,6 +7,7 @@ import functools
 import graphlib
 import importlib.util
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -239,3 +240,12 @@ def test_the_page_of_benchmarks_is_made_of_what_was_measured() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT / "benchmarks"
     )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_each_frozen_message_is_of_a_test_that_there_is() -> None:
+    """The cases of a test are compared where its file is run: `frozen_refusals` of tests/conftest.py."""
+    kept = json.loads((ROOT / "answers/frozen/refusals.json").read_text(encoding="utf-8"))
+    for file, messages in kept.items():
+        text = (ROOT / f"tests/{file}.py").read_text(encoding="utf-8")
+        there = set(re.findall(r"^ *def (test_\w+)\(", text, re.MULTILINE))
+        assert {re.match(r"\w+", test)[0] for test in messages} <= there, file

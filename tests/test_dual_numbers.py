@@ -82,5 +82,5 @@ def test_products_of_dual_matrices_are_products_of_motions() -> None:
 
 
 def test_parts_need_one_shape(refuses) -> None:
-    refuses(Dual, sp.eye(3), sp.eye(2))
-    refuses(Dual, 1, sp.eye(2))
+    refuses(Dual, sp.eye(3), sp.eye(2), raises=ValueError)
+    refuses(Dual, 1, sp.eye(2), raises=ValueError)

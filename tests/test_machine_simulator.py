@@ -200,7 +200,7 @@ def test_change_of_the_coordinate(effects: dict[str, float], q: float, expected:
 def test_period_of_the_file_is_used(refuses) -> None:
     of = machine(joint("X", "prismatic", X, period=10))
     assert close(moved(of, {"X.periodic_drive_error.a": 0.005}, [[2.5]]), [[0.005, 0, 0]])
-    refuses(Simulated(slide(), {"X.periodic_drive_error.a": 1.0}).measure, [[1]])
+    refuses(Simulated(slide(), {"X.periodic_drive_error.a": 1.0}).measure, [[1]], raises=ValueError)
 
 
 def test_backlash_leaves_the_joint_short_of_where_it_goes() -> None:
@@ -502,5 +502,5 @@ def test_effects_of_the_file_are_taken_with_what_it_holds(refuses) -> None:
     of["effect"].append(
         {"name": "own", "joint": "C", "component": "tx", "formula": "a", "parameters": {"a": "mm"}}
     )
-    refuses(Simulated, of)
+    refuses(Simulated, of, raises=ValueError)
     assert close(Simulated(of, {"C.tx": lambda columns: 1.0}).measure([[0]]), [[1, 100, 0]])

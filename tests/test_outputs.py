@@ -221,7 +221,7 @@ LATE = {
 }
 
 
-@pytest.mark.thorough("simulate", "fit")
+@pytest.mark.thorough("simulate")
 @pytest.mark.parametrize("name", LATE)
 def test_a_disk_that_fails_at_the_last_file_leaves_none(name, work, monkeypatch, rodgen_command):
     before = sorted(os.listdir())

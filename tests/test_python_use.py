@@ -180,7 +180,7 @@ def test_residuals_are_an_array(refuses, fit):
     assert {type(made) for made, _ in pairs} == {np.ndarray}
     assert isinstance(float(fit.residuals.mean()), float)
     assert type(pickle.loads(pickle.dumps(fit.residuals))) is np.ndarray
-    refuses(fit.residuals.reshape(-1).to_pandas)
+    refuses(fit.residuals.reshape(-1).to_pandas, raises=TypeError)
 
 
 def test_a_dataframe_without_pandas_is_one_sentence(refuses, fit, monkeypatch):

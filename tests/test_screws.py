@@ -232,5 +232,5 @@ def test_batches_ranks_of_nothing_and_lengths():
 def test_wrong_shapes_and_numbers_are_an_error(refuses):
     refuses(screws.line_through, [1, 2], [1, 2, 3])
     refuses(screws.reciprocal_product, np.ones(6) * 1j, np.ones(6))
-    refuses(screws.reciprocal_system, np.ones((2, 6)), length=0)
+    refuses(screws.reciprocal_system, np.ones((2, 6)), length=0, raises=ValueError)
     refuses(screws.transform, np.ones(3), [0, 0, 0])

@@ -416,7 +416,7 @@ def test_wrong_arguments_are_an_error(refuses):
     refuses(three_sps_s.direct_all, [1, 2], MACHINE)
     refuses(three_sps_s.direct_all, [1j, 2, 3], MACHINE)
     refuses(three_sps_s.direct, [2, 2, 2], MACHINE, near=[1, 0, 0])
-    refuses(three_sps_s.follow, [2, 2, 2], MACHINE, start=np.eye(3))
+    refuses(three_sps_s.follow, [2, 2, 2], MACHINE, start=np.eye(3), raises=ValueError)
     refuses(three_sps_s.workspace, MACHINE, (3, 1))
     refuses(three_sps_s.workspace, MACHINE, side=2)
 

@@ -173,7 +173,7 @@ def test_a_machine_that_is_none_is_refused(refuses):
             Geometry(R, r, q)
     refuses(tricept.inverse, [0, 0, 600], PAPER, (858, 568))
     refuses(tricept.inverse, [0, 0, 600], PAPER, (np.nan, 568))
-    refuses(tricept.inverse, [0, 0], PAPER)
+    refuses(tricept.inverse, [0, 0], PAPER, raises=ValueError)
 
 
 # derivatives and uncertainty ---------------------------------------------------------------------------
