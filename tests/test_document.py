@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import html
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
-from made_diagnoses import HOSTILE, mount, table
+from made_diagnoses import HOSTILE, MACHINES, mount, table
+from shown_numbers import missing, numbers_in, numbers_of, words_of
 
+from rodgen.calibration.check import check
+from rodgen.calibration.compare import compare
+from rodgen.calibration.plan.plan import plan
+from rodgen.data.measurements import Measurements
 from rodgen.document import Bullets, Code, Document, Facts, Paragraph, Part, Table
+from rodgen.machines.machine import Machine
+from rodgen.output.report import content, page
 
 WHOLE = Document(
     [
@@ -52,11 +56,6 @@ name
     b = 2"""
 
 
-def words_of(page: str) -> list[str]:
-    """The words that HTML shows."""
-    return html.unescape(re.sub(r"<[^>]*>", " ", page)).replace("−", "-").replace("µm", "um").split()
-
-
 def test_document_as_text():
     assert str(WHOLE) == TEXT
 
@@ -80,17 +79,6 @@ def test_names_of_a_user_are_text():
 NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e-?\d+)?) (um|mm|arcsec|rad|1/K)(?![\w/])")
 
 
-def numbers_in(data: Any) -> Iterator[float]:
-    """All numbers of plain data."""
-    if isinstance(data, dict):
-        data = list(data.values())
-    if isinstance(data, list):
-        for part in data:
-            yield from numbers_in(part)
-    elif isinstance(data, float | int):
-        yield float(data)
-
-
 @pytest.mark.parametrize("found", [mount, table], ids=["mount", "table"])
 def test_numbers_of_page_and_text_are_those_of_the_json(found):
     """Each number with a unit, in the digits that it has; those of the catalogue's own words are not measured."""
@@ -102,8 +90,8 @@ def test_numbers_of_page_and_text_are_those_of_the_json(found):
     )
     for result, known in ((diagnosis, catalogue.replace("µm", "um")), (diagnosis.final, "")):
         text, data = str(result.document()), json.loads(json.dumps(result.to_dict()))
-        page = " ".join(words_of(result._repr_html_()))
-        said = set(NUMBER.findall(page)) - set(NUMBER.findall(known))
+        shown = " ".join(words_of(result._repr_html_()))
+        said = set(NUMBER.findall(shown)) - set(NUMBER.findall(known))
         assert len(said) > 3
         assert said <= set(NUMBER.findall(" ".join(text.split()).replace("µm", "um")))
         factors = {
@@ -118,3 +106,55 @@ def test_numbers_of_page_and_text_are_those_of_the_json(found):
                 for sign in (1, -1)
             ]
             assert number in near, (number, unit)
+
+
+def compared():
+    folder = MACHINES.parent / "off_by_20_um"
+    return compare(Machine.load(folder / "machine.toml").fit(Measurements.load(folder / "data.csv")))
+
+
+def checked():
+    folder = MACHINES.parents[1] / "answers/field/angle_of_one_axis"
+    return check(
+        Machine.load(folder / "machine.toml"), Measurements.load(folder / "reversed_350_degrees.csv")
+    )
+
+
+RESULTS = {
+    "check": checked,
+    "comparison": compared,
+    "plan of a table": lambda: plan(table().final, 4),
+    "plan of a mount": lambda: plan(mount().base, 6),
+    "fit": lambda: table().final,
+}
+
+
+@pytest.mark.thorough("check", "fit", "plan of a mount")
+@pytest.mark.parametrize("of", RESULTS)
+def test_each_number_of_a_page_stands_in_the_text_and_in_the_json(of):
+    found = RESULTS[of]()
+    shown = numbers_of(" ".join(words_of(found._repr_html_())))
+    assert len(shown) > 2
+    assert shown <= numbers_of(str(found.document()))
+    assert missing(shown, json.loads(json.dumps(found.to_dict()))) == set()
+
+
+@pytest.mark.thorough
+def test_each_number_of_the_report_stands_in_its_text_and_those_of_the_diagnosis_in_the_json(monkeypatch):
+    """Other sections show places, residuals and sizes on the machine, of which the JSON has the parameters."""
+    said = []
+    monkeypatch.setattr(page, "report", lambda *given: said.append(content.report(*given)) or said[0])
+    diagnosis, planned = table(), plan(table().final, 4)
+    shown = numbers_of(" ".join(words_of(page.report_page(diagnosis, planned))))
+    assert len(shown) > 50
+    assert shown <= numbers_of(str(said[0]))
+    data = json.loads(json.dumps([diagnosis.to_dict(), diagnosis.final.to_dict(), planned.to_dict()]))
+    sections = [block for block in said[0].blocks if isinstance(block, Part)]
+    checked = [block for block in said[0].blocks if isinstance(block, Facts)]  # sizes, in large type
+    checked += [
+        s for s in sections if "verdict" in s.kind or s.title in ("What could hide", "What to measure next")
+    ]
+    (both,) = [s for s in sections if s.kind == "two"]
+    checked += [part for part in both.blocks if part.title == "The error, model by model"]
+    assert len(checked) > 3
+    assert missing(numbers_of(str(Document(checked))), data) == set()

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fleet_tasks import squared_unless_killed
+from shown_numbers import missing, numbers_of, words_of
 from simulated_fleet import Truth, make_fleet
 
 from rodgen.calibration.fleet import Fleet, Pair, diagnose_fleet, pairs_of
@@ -73,6 +74,18 @@ def test_what_cannot_be_diagnosed_is_named(fleet: tuple[Path, Truth, Fleet]) -> 
     text = found.summary()
     assert f"{COUNT + 2} machines, 2026-11-20: effects are missing in {COUNT} and 2 could not" in text
     assert all(machine.error in " ".join(text.split()) for machine in found.failed)
+
+
+@pytest.mark.thorough
+def test_each_number_of_the_page_stands_in_the_text_and_in_the_json(fleet: tuple[Path, Truth, Fleet]) -> None:
+    found = fleet[2]
+    shown = numbers_of(" ".join(words_of(found._repr_html_())))
+    assert len(shown) > 10
+    assert shown <= numbers_of(str(found.document()))
+    # of the method: its level, the fewest machines, and that of intervals; and bounds of small probabilities
+    limits = {f"{100 * FLEET.false_discoveries:g}", str(FLEET.fewest), "95"}
+    limits |= {number for number in shown if number.startswith("1e-")}
+    assert missing(shown - limits, json.loads(json.dumps(found.to_dict()))) == set()
 
 
 @pytest.mark.thorough
