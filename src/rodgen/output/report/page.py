@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from itertools import starmap
 from typing import TYPE_CHECKING
 
-from rodgen.calibration.diagnosis import Diagnosis
-from rodgen.calibration.diagnosis_text import statements
+from rodgen.calibration.diagnosis import VERDICTS, Diagnosis
 from rodgen.calibration.fleet.summary import drawn_parameters, machines
-from rodgen.calibration.words import plain
+from rodgen.calibration.words import capitalized
 from rodgen.document import Document
 from rodgen.errors import InputFileError, joined
 from rodgen.files import OutputSet, write_file
@@ -87,7 +86,7 @@ def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -
     document = report(
         diagnosis, plan, unit_of(diagnosis), radii, list(starmap(figure_block, enumerate(drawn)))
     )
-    window = plain(statements(diagnosis)[-1][0], 100)
+    window = capitalized(VERDICTS[diagnosis.verdict])
     text = page(document, drawn, over="Diagnosis", more=below_the_title(diagnosis), window=window)
     return figures, text
 
