@@ -4,7 +4,7 @@
 - The lines ``NAME: text`` in the docstring of an enumeration are a list.
 - One entry may describe several names: ``low, high : ndarray``.
 - What another package made is not described.
-- The name of an attribute is no reference: several classes have attributes of one name.
+- A word of a type that is no class, such as ``shape (parameters, 3)``, is no reference.
 - A reference to something that exists, but has no page, is shown as code. One to nothing stays a warning.
 """
 
@@ -17,6 +17,7 @@ import re
 from typing import Any
 
 from docutils import nodes
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.domains.python import PyObject
 
@@ -52,14 +53,17 @@ def _join_names(app: Sphinx, what: str, name: str, found: Any, options: Any, lin
 
 def _skip(app: Sphinx, what: str, name: str, found: Any, skip: bool, options: Any) -> bool | None:
     if inspect.isclass(found) or inspect.isroutine(found):
-        return None if (found.__module__ or "rodgen").partition(".")[0] == "rodgen" else True
+        return None if (getattr(found, "__module__", "") or "rodgen").partition(".")[0] == "rodgen" else True
     return None
 
 
-def _part_names(app: Sphinx, document: nodes.document) -> None:
+def _as_written(app: Sphinx, document: nodes.document) -> None:
     for text in list(document.findall(nodes.Text)):
         if _COMMA in text:
             text.parent.replace(text, nodes.Text(text.replace(_COMMA, ", ")))
+    for reference in list(document.findall(pending_xref)):
+        if reference["reftype"] == "class" and reference["reftarget"].rpartition(".")[2][:1].islower():
+            reference.replace_self(reference.children)
 
 
 def _resolve(name: str) -> bool:
@@ -96,9 +100,9 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", _process)
     app.connect("autodoc-process-docstring", _join_names, priority=900)  # after napoleon
     app.connect("autodoc-skip-member", _skip)
-    app.connect("doctree-read", _part_names)
+    app.connect("doctree-read", _as_written)
     app.connect("missing-reference", _missing)
     for field in PyObject.doc_field_types:
         if field.name == "variable":
-            field.label, field.rolename = "Attributes", ""
+            field.label = "Attributes"
     return {"parallel_read_safe": True, "parallel_write_safe": True}
