@@ -4,7 +4,7 @@
 - The lines ``NAME: text`` in the docstring of an enumeration are a list.
 - One entry may describe several names: ``low, high : ndarray``.
 - What another package made is not described.
-- A word of a type that is no class, such as ``shape (parameters, 3)``, is no reference.
+- In a type only names of classes are references: not the words of ``shape (parameters, 3)``.
 - A reference to something that exists, but has no page, is shown as code. One to nothing stays a warning.
 """
 

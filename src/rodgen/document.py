@@ -84,7 +84,7 @@ class Bullets:
 
 @dataclass(frozen=True)
 class Code:
-    """Text to be copied as it is; `what` says what copying it is good for."""
+    """Text to copy unchanged; a page has a button for it, whose label is `what`."""
 
     text: str
     what: str = ""
@@ -113,7 +113,7 @@ class Figure:
 class Part:
     """Blocks that belong together, perhaps below a title.
 
-    A page knows the kinds "section", "effect", "two" (parts beside each other), "folded" and "verdict".
+    The kinds that have a layout on a page: "section", "effect", "two" (two columns), "folded" and "verdict".
     """
 
     blocks: Sequence[Block]

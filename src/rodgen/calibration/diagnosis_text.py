@@ -401,11 +401,9 @@ def alternatives(step: DiagnosedEffect, most: int | None = MOST_NAMED) -> list[s
     found = [
         f"{together(alias)}, {comparison(alias.odds)}" for alias in sorted(others, key=lambda a: -a.odds)
     ]
-    return (
-        found
-        if most is None
-        else [*found[:most], *[f"{len(found) - most} more, in --json"] * (len(found) > most)]
-    )
+    listed = found[:most]
+    more = len(found) - len(listed)
+    return [*listed, *([f"{more} more, in --json"] if more else [])]
 
 
 def shares(step: DiagnosedEffect) -> str:
