@@ -159,7 +159,7 @@ def by_coefficients(M: np.ndarray) -> np.ndarray:
 
 def pair_rows() -> list[str]:
     solvers: dict[str, Solver] = {"coefficients and roots": by_coefficients}
-    for method in ("fast", "sylvester", "bezout"):
+    for method in ("fast", "sylvester"):
         solvers[f'`method="{method}"`'] = lambda M, method=method: np.column_stack(
             spatial.solve_pair(M, method=method)[:2]
         )

@@ -23,7 +23,7 @@ from rodgen.generated.numpy.trig_equation import trig_solve
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import call_kernel, kernels
 from rodgen.kinematics.ports import documented_by
-from rodgen.kinematics.spatial.pair_roots import HALF, complex_solutions, grid, starts, with_common_factor
+from rodgen.kinematics.spatial.pair_roots import HALF, grid, starts, with_common_factor
 from rodgen.kinematics.spatial.pair_solutions import SLOTS, certain_solutions, collected, consistent
 from rodgen.kinematics.spatial.status import ReverseStatus
 from rodgen.views import with_html
@@ -112,9 +112,7 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
     return np.einsum("jb,ia,...ba->...ij", back, back, given)
 
 
-def solve_pair(
-    M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] = "fast", complex: bool = False
-) -> Pair:
+def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester"] = "fast") -> Pair:
     """Return every pair of real angles that solves two equations.
 
     Parameters
@@ -122,13 +120,9 @@ def solve_pair(
     M : array_like (..., 2, 3, 3)
         Equation e is ``sum(M[e, i, j] * u[i] * v[j]) = 0`` with u = (1, cos theta1, sin theta1) and
         v = (1, cos theta2, sin theta2). Each has its own unit.
-    method : {"fast", "sylvester", "bezout"}, optional
-        How the starts are found. The first takes eigenvalues only where it is in doubt; the others always, of
-        Sylvester's or of Bezout's matrix. A solution is accepted by the same test for all.
-    complex : bool, optional
-        Whether complex solutions are returned, too: then all eight roots of the octic are given, as complex angles, and
-        a slot with NONE is a root ±i, which is not an angle. Where solutions meet both have a slot, as DOUBLE. Where
-        the equations have a common factor no roots are given, and every slot has FAMILY.
+    method : {"fast", "sylvester"}, optional
+        How the starts are found. The first takes eigenvalues of Sylvester's matrix only where it is in doubt; the other
+        always. A solution is accepted by the same test for both.
 
     Returns
     -------
@@ -145,11 +139,11 @@ def solve_pair(
 
     Notes
     -----
-    Lecture notes "Robot Geometry" after Crane and Duffy, "Sylvester's Method" and "Bezout's Method"; proved in the
-    derivation ``biquadratic_pair``. A regular solution is one by Kantorovich's theorem, with rounding taken into
-    account, and is right to about its condition number times the machine epsilon. With "fast" and where it is not in
-    doubt, that there are no others is proved, too; elsewhere two necessary conditions are tested, and a row of which
-    one fails has INCOMPLETE in its empty slots.
+    Lecture notes "Robot Geometry" after Crane and Duffy, "Sylvester's Method"; proved in the derivation
+    ``biquadratic_pair``, with "Bezout's Method", whose determinant is the same octic. A regular solution is one by
+    Kantorovich's theorem, with rounding taken into account, and is right to about its condition number times the
+    machine epsilon. With "fast" and where it is not in doubt, that there are no others is proved, too; elsewhere two
+    necessary conditions are tested, and a row of which one fails has INCOMPLETE in its empty slots.
 
     Examples
     --------
@@ -164,8 +158,8 @@ def solve_pair(
     >>> [spatial.ReverseStatus(s).name for s in pair.status[:3]]
     ['REGULAR', 'REGULAR', 'NONE']
     """
-    if method not in ("fast", "sylvester", "bezout"):
-        raise ValueError(f"method is {method!r}; expected 'fast', 'sylvester' or 'bezout'")
+    if method not in ("fast", "sylvester"):
+        raise ValueError(f"method is {method!r}; expected 'fast' or 'sylvester'")
     given = real_array("M", M, (2, 3, 3))
     flat = given.reshape(-1, 2, 3, 3)
     one, two, loss = kernels.pair_prepared(flat[:, 0], flat[:, 1])
@@ -174,30 +168,13 @@ def solve_pair(
     valid = np.isfinite(one[:, 0, 0])
     left = np.flatnonzero(valid)
     shape = (*given.shape[:-3], SLOTS)
-    if complex:
-        return _all_roots(one, two, loss, left, shape)
     if method == "fast":
         for exchanged in (False, True):
             if len(left):
                 left = _fast(one, two, loss, left, exchanged, angles, status)
     if len(left):
         prepared = np.stack([one[left], two[left]], axis=1)
-        angles[left], status[left] = _by_eigenvalues(prepared, loss[left], method)
-    return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
-
-
-def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...]) -> Pair:
-    """Return the complex solutions of the prepared equations in `rows`."""
-    angles = np.full((len(one), SLOTS, 2), np.nan + 0j)
-    status = np.full((len(one), SLOTS), ReverseStatus.INVALID, np.int8)
-    if len(rows):
-        M = np.stack([one[rows], two[rows]], axis=1)
-        _, _, distance = starts(M)
-        common = (distance <= COMMON) | (loss[rows] >= DEPENDENT)
-        status[rows[common]] = ReverseStatus.FAMILY
-        usual = rows[~common]
-        if len(usual):
-            angles[usual], status[usual] = complex_solutions(M[~common], loss[usual])
+        angles[left], status[left] = _by_eigenvalues(prepared, loss[left])
     return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
 
 
@@ -217,10 +194,9 @@ def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any
     return rows[~certain]
 
 
-def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
+def _by_eigenvalues(M: Any, loss: Any) -> tuple[Any, Any]:
     """Return the solutions of prepared equations (n, 2, 3, 3): angles (n, 8, 2), statuses (n, 8)."""
-    pencil = "bezout" if method == "bezout" else "sylvester"
-    first, alone, distance = starts(M, pencil)
+    first, alone, distance = starts(M)
     common = (distance <= COMMON) | (loss >= DEPENDENT)
     angles, status = (
         np.full((len(M), SLOTS, 2), np.nan),
@@ -228,7 +204,7 @@ def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
     )
     usual = np.flatnonzero(~common)
     if len(usual):
-        angles[usual], status[usual] = _from_starts(M[usual], loss[usual], first[usual], alone[usual], pencil)
+        angles[usual], status[usual] = _from_starts(M[usual], loss[usual], first[usual], alone[usual])
     for row in np.flatnonzero(common):
         # a dependent equation is rounding once the other is taken off, and an equation that is zero determines nothing
         some = M[row, 0] if M[row, 0].any() else M[row, 1]
@@ -237,12 +213,12 @@ def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
     return angles, status
 
 
-def _from_starts(M: Any, loss: Any, first: Any, alone: Any, pencil: str) -> tuple[Any, Any]:
+def _from_starts(M: Any, loss: Any, first: Any, alone: Any) -> tuple[Any, Any]:
     """Return solutions of equations without a common factor, from starts (n, m, 2) and more where some are missing."""
     angles, status = collected(M, loss, first)
     flawed = np.flatnonzero(~consistent(M, angles, status, alone))
     if len(flawed):
-        other, _, _ = starts(M[flawed].swapaxes(-1, -2), pencil)
+        other, _, _ = starts(M[flawed].swapaxes(-1, -2))
         more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
         angles[flawed], status[flawed] = collected(M[flawed], loss[flawed], more)
         still = flawed[~consistent(M[flawed], angles[flawed], status[flawed], alone[flawed])]

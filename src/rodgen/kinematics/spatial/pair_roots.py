@@ -1,12 +1,9 @@
-"""All eight solutions of two equations in two angles from eigenvalues: starts, complex ones, and a common factor.
+"""Starts near all solutions of two equations in two angles, from eigenvalues, and equations with a common factor.
 
 With x = tan(θ/2) the equations are two quadratics in x2 whose coefficients are quadratics in x1. They have a common
-root where Sylvester's 4 x 4 matrix S0 + S1 x1 + S2 x1² is singular, or Bezout's 2 x 2 matrix of quartics: 8 values x1,
-infinite ones among them. θ1 is counted from a direction far from all solutions first, so that the matrix of the highest
-power is well conditioned; it is divided by, and an ordinary eigenvalue problem of order 8 is left.
-
-When two solutions have met and are no longer real, they are complex, and the octic still has eight roots. A root ±i of
-it is not an angle at all: its sine and cosine are infinite.
+root where Sylvester's 4 x 4 matrix S0 + S1 x1 + S2 x1² is singular: 8 values x1, infinite ones among them. θ1 is
+counted from a direction far from all solutions first, so that the matrix of the highest power is well conditioned; it
+is divided by, and an ordinary eigenvalue problem of order 8 is left.
 
 Where the octic vanishes identically there is a θ2 for every θ1, or the equations are the same but for a factor
 that may have no real zero. Without the factor the equations may have isolated solutions as well. There is no polynomial
@@ -15,7 +12,6 @@ for those, so they are searched for from a few hundred starts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,12 +22,9 @@ from rodgen.kinematics.spatial.pair_solutions import (
     ROUNDING,
     SLOTS,
     basis,
-    condition_number,
-    newton_step,
     on_lines,
     polished,
     regular_below,
-    slope,
 )
 from rodgen.kinematics.spatial.status import ReverseStatus
 from rodgen.kinematics.spatial.transforms import rx
@@ -70,65 +63,43 @@ def sylvester(E: Any) -> Any:
     return S
 
 
-def bezout(E: Any) -> Any:
-    """Return the matrices B0 to B4 (n, 5, 2, 2) of the vector (x2, 1)."""
-
-    def bracket(i: int, j: int) -> Any:
-        found = np.zeros((len(E), 5))
-        for a in range(3):
-            for b in range(3):
-                found[:, a + b] += E[:, 0, i, a] * E[:, 1, j, b] - E[:, 1, i, a] * E[:, 0, j, b]
-        return found
-
-    pq, pr, qr = bracket(2, 1), bracket(2, 0), bracket(1, 0)
-    return np.stack([np.stack([pq, pr], -1), np.stack([pr, qr], -1)], -2)
-
-
-def eigenvalues(M: Any, method: str = "sylvester") -> tuple[Any, Any]:
+def eigenvalues(M: Any) -> tuple[Any, Any]:
     """Return angles θ1 (n, 8), complex ones among them, and how far the resultant is from vanishing (n,)."""
     n = len(M)
-    form = sylvester if method == "sylvester" else bezout
-    smallest = _smallest(M, form)
+    smallest = _smallest(M)
     best = smallest.argmax(axis=-1)
-    # Sylvester's matrix tells a common factor to rounding, Bezout's to the root of that
-    distance = (smallest if method == "sylvester" else _smallest(M, sylvester)).max(axis=-1)
     turn = TURNS[best]
-    P = form(biquadratics(turned(M, turn)))
-    degree, size = P.shape[1] - 1, P.shape[2]
+    P = sylvester(biquadratics(turned(M, turn)))
     good = smallest[np.arange(n), best] > SOLVABLE
-    last = np.where(good[:, None, None], P[:, -1], np.eye(size))
-    companion = np.zeros((n, degree * size, degree * size))
-    companion[:, :-size, size:] = np.eye((degree - 1) * size)
-    for power in range(degree):
-        block = -np.linalg.solve(last, P[:, power])
-        companion[:, -size:, power * size : (power + 1) * size] = block
+    last = np.where(good[:, None, None], P[:, 2], np.eye(4))
+    companion = np.zeros((n, 8, 8))
+    companion[:, :4, 4:] = np.eye(4)
+    companion[:, 4:] = -np.linalg.solve(last, np.concatenate([P[:, 0], P[:, 1]], axis=2))
     x = np.linalg.eigvals(companion).astype(complex)
     with np.errstate(all="ignore"):
         psi = 2 * np.arctan(x)
         psi = np.where(np.abs(x.imag) == 0, 2 * np.arctan(x.real), psi)
-    return psi + turn[:, None], distance
+    return psi + turn[:, None], smallest.max(axis=-1)
 
 
-def _smallest(M: Any, form: Callable[[Any], Any]) -> Any:
+def _smallest(M: Any) -> Any:
     """Return the smallest over the largest singular value of the matrix of the highest power, for nine turns: (n, 9).
 
     At x = ∞ the matrix polynomial is that matrix, so all turns together ask for it at nine angles.
     """
-    leading = np.stack(
-        [form(biquadratics(turned(M, np.full(len(M), turn))))[:, -1] for turn in TURNS], axis=1
-    )
-    singular = np.linalg.svd(leading, compute_uv=False)
+    turns = [sylvester(biquadratics(turned(M, np.full(len(M), turn))))[:, 2] for turn in TURNS]
+    singular = np.linalg.svd(np.stack(turns, axis=1), compute_uv=False)
     largest = singular[..., :1].max(axis=1)
     return singular[..., -1] / np.where(largest > 0, largest, 1.0)
 
 
-def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
+def starts(M: Any) -> tuple[Any, Any, Any]:
     """Return angle pairs (n, 24, 2) near every solution, the angles θ1 (n, 8) that stand alone, and the distance (n,).
 
     Empty slots are NaN. An angle that stands alone is real and far from all other eigenvalues, complex ones included:
     near it there is a solution. The distance is that of :func:`eigenvalues`.
     """
-    theta, distance = eigenvalues(M, method)
+    theta, distance = eigenvalues(M)
     with np.errstate(invalid="ignore"):
         # two real solutions that nearly meet may have eigenvalues a ± bi: a ± b is then outside of them, from where
         # Newton's method leads to both, while it stays at a
@@ -160,58 +131,6 @@ def seconds(rows: Any) -> tuple[Any, Any, Any]:
     radius, centre = np.hypot(t[..., 1], t[..., 2]), np.arctan2(t[..., 2], t[..., 1])
     open_by = np.arccos(np.clip(-t[..., 0] / np.where(radius > 0, radius, 1.0), -1, 1))
     return common, centre + open_by, centre - open_by
-
-
-STEPS = 6
-"""Newton's method from eigenvalues, right to 1e-6 or better where solutions stand alone."""
-FAR = 14.0
-"""Imaginary part, in rad, beyond which a root is ±i: that of the tangent is off by 4 exp(-14) then, some 1e-6."""
-
-
-def complex_solutions(M: Any, loss: Any) -> tuple[Any, Any]:
-    """Return angles (n, 8, 2) and statuses (n, 8) for prepared equations (n, 2, 3, 3) without a common factor."""
-    n = len(M)
-    theta1, _ = eigenvalues(M)
-    far = ~(np.abs(theta1.imag) <= FAR)
-    theta1 = np.where(far, 0.0, theta1)
-    rows = np.einsum("neij,nki->nkej", M, basis(theta1))
-    n0, n1, n2 = np.moveaxis(np.cross(rows[:, :, 0], rows[:, :, 1]), -1, 0)
-    # tan(θ2/2) is n2/(n0 + n1) = (n0 - n1)/n2
-    steep = np.abs(n0 + n1) < np.abs(n0 - n1)
-    above, below = np.where(steep, n0 - n1, n2), np.where(steep, n2, n0 + n1)
-    with np.errstate(all="ignore"):
-        theta2 = np.where(below == 0, np.pi, 2 * np.arctan(above / np.where(below == 0, 1.0, below)))
-    far |= ~(np.abs(theta2.imag) <= FAR)
-    angles = np.stack([theta1, np.where(far, 0.0, theta2)], axis=-1)
-    for _ in range(STEPS):
-        value, J, _ = _at(M, angles)
-        step = newton_step(J, value, np.inf)
-        length = np.abs(step).max(axis=-1, keepdims=True)
-        angles = angles - step * np.minimum(1.0, 0.1 / np.maximum(length, 1e-300))
-    value, J, size = _at(M, angles)
-    with np.errstate(all="ignore"):
-        condition = condition_number(J, size)
-        right = (np.abs(value) / size).max(axis=-1) <= 4 * ROUNDING * loss[:, None]
-        regular = right & (condition <= regular_below(loss)[:, None])
-    status = np.select(
-        [far, regular], [ReverseStatus.NONE, ReverseStatus.REGULAR], ReverseStatus.DOUBLE
-    ).astype(np.int8)
-    angles = principal(angles.real) + 1j * angles.imag
-    angles = np.where(far[..., None], np.nan, angles)
-    order = np.lexsort((angles[..., 0].imag, angles[..., 0].real, far), axis=-1)
-    return np.take_along_axis(angles, order[..., None], axis=1).reshape(n, 8, 2), np.take_along_axis(
-        status, order, axis=1
-    )
-
-
-def _at(M: Any, angles: Any) -> tuple[Any, Any, Any]:
-    """Return values, derivatives and sizes of the terms of equations (n, 2, 3, 3) at complex angles (n, 8, 2)."""
-    u, v = basis(angles[..., 0]), basis(angles[..., 1])
-    value = np.einsum("neij,nki,nkj->nke", M, u, v)
-    by_first = np.einsum("neij,nki,nkj->nke", M, slope(u), v)
-    by_second = np.einsum("neij,nki,nkj->nke", M, u, slope(v))
-    size = np.einsum("neij,nki,nkj->nke", np.abs(M), np.abs(u), np.abs(v))
-    return value, np.stack([by_first, by_second], axis=-1), size
 
 
 LINES = 24
