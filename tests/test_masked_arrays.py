@@ -32,7 +32,6 @@ CALLS = {
     "trajectory": lambda: instantaneous_euler.trajectory(QUATERNION),
     "choose": lambda: instantaneous_euler.choose(VECTOR, x=0.1),
     "legs": lambda: three_sps_s.legs(MATRIX, PLATFORM),
-    "leg_rates": lambda: three_sps_s.leg_rates(np.eye(3), VECTOR, PLATFORM),
     "rotation_from_tilt_torsion": lambda: three_sps_s.rotation_from_tilt_torsion(ANGLE, 0.1, 0.1),
     "tricept": lambda: tricept.pose(VECTOR, tricept.PAPER),
 }

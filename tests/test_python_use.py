@@ -306,7 +306,7 @@ def test_parts_and_numeric_results_are_shown_copied_and_pickled(table):
     many = [
         joint, target, table.measured, table.effect("scale", "C"), geometry,
         tricept.matrices([0.1, 0.2, 700.0], geometry), hexapod.Geometry(np.eye(6, 3), np.ones((6, 3))),
-        instantaneous_euler.rotations([1.0, 1.0, 1.0]), spatial.vector_and_angle(np.eye(3)), spatial.PUMA_560,
+        instantaneous_euler.rotations([1.0, 1.0, 1.0]), spatial.PUMA_560,
         screws.screw_axis(np.eye(6)[0]), rodgen.fit_axis(np.eye(3), np.eye(3)[[1, 2, 0]], 2.0943951),
     ]  # fmt: skip
     for one in many:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rodgen.kinematics import spatial
-from rodgen.kinematics.spatial import Mechanism, ReverseStatus, loop_reverse, reverse_loop, reverse_sliding
+from rodgen.kinematics.spatial import Mechanism, ReverseStatus, loop_reverse, reverse, reverse_loop
 
 GROUP_1 = ("CCCR", "PCCRR", "CPCRR", "CPRCR", "PPCRRR", "PRPCRR", "PRCRPR", "PRPRPRR")
 GROUP_2 = ("RRRCC", "RCRCR", "RPCRRR", "RCPRRR", "CRRPRR", "RPRPRRR", "RPPRRRR", "RPRRPRR")
@@ -228,7 +228,7 @@ def check_robot(kinds):
         robot = Mechanism(kinds, loop.a[:-1], loop.alpha[:-1], loop.offset, loop.angle)
         q = rng.uniform(-2, 2, 6)
         T = numeric_reverse.forward(robot, q)
-        found = reverse_sliding(robot, T)
+        found = reverse(robot, T)
         there = found.status <= ReverseStatus.FAMILY
         distance, angle = numeric_reverse.errors(robot, found.solutions[there], T)
         assert max(distance.max(), angle.max()) < 1e-10
@@ -240,7 +240,7 @@ def check_robot(kinds):
 def test_poses_that_are_none_are_invalid():
     robot = Mechanism("PPPRRR", np.zeros(5), np.full(5, np.pi / 2))
     T = np.stack([np.eye(4), np.diag([1.0, 1, -1, 1]), np.full((4, 4), np.nan)])
-    found = reverse_sliding(robot, T)
+    found = reverse(robot, T)
     assert (found.status[1:] == ReverseStatus.INVALID).all()
     assert (found.status[0] != ReverseStatus.INVALID).all()
 
@@ -276,7 +276,6 @@ def test_a_loop_of_seven_turning_joints_is_an_arm_with_six():
 
 
 def test_robots_that_cannot_be_solved_are_an_error(refuses):
-    refuses(reverse_sliding, Mechanism("CCCR", [1.0] * 4, [1.0] * 4), np.eye(4))
-    refuses(reverse_sliding, spatial.PUMA_560, np.eye(4))
-    refuses(reverse_sliding, Mechanism("RP", [1.0], [1.0]), np.eye(4))
-    refuses(reverse_sliding, Mechanism("PPPRRR", [1.0] * 5, [1.0] * 5), np.eye(3))
+    refuses(reverse, Mechanism("CCCR", [1.0] * 4, [1.0] * 4), np.eye(4))
+    refuses(reverse, Mechanism("RP", [1.0], [1.0]), np.eye(4))
+    refuses(reverse, Mechanism("PPPRRR", [1.0] * 5, [1.0] * 5), np.eye(3))

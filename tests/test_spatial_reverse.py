@@ -62,7 +62,7 @@ def some_poses(mechanism: spatial.Mechanism, count: int, seed: int) -> tuple[np.
 def test_the_angles_that_made_the_pose_are_among_the_solutions(kind: str, backwards: bool) -> None:
     for seed in range(4):
         mechanism = arm_of(kind, seed, backwards=backwards)
-        assert spatial.reverse_method(mechanism).split(":")[0] == KINDS[kind][0].split(":")[0]
+        assert spatial.group(mechanism).method.split(":")[0] == KINDS[kind][0].split(":")[0]
         q, T = some_poses(mechanism, 40, seed)
         found = spatial.reverse(mechanism, T)
         assert found.solutions.shape == (40, KINDS[kind][1], 6)
@@ -188,7 +188,6 @@ def test_a_placed_robot_is_solved_in_its_own_coordinates() -> None:
     found = spatial.reverse(robot, robot.forward(q))
     assert (found.status == ReverseStatus.REGULAR).all()
     assert np.abs(found.solutions - q).max(axis=1).min() < 1e-12
-    assert spatial.reverse_method(robot) == spatial.reverse_method(spatial.PUMA_560)
 
 
 def test_what_is_no_arm_of_six_revolute_joints_is_an_error(refuses) -> None:
@@ -224,7 +223,7 @@ def test_without_ssik_the_error_for_a_general_arm_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ssik", None)
-    assert spatial.reverse_method(anything(1)) == "general: ssik"
+    assert spatial.group(anything(1)).method == "general: ssik"
     refuses(spatial.reverse, anything(1), np.eye(4))
 
 

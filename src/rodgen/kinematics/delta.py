@@ -20,10 +20,12 @@ from numpy.typing import ArrayLike
 
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
+from rodgen.generated.numpy import delta as generated
 from rodgen.generated.numpy.delta import DeltaStatus
 from rodgen.generated.numpy.trig_equation import TrigStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import call_kernel, kernels
+from rodgen.kinematics.ports import documented_by
 from rodgen.views import with_html
 
 __all__ = [
@@ -112,28 +114,25 @@ class RotaryGeometry:
         return _three(self.radius), _three(self.arm), _three(self.rod), np.radians(self.heading)
 
 
-def linear_direct(carriages: ArrayLike, geometry: LinearGeometry) -> tuple[Any, Any, Any]:
+@documented_by(generated.linear_delta_direct, ["position", "residual", "status"])
+def linear_direct(carriage: ArrayLike, geometry: LinearGeometry) -> tuple[Any, Any, Any]:
     """Return where the platform of a linear delta is.
 
     Parameters
     ----------
-    carriages : array_like, shape (..., 3)
-        Height of each carriage.
     geometry : LinearGeometry
 
     Returns
     -------
-    position : array, shape (..., 3)
-        Middle of the platform, below the plane of the carriages; NaN where the status is above SINGULAR.
-    residual : array, shape (...)
+    position
+        NaN where the status is above SINGULAR.
+    residual : array (...), length
         Largest error of the length of a rod in that position: rounding. It bounds the error of the position, divided
         by the least singular value of the rods' directions (:func:`rods`), to first order.
-    status : array of int8, shape (...)
-        Codes of :class:`DeltaStatus`.
 
     Notes
     -----
-    Three spheres, proved in the derivation ``delta``.
+    Three spheres.
 
     Examples
     --------
@@ -142,23 +141,24 @@ def linear_direct(carriages: ArrayLike, geometry: LinearGeometry) -> tuple[Any, 
     >>> delta.linear_direct([160, 160, 160], printer)[0].round(9) + 0.0
     array([0., 0., 0.])
     """
-    position, status = _answer(kernels.linear_delta_direct, carriages, geometry)
-    return position, _residual(position, carriages, geometry), status
+    position, status = call_kernel(kernels.linear_delta_direct, (carriage, *geometry.numbers))
+    return position, _residual(position, carriage, geometry), status
 
 
-def rotary_direct(angles: ArrayLike, geometry: RotaryGeometry) -> tuple[Any, Any, Any]:
+@documented_by(generated.rotary_delta_direct, ["position", "residual", "status"])
+def rotary_direct(angle: ArrayLike, geometry: RotaryGeometry) -> tuple[Any, Any, Any]:
     """Return where the platform of a rotary delta is.
 
     Parameters
     ----------
-    angles : array_like, shape (..., 3)
-        Of each arm, rad: zero where it is level, positive downwards.
     geometry : RotaryGeometry
 
     Returns
     -------
-    position, residual, status
-        As of :func:`linear_direct`; the position is below the plane of the elbows.
+    position
+        NaN where the status is above SINGULAR.
+    residual : array (...), length
+        As of :func:`linear_direct`.
 
     Examples
     --------
@@ -167,25 +167,24 @@ def rotary_direct(angles: ArrayLike, geometry: RotaryGeometry) -> tuple[Any, Any
     >>> delta.rotary_direct([0, 0, 0], robot)[0].round(9) + 0.0
     array([   0.,    0., -400.])
     """
-    position, status = _answer(kernels.rotary_delta_direct, angles, geometry)
-    return position, _residual(position, angles, geometry), status
+    position, status = call_kernel(kernels.rotary_delta_direct, (angle, *geometry.numbers))
+    return position, _residual(position, angle, geometry), status
 
 
+@documented_by(generated.linear_delta_inverse)
 def linear_inverse(position: ArrayLike, geometry: LinearGeometry) -> tuple[Any, Any]:
     """Return where the carriages of a linear delta are.
 
     Parameters
     ----------
-    position : array_like, shape (..., 3)
-        Middle of the platform.
     geometry : LinearGeometry
 
     Returns
     -------
-    carriages : array, shape (..., 3)
+    carriage
         Above the platform; NaN where the status is above SINGULAR.
-    status : array of int8, shape (...)
-        Codes of :class:`DeltaStatus`; SINGULAR where a rod is level.
+    status
+        SINGULAR where a rod is level.
 
     Examples
     --------
@@ -193,24 +192,22 @@ def linear_inverse(position: ArrayLike, geometry: LinearGeometry) -> tuple[Any, 
     >>> delta.linear_inverse([0, 0, 0], delta.LinearGeometry(radius=120, rod=200))[0]
     array([160., 160., 160.])
     """
-    carriages, status = _answer(kernels.linear_delta_inverse, position, geometry)
-    return carriages, status
+    return call_kernel(kernels.linear_delta_inverse, (position, *geometry.numbers))  # type: ignore[no-any-return]
 
 
+@documented_by(generated.rotary_delta_equations, ["angle", "status"])
 def rotary_inverse(position: ArrayLike, geometry: RotaryGeometry) -> tuple[Any, Any]:
     """Return how the arms of a rotary delta stand, with their elbows outwards.
 
     Parameters
     ----------
-    position : array_like, shape (..., 3)
-        Middle of the platform.
     geometry : RotaryGeometry
 
     Returns
     -------
-    angles : array, shape (..., 3)
+    angle : array (..., 3), rad
         From -π to π, positive downwards; NaN where the status is above SINGULAR.
-    status : array of int8, shape (...)
+    status : int8 array (...)
         Codes of :class:`DeltaStatus`; SINGULAR where an arm and its rod are in one line, seen along the arm's axis.
 
     Examples
@@ -221,7 +218,7 @@ def rotary_inverse(position: ArrayLike, geometry: RotaryGeometry) -> tuple[Any, 
     array([0., 0., 0.])
     """
     with np.errstate(all="ignore"):
-        equations = _answer(kernels.rotary_delta_equations, position, geometry)
+        equations = call_kernel(kernels.rotary_delta_equations, (position, *geometry.numbers))
         angles, kinds = kernels.trig_solve(*equations)
     worst = np.asarray(kinds).max(axis=-1)  # two, double, and then what has no answer
     of = {TrigStatus.TWO: DeltaStatus.SOLVED, TrigStatus.DOUBLE: DeltaStatus.SINGULAR}
@@ -260,10 +257,6 @@ def _residual(position: Array, coordinates: ArrayLike, geometry: LinearGeometry 
     """Return the largest error of the length of a rod, (...)."""
     lengths = np.linalg.norm(position[..., None, :] - _joints(coordinates, geometry), axis=-1)
     return np.asarray(np.abs(lengths - _three(geometry.rod)).max(axis=-1))
-
-
-def _answer(kernel: Any, values: ArrayLike, geometry: LinearGeometry | RotaryGeometry) -> tuple[Any, ...]:
-    return tuple(call_kernel(kernel, (values, *geometry.numbers)))
 
 
 def _three(value: Three) -> Array:

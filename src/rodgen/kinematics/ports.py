@@ -33,7 +33,8 @@ def documented_by(
         The kernel as a generated NumPy function. A parameter that has the name of an input, and each output, gets the
         shape, the unit and the words of the port; what the docstring says about it follows. So do errors and source.
     outputs : sequence of str, optional
-        The outputs that the function returns; all when left out. A docstring whose Returns name a class keeps them.
+        What the function returns, in its order; left out: all outputs, and then what else its docstring names. One
+        whose Returns name a class keeps them.
     """
     if not kernel.__doc__:  # python -OO
         return lambda function: function
@@ -52,8 +53,8 @@ def documented_by(
         said = _entries(own.pop("Returns", ""))
         others = {name: entry for name, entry in said.items() if name not in results}
         if all(" : " in entry for entry in others.values()):  # otherwise it is a class that holds the results
-            named = results if outputs is None else outputs
-            said = {name: _entry(name, results[name], said.get(name, "")) for name in named} | others
+            named = dict.fromkeys([*results, *others] if outputs is None else outputs)
+            said = {name: _entry(name, results.get(name, ""), said.get(name, "")) for name in named}
         proof = "" if "derivation" in source else f"; proved in the derivation ``{derivation}``"
         notes = [f"Source: {source}{proof}.", own.pop("Notes", "")]
         sections = {

@@ -28,7 +28,7 @@ def ridge_normal(matrix: Any, axis: int) -> Any:
     return np.cross(np.eye(3)[axis], matrix[..., :, axis])
 
 
-@documented_by(ridges.chi_ridge_lines, ["lines"])
+@documented_by(ridges.chi_ridge_lines, ["lines", "status"])
 def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Any, Any]:
     """Return the lines in which the yz, xz and xy planes meet their images.
 

@@ -34,7 +34,7 @@ from rodgen.kinematics.spatial.forward_analysis import (
     link_transform,
 )
 from rodgen.kinematics.spatial.link_files import link_table, load_mechanism, save_mechanism
-from rodgen.kinematics.spatial.loop_reverse import reverse_loop, reverse_sliding
+from rodgen.kinematics.spatial.loop_reverse import reverse_loop
 from rodgen.kinematics.spatial.mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.kinematics.spatial.pair_equations import (
     Pair,
@@ -42,7 +42,7 @@ from rodgen.kinematics.spatial.pair_equations import (
     solve_pair,
     solve_trig,
 )
-from rodgen.kinematics.spatial.placement import Placement, reverse, reverse_method
+from rodgen.kinematics.spatial.placement import Placement, reverse
 from rodgen.kinematics.spatial.product_of_exponentials import (
     ProductOfExponentials,
     from_product_of_exponentials,
@@ -57,12 +57,7 @@ from rodgen.kinematics.spatial.spherical_polygons import (
     toolkit,
 )
 from rodgen.kinematics.spatial.status import Reverse, ReverseStatus
-from rodgen.kinematics.spatial.transforms import (
-    VectorAngle,
-    inverse_transform,
-    transform,
-    vector_and_angle,
-)
+from rodgen.kinematics.spatial.transforms import inverse_transform, transform
 
 __all__ = [
     "FREEDOMS",
@@ -83,7 +78,6 @@ __all__ = [
     "ReverseStatus",
     "SphericalEquivalent",
     "TrigStatus",
-    "VectorAngle",
     "close_loop",
     "direction_cosines",
     "equivalent_spherical",
@@ -103,8 +97,6 @@ __all__ = [
     "pair_from_biquadratics",
     "reverse",
     "reverse_loop",
-    "reverse_method",
-    "reverse_sliding",
     "save_mechanism",
     "secondary_notation",
     "solve_pair",
@@ -115,5 +107,4 @@ __all__ = [
     "to_product_of_exponentials",
     "toolkit",
     "transform",
-    "vector_and_angle",
 ]

@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.generated.numpy import spatial_links as generated
 from rodgen.generated.numpy.spatial_links import HypotheticalStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.ports import documented_by
 from rodgen.kinematics.screws import line_along
 from rodgen.kinematics.spatial.mechanism import Mechanism, check_mechanism
 from rodgen.views import with_html
@@ -29,28 +31,19 @@ RIGHT_ANGLE = 2 * float(np.finfo(float).eps)
 """A multiple of 90 degrees, up to a turn, is off by the rounding of an angle near 2π: no more than this."""
 
 
+@documented_by(generated.link_step, ["transform"])
 def link_transform(a: ArrayLike, alpha: ArrayLike, offset: ArrayLike, angle: ArrayLike) -> Any:
     """Return the transform from one link's system to the next.
 
     Parameters
     ----------
-    a : array_like (...)
-        Length a_ij of the link.
-    alpha : array_like (...)
-        Its twist alpha_ij in rad.
-    offset : array_like (...)
-        Offset S_j of the joint after it.
-    angle : array_like (...)
-        Angle theta_j of that joint in rad.
+    alpha : array_like (...), rad
+        Twist of the link.
 
     Returns
     -------
-    array (..., 4, 4)
-        Tx(a) Rx(alpha) Tz(S) Rz(theta).
-
-    Notes
-    -----
-    Crane and Duffy, general link to link transformation matrix; proved in the derivation ``spatial_links``.
+    transform : array (..., 4, 4), 1 and length
+        Tx(a) Rx(alpha) Tz(S) Rz(theta): the general link to link transformation matrix.
 
     Examples
     --------
@@ -304,6 +297,7 @@ class HypotheticalLink(NamedTuple):
         )
 
 
+@documented_by(generated.hypothetical_link)
 def close_loop(
     pose: ArrayLike,
     a67: ArrayLike = 0.0,
@@ -315,16 +309,14 @@ def close_loop(
 
     Parameters
     ----------
-    pose : array_like (..., 4, 4)
-        End frame in the fixed frame: x along a67, z along S6.
-    a67 : array_like (...), optional
-        Length of the link after the last joint, free.
-    alpha67 : array_like (...), optional
-        Its twist in rad, free. Left out: 90°, where that leaves s71 ≥ sin 45°, and else the better of 45° and 135°, of
-        which one always does. Then the loop is NORMAL for every pose, and right to rounding.
-    tolerance : float, optional
-        Largest sine s71 of the angle between S7 and S1 that counts as parallel, and largest a71 / abs(P) that counts as
-        none. It matters only where `alpha67` is given.
+    pose
+        It has x along a67, z along S6.
+    alpha67
+        Left out: 90°, where that leaves s71 ≥ sin 45°, and else the better of 45° and 135°, of which one always does.
+        Then the loop is NORMAL for every pose, and right to rounding.
+    tolerance
+        It is that of s71, the sine between S7 and S1, and the largest a71 / abs(P) that counts as none. It matters only
+        where `alpha67` is given.
 
     Returns
     -------
@@ -340,10 +332,9 @@ def close_loop(
 
     Notes
     -----
-    Crane and Duffy, hypothetical link technique; proved with all signs in the derivation ``spatial_links``. In the
-    normal case rounding is divided by s71; special case 1 is off by up to abs(P) s71. In double precision both are
-    about 1e-8 abs(P) at s71 = 1e-8, the default tolerance; a coarser one, such as abs(c71) > 0.999, leaves errors of
-    0.04 abs(P).
+    The hypothetical link technique, with all signs. In the normal case rounding is divided by s71; special case 1 is
+    off by up to abs(P) s71. In double precision both are about 1e-8 abs(P) at s71 = 1e-8, the default tolerance; a
+    coarser one, such as abs(c71) > 0.999, leaves errors of 0.04 abs(P).
 
     Examples
     --------

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError, listed
 from rodgen.generated.numpy.spatial_loops import RCCCStatus
-from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.numerics import principal
 from rodgen.kinematics.spatial.arm_reverse import solve_arm
@@ -129,48 +128,12 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> R
     return _solved(mechanism, known, None)
 
 
-def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> Reverse:
-    """Return all ways in which a robot with two or three slides among its six freedoms reaches a pose.
+def reach(mechanism: Mechanism, pose: Array) -> Reverse:
+    """Return all ways in which a robot with two or three slides among its six freedoms reaches poses (..., 4, 4).
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        An open chain of joints R, P and C with six freedoms, three or four of them angles.
-    T : array_like (..., 4, 4)
-        Pose of the end frame in the fixed frame.
-
-    Returns
-    -------
-    Reverse
-
-    Raises
-    ------
-    RodgenError
-        When the mechanism is a loop, has other joints, or has not six freedoms with two or three slides.
-
-    Notes
-    -----
     The pose, inverted, is the link that closes the chain to a loop of group 1 or 2; no hypothetical link is needed.
-
-    Examples
-    --------
-    A gantry: three slides at right angles carry a wrist of three turning joints.
-
-    >>> import numpy as np
-    >>> from rodgen import spatial
-    >>> quarter = np.pi / 2
-    >>> gantry = spatial.Mechanism("PPPRRR", a=np.zeros(5), alpha=[quarter, quarter, 0.0, quarter, quarter],
-    ...                            angle=[0.0, quarter, 0.0, np.nan, np.nan, np.nan])
-    >>> T = np.eye(4)
-    >>> T[:3, 3] = [1.0, 2.0, 3.0]
-    >>> found = spatial.reverse_sliding(gantry, T)
-    >>> found.status.tolist(), np.abs(found.solutions[0, :3]).round(9).tolist()
-    ([0, 0], [3.0, 2.0, 1.0])
     """
-    if mechanism.closed:
-        raise RodgenError("the mechanism is a closed loop; expected an open chain")
     _check_joints(mechanism)
-    pose = real_array("T", T, (4, 4))
     R, p = pose[..., :3, :3], pose[..., :3, 3]
     back = np.where(is_pose(pose)[..., None, None], np.swapaxes(R, -1, -2), np.nan)
     return _solved(mechanism, {}, (back, -np.einsum("...ij,...j->...i", back, p)))
@@ -217,21 +180,17 @@ def _solved(
     unknown = [i for i in range(len(variables)) if i not in known]
     angles = sum(variables[i][1] == "theta" for i in unknown)
     if len(unknown) != 6:
-        wanted = len(variables) - 6
-        what = (
-            f"{len(known)} of {len(variables)} variables are given"
-            if closing is None
-            else "it is no pose problem"
+        given = f"{len(known)} of {len(variables)} variables are given"
+        raise RodgenError(
+            f"{len(unknown)} unknowns are left ({given}); expected 6, which is {len(variables) - 6} given"
         )
-        raise RodgenError(f"{len(unknown)} unknowns are left ({what}); expected 6, which is {wanted} given")
     if angles not in SLOTS:
         if mechanism.joints == ("R",) * 7 and closing is None:
             return _seven_turning(mechanism, known)
         if angles > 4:
-            advice = "; use reverse()" if closing is not None and angles == 6 else ""
             raise RodgenError(
                 f"{angles} of the six unknowns are angles: a problem of group {angles - 2}, of degree 16; "
-                f"expected three or four (groups 1 and 2){advice}"
+                "expected three or four (groups 1 and 2)"
             )
         raise RodgenError(f"only {angles} of the six unknowns are angles; expected three or four")
     shape = np.broadcast_shapes(

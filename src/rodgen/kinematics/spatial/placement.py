@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.numerics import principal
-from rodgen.kinematics.spatial.arm_plan import SIX_REVOLUTES, plan
 from rodgen.kinematics.spatial.arm_reverse import solve_arm
 from rodgen.kinematics.spatial.forward_analysis import checked, forward, jacobian
-from rodgen.kinematics.spatial.loop_reverse import reverse_sliding
+from rodgen.kinematics.spatial.loop_reverse import reach
 from rodgen.kinematics.spatial.mechanism import Mechanism
 from rodgen.kinematics.spatial.status import Reverse
 from rodgen.kinematics.spatial.transforms import one_frame
@@ -164,7 +163,7 @@ class Placement:
         True
         """
         given = real_array("the pose", pose, (4, 4))
-        found = solve_pose(self.mechanism, np.linalg.inv(self.base) @ given @ np.linalg.inv(self.end))
+        found = reverse(self.mechanism, np.linalg.inv(self.base) @ given @ np.linalg.inv(self.end))
         moved = found.solutions - self.zero
         is_angle = np.array([which == "theta" for _, which in self.mechanism.variables])
         return Reverse(np.where(is_angle & (self.zero != 0), principal(moved), moved), found.status)
@@ -194,19 +193,6 @@ class Placement:
         base[:3, 3] *= factor
         end[:3, 3] *= factor
         return Placement(mechanism, base, end, self.zero * lengths)
-
-
-def solve_pose(mechanism: Mechanism, T: ArrayLike) -> Reverse:
-    """Return every set of a mechanism's variables that brings its end frame to a pose; see `reverse`."""
-    pose = real_array("the pose", T, (4, 4))
-    if (
-        mechanism.joints != SIX_REVOLUTES
-        and not mechanism.closed
-        and set(mechanism.joints) & set("PC")
-        and sum(mechanism.freedoms) == 6
-    ):
-        return reverse_sliding(mechanism, pose)
-    return solve_arm(mechanism, pose)
 
 
 def placed(robot: Mechanism | Placement) -> Placement:
@@ -252,9 +238,9 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
 
     Parameters
     ----------
-    mechanism : Mechanism
-        Open chain of six revolute joints. A chain with two or three slides is solved by :func:`reverse_sliding`. For a
-        :class:`Placement`, pose and angles are in the robot's own frames and coordinates.
+    mechanism : Mechanism or Placement
+        Open chain of six revolute joints; or of joints R, P and C with six freedoms, two or three of them slides. Of a
+        placement, pose and angles are in the robot's own frames and coordinates.
     T : array_like (..., 4, 4)
         Pose of the last joint's frame in the fixed frame F, as :func:`forward` returns it.
 
@@ -262,11 +248,11 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     -------
     Reverse
         ``solutions`` (..., N, 6) and ``status`` (..., N). N is 8 where a closed form or a wrist's centre says that
-        there are no more, else 16. Where the angles of one solution are not determined (a wrist that is singular, an
-        elbow folded onto its shoulder, a wrist's centre on S_1), the status is FAMILY, and the free angle of the
-        representative is zero wherever zero leaves a solution. Two solutions that meet (an elbow that is straight) are
-        given once, as DOUBLE. What meets is decided by rounding: within about 1e-6 rad of a degenerate pose either
-        status may result.
+        there are no more, or with two slides, 2 with three, else 16. Where the angles of one solution are not
+        determined (a wrist that is singular, an elbow folded onto its shoulder, a wrist's centre on S_1), the status is
+        FAMILY, and the free angle of the representative is zero wherever zero leaves a solution. Two solutions that
+        meet (an elbow that is straight) are given once, as DOUBLE. What meets is decided by rounding: within about 1e-6
+        rad of a degenerate pose either status may result.
 
     Raises
     ------
@@ -278,8 +264,9 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     Notes
     -----
     Crane and Duffy, reverse analysis of the Puma 560, the GE P60 and the Cincinnati T3-776; proved in the derivation
-    ``robots_6r``. :func:`reverse_method` says which method is used. Regular solutions of a closed form meet the pose to
-    some 1e-14 of the reach; all others have been put back into the forward analysis, and meet it to 1e-11 and better.
+    ``robots_6r``, and, with slides, in ``spatial_loops``. :func:`group` says which method is used. Regular solutions of
+    a closed form meet the pose to some 1e-14 of the reach; all others have been put back into the forward analysis, and
+    meet it to 1e-11 and better.
 
     Examples
     --------
@@ -292,26 +279,8 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     >>> bool(np.abs(spatial.forward(spatial.PUMA_560, solutions) - pose).max() < 1e-12)
     True
     """
-    return mechanism.reverse(T) if isinstance(mechanism, Placement) else solve_pose(mechanism, T)
-
-
-def reverse_method(mechanism: Mechanism | Placement) -> str:
-    """Return how :func:`reverse` solves an arm.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Open chain of six revolute joints.
-
-    Returns
-    -------
-    str
-        ``"closed form: ..."``, ``"pair of equations: ..."`` or ``"general: ssik"``, with the special axes.
-
-    Examples
-    --------
-    >>> from rodgen import spatial
-    >>> spatial.reverse_method(spatial.GE_P60)
-    'closed form: axes 2, 3, 4 are parallel, axes 5, 6 meet'
-    """
-    return plan(mechanism.mechanism if isinstance(mechanism, Placement) else mechanism).method
+    if isinstance(mechanism, Placement):
+        return mechanism.reverse(T)
+    pose, kinds = real_array("the pose", T, (4, 4)), set(mechanism.joints)
+    slides = not mechanism.closed and kinds & set("PC") and sum(mechanism.freedoms) == 6
+    return reach(mechanism, pose) if slides else solve_arm(mechanism, pose)

@@ -1,80 +1,20 @@
-"""Transformation matrices, and the vector and the angle of a rotation matrix.
-
-A rotation matrix R turns about the unit vector m by the angle theta. The arccosine of the
-trace loses half of the digits near 0 and near a half turn, and the differences r_ji - r_ij = 2 m_k sin(theta) lose the
-vector near a half turn. Both come from the quaternion's largest component here, which loses nothing.
-"""
+"""Transformation matrices."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.generated.numpy import spatial_links as generated
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
-from rodgen.views import with_html
+from rodgen.kinematics.ports import documented_by
 
 ORTHOGONAL = 1e-6
 """Sum of the deviations of RᵀR and of the last row up to which a matrix is a rounded pose; as in the kernels."""
-
-
-@with_html
-class VectorAngle(NamedTuple):
-    """Vector and angle of a rotation, of :func:`vector_and_angle`."""
-
-    vector: Any
-    angle: Any
-    status: Any
-
-
-def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
-    """Return the vector and the angle of a rotation matrix.
-
-    Parameters
-    ----------
-    matrix : array_like (..., 3, 3)
-        Rotation matrix.
-
-    Returns
-    -------
-    VectorAngle
-        vector (..., 3): unit vector m; NaN where the angle is zero, since the vector is arbitrary there. angle (...): 0
-        to π in rad. status (...) of int8: codes of :class:`rodgen.RotationStatus`, IDENTITY for no turn, HALF_TURN
-        for π to rounding, where m and -m are the same and the first component that is not zero is positive, NOT_NORMAL
-        where the matrix is orthogonal only roughly, INVALID with NaN where it is not finite, or a reflection.
-
-    Raises
-    ------
-    RodgenError
-        When it is not an array of real numbers of that shape.
-
-    Notes
-    -----
-    Crane and Duffy; the formulas of the notes are proved in the derivation ``spatial_links``, those that are used in
-    ``rotations``. Both results are right to a few times the machine epsilon for every angle, 1e-8 and
-    π - 1e-8 among them. A turn by theta about m is also one by 2π - theta about -m. The way back, the rotation about a
-    general vector (and so about x, y and z), is :func:`rodgen.matrix_from_axis_angle`.
-
-    Examples
-    --------
-    >>> from rodgen import spatial
-    >>> found = spatial.vector_and_angle([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    >>> found.vector, round(float(found.angle), 6)
-    (array([0., 0., 1.]), 1.570796)
-    """
-    given = real_array("the matrix", matrix, (3, 3))
-    vector, angle, status = (np.array(x) for x in kernels.axis_angle_from_matrix(given))
-    vector[angle == 0] = np.nan
-    half = status == RotationStatus.HALF_TURN
-    if half.any():
-        turned = vector[half]
-        first = np.argmax(np.abs(turned) > 4 * np.finfo(turned.dtype).eps, axis=-1)
-        vector[half] = turned * np.sign(np.take_along_axis(turned, first[..., None], axis=-1))
-    return VectorAngle(vector, angle, status)
 
 
 def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None) -> Any:
@@ -113,23 +53,19 @@ def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None
     return found
 
 
-def inverse_transform(transformation: ArrayLike) -> Any:
+@documented_by(generated.link_inverse)
+def inverse_transform(transform: ArrayLike) -> Any:
     """Return the inverses of transformation matrices.
 
     Parameters
     ----------
-    transformation : array_like (..., 4, 4)
-        Rotation and origin of a system B in A.
+    transform
+        Of a system B in A.
 
     Returns
     -------
-    array (..., 4, 4)
+    inverse
         Rotation and origin of A in B: the transposed rotation, which is exact, and -Rᵀ p.
-
-    Raises
-    ------
-    RodgenError
-        When it is not an array of real numbers of that shape.
 
     Examples
     --------
@@ -137,7 +73,7 @@ def inverse_transform(transformation: ArrayLike) -> Any:
     >>> spatial.inverse_transform(spatial.transform(origin=[1.0, 2.0, 3.0]))[:3, 3]
     array([-1., -2., -3.])
     """
-    return kernels.link_inverse(real_array("the transformation", transformation, (4, 4)))
+    return kernels.link_inverse(real_array("the transformation", transform, (4, 4)))
 
 
 def one_frame(what: str, given: ArrayLike | None) -> NDArray[np.float64]:

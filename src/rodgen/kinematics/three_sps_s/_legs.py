@@ -111,6 +111,7 @@ class Singularity(NamedTuple):
     condition: Any
 
 
+@documented_by(generated.sps_legs)
 def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
     """Return the lengths of the three legs.
 
@@ -123,12 +124,8 @@ def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
 
     Returns
     -------
-    array (..., 3)
-        Lengths of the legs at -30°, 90° and 210°; NaN where the matrix is not a rotation to 1e-3.
-
-    Notes
-    -----
-    Zhou and Zhu, eqs. (21)-(23), proved in the derivation ``three_sps_s``.
+    legs
+        At -30°, 90° and 210°; NaN where the matrix is not a rotation to 1e-3.
 
     Examples
     --------
@@ -165,6 +162,7 @@ def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
     return call_kernel(kernels.sps_legs_from_quaternion, (quaternion, *geometry.lengths))
 
 
+@documented_by(generated.sps_jacobian)
 def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
     """Return the derivatives of the legs with respect to a turn of the platform.
 
@@ -177,9 +175,9 @@ def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
 
     Returns
     -------
-    array (..., 3, 3)
-        Row k holds the rate of leg k by each component of the angular velocity, in machine axes: length per rad. Not
-        finite where a leg has no length, or the matrix is not a rotation.
+    jacobian
+        A row for each leg: ``jacobian @ omega`` are the rates of the legs. Not finite where a leg has no length, or the
+        matrix is not a rotation.
 
     Examples
     --------
@@ -189,34 +187,6 @@ def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
     array([0., 0., 0.])
     """
     return kernels.sps_jacobian(proper(rotation)[0], *geometry.lengths)
-
-
-def leg_rates(rotation: ArrayLike, angular_velocity: ArrayLike, geometry: Geometry) -> Any:
-    """Return how fast the legs change while the platform turns.
-
-    Parameters
-    ----------
-    rotation : array_like (..., 3, 3)
-        Orientation of the platform.
-    angular_velocity : array_like (..., 3)
-        Angular velocity of the platform in machine axes, rad per time.
-    geometry : Geometry
-        The machine.
-
-    Returns
-    -------
-    array (..., 3)
-        Rates of the legs, length per time.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from rodgen import three_sps_s
-    >>> three_sps_s.leg_rates(np.eye(3), [0.1, 0, 0], three_sps_s.Geometry(2, 1, 1.5)).round(6)
-    array([-0.041603,  0.083205, -0.041603])
-    """
-    omega = real_array("the angular velocity", angular_velocity, (3,))
-    return np.einsum("...ij,...j->...i", jacobian(rotation, geometry), omega)
 
 
 def singularity(rotation: ArrayLike, geometry: Geometry) -> Singularity:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy import tricept as generated
+from rodgen.generated.numpy import tricept_uncertainty as of_parameters
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import broadcast_shapes, length_limits, real_array
 from rodgen.kinematics.backend import call_kernel, kernels
@@ -362,27 +363,21 @@ def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
 _SINGULAR = 64 * 2.0**-52
 
 
+@documented_by(of_parameters.tricept_parameter_sensitivity, ["sensitivity", "status"])
 def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
     """Return the derivatives of the tool's place by every geometrical parameter.
 
     Parameters
     ----------
-    pose : array_like (..., 3)
-        α and β in rad, and z.
     geometry : Geometry
         The machine; its point q counts.
 
     Returns
     -------
-    sensitivity : array (..., 3, n)
-        A column for each of ``PARAMETERS``: no unit for lengths, length/rad for angles. The first five are the paper's
-        A35. NaN where the machine is singular.
-    status : array (...) of int8
+    sensitivity
+        In the order of ``PARAMETERS``: the first five are the paper's A35. NaN where the machine is singular.
+    status : int8 array (...)
         Codes of :class:`TriceptStatus`: REACHABLE, SINGULAR or INVALID.
-
-    Notes
-    -----
-    Kureková et al., sec. 3 a) to g); proved in the derivation ``tricept_uncertainty``.
 
     Examples
     --------
