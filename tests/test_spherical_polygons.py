@@ -300,7 +300,6 @@ def test_printed_equations_hold_as_they_stand(n: int) -> None:
 
 def test_toolkit_refuses_what_it_has_not(refuses) -> None:
     refuses(sphere.toolkit, 8, raises=ValueError)
-    refuses(sphere.toolkit, 4, "html", raises=ValueError)
 
 
 # The derivation ------------------------------------------------------------------------------------------

@@ -47,10 +47,6 @@ class Law:
         """Write it in plain characters."""
         return f"{self.left.text()} = {'-' if self.sign < 0 else ''}{self.right.text()}"
 
-    def latex(self) -> str:
-        """Write it in LaTeX."""
-        return f"{self.left.latex()} = {'-' if self.sign < 0 else ''}{self.right.latex()}"
-
 
 @dataclass(frozen=True)
 class HalfTangent:
@@ -91,11 +87,6 @@ class HalfTangent:
         """Write it in plain characters."""
         s, x, y = self._sine().text(), self.sine.left.text(), self.sine_cosine.left.text()
         return f"x_{self.joint} = {x} / ({y} + {s}) = ({s} - {y}) / {x}"
-
-    def latex(self) -> str:
-        """Write it in LaTeX."""
-        s, x, y = self._sine().latex(), self.sine.left.latex(), self.sine_cosine.left.latex()
-        return rf"x_{{{self.joint}}} = \frac{{{x}}}{{{y} + {s}}} = \frac{{{s} - {y}}}{{{x}}}"
 
     def _sine(self) -> Monomial:
         return Monomial((("s", self.twist),), self.sine.left.n)

@@ -24,8 +24,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -320,39 +319,37 @@ _SECONDARY = (
     ("Y0_ab = c_e X*0_ab - s_e Z0_a - a_e Z_ab", "Z0_ab = s_e X*0_ab + c_e Z0_a + a_e Y_ab"),
 )
 _WORDS = {
-    "joints": "Joint {j} has the links {ij} before it and {jk} after it; {c_j}, {s_j} are of its angle, {c_ij}, {s_ij} "
-    "of a twist. One subscript; with a bar, {Xb}, the twist after the joint takes the place of the one before:",
-    "step": "More: {a} is the row so far, {b} the next joint, {e} its link on the side where the row goes on. Rows "
+    "joints": "Joint j has the links ij before it and jk after it; c_j, s_j are of its angle, c_ij, s_ij "
+    "of a twist. One subscript; with a bar, Xb, the twist after the joint takes the place of the one before:",
+    "step": "More: a is the row so far, b the next joint, e its link on the side where the row goes on. Rows "
     "rise or fall by one, with 1 next to the last joint; a falling row begins with the bar, a rising one without:",
-    "polar": "In {U}, {V}, {W} the link {e} is on the side where the row comes from; {U} and {U*} do without the angle "
-    "of {b}:",
-    "dual": "With the dual angles of a twist and its length {a}, an angle and its offset {S}, the index 0 marks dual "
+    "polar": "In U, V, W the link e is on the side where the row comes from; U and U* do without the angle "
+    "of b:",
+    "dual": "With the dual angles of a twist and its length a, an angle and its offset S, the index 0 marks dual "
     "parts:",
     "secondary": "Every law above holds with the index 0 on its names and the dual part of its right side; the "
     "fundamental ones are:",
 }
-"""What is in braces is a formula."""
 
 
-def toolkit(n: int, form: Literal["text", "markdown", "latex"] = "text") -> str:
+def toolkit(n: int) -> str:
     """Return the equations of the closed spherical polygon of n joints.
 
     Parameters
     ----------
     n : int
         Number of joints, 3 (triangle) to 7 (heptagon).
-    form : {"text", "markdown", "latex"}, optional
-        Plain characters, Markdown with LaTeX formulas, or the body of a LaTeX document (with amsmath).
 
     Returns
     -------
     str
-        The names, the laws and the secondary laws, ending in a line break.
+        The names, the laws and the secondary laws, in plain characters. As formulas they stand on the page of the
+        derivation ``spherical_polygons``.
 
     Raises
     ------
     ValueError
-        For another n or form.
+        For another n.
 
     Notes
     -----
@@ -370,13 +367,26 @@ def toolkit(n: int, form: Literal["text", "markdown", "latex"] = "text") -> str:
     """
     if n not in POLYGONS:
         raise ValueError(f"there is a toolkit for 3 to 7 joints, not for {n}")
-    if form not in ("text", "markdown", "latex"):
-        raise ValueError(f"form is {form!r}; expected 'text', 'markdown' or 'latex'")
-    return "\n".join(_lines(n, _Plain() if form == "text" else _Typeset(form == "markdown"))) + "\n"
+    parts = [f"Spherical {POLYGONS[n]}: {len(laws(n))} equations", _words("joints"), _table(_NAMES)]
+    parts += [_words("step"), _table(_STEP), _words("polar"), _table(_POLAR_STEP)]
+    for family in FAMILIES:
+        if rows := [[law.text() for law in group] for group in _grouped(n, family)]:
+            parts += [_heading(family), _table(rows)]
+    parts += ["Secondary laws", _words("dual"), _table(_SECONDARY), _words("secondary")]
+    return "\n\n".join([*parts, _table(list(_secondary(n)))]) + "\n"
 
 
-def _title(n: int) -> str:
-    return f"Spherical {POLYGONS[n]}: {len(laws(n))} equations"
+def _words(key: str) -> str:
+    return textwrap.fill(_WORDS[key], 110)
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of formulas in columns."""
+    widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(max(map(len, rows)))]
+    return "\n".join(
+        "    " + "   ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
+        for row in rows
+    )
 
 
 def _heading(family: str) -> str:
@@ -405,84 +415,3 @@ def _secondary(n: int) -> Iterator[Sequence[str]]:
             f"{second} = a{e} c{e} c{j} - S{j} s{e} s{j}",
             f"{third} = -a{e} s{e}",
         )
-
-
-def _lines(n: int, form: _Plain | _Typeset) -> Iterator[str]:
-    """Yield the lines of the toolkit."""
-    yield from (form.heading(_title(n), 1), "", form.words("joints"), "", form.given(_NAMES), "")
-    yield from (
-        form.words("step"),
-        "",
-        form.given(_STEP),
-        "",
-        form.words("polar"),
-        "",
-        form.given(_POLAR_STEP),
-    )
-    for family in FAMILIES:
-        rows = [[form.law(law) for law in group] for group in _grouped(n, family)]
-        if rows:
-            yield from ("", form.heading(_heading(family), 2), "", form.display(rows))
-    yield from ("", form.heading("Secondary laws", 2), "", form.words("dual"), "", form.given(_SECONDARY), "")
-    yield from (form.words("secondary"), "", form.given(list(_secondary(n))))
-
-
-class _Plain:
-    """Plain characters."""
-
-    def heading(self, text: str, level: int) -> str:
-        return text
-
-    def words(self, key: str) -> str:
-        return textwrap.fill(re.sub(r"[{}]", "", _WORDS[key]), 110)
-
-    def law(self, law: Law | HalfTangent) -> str:
-        return law.text()
-
-    def display(self, rows: Sequence[Sequence[str]]) -> str:
-        """Return the rows in columns."""
-        widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(max(map(len, rows)))]
-        return "\n".join(
-            "    " + "   ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
-            for row in rows
-        )
-
-    given = display
-
-
-@dataclass(frozen=True)
-class _Typeset:
-    """Markdown with LaTeX formulas, or the body of a LaTeX document."""
-
-    markdown: bool
-
-    def heading(self, text: str, level: int) -> str:
-        return f"{'#' * level} {text}" if self.markdown else rf"\{'sub' * (level - 1)}section*{{{text}}}"
-
-    def words(self, key: str) -> str:
-        return re.sub(r"{(.*?)}", lambda found: f"${_latex(found[1])}$", _WORDS[key])
-
-    def law(self, law: Law | HalfTangent) -> str:
-        return law.latex()
-
-    def display(self, rows: Sequence[Sequence[str]]) -> str:
-        """Return the rows as an array of formulas in LaTeX."""
-        body = " \\\\\n".join(" & ".join(row) for row in rows)
-        opened, closed = ("$$", "$$") if self.markdown else (r"\[", r"\]")
-        array = f"\\begin{{array}}{{{'l' * max(map(len, rows))}}}\n{body}\n\\end{{array}}"
-        return f"{opened}\n{array}\n{closed}"
-
-    def given(self, rows: Sequence[Sequence[str]]) -> str:
-        """Return rows of formulas in plain characters as such an array."""
-        return self.display([[_latex(formula) for formula in row] for row in rows])
-
-
-def _latex(formula: str) -> str:
-    """Return the LaTeX of a formula in plain characters."""
-
-    def name(found: re.Match[str]) -> str:
-        letter, mark, zero, row = found.groups()
-        letter = rf"\bar{{{letter}}}" if mark == "b" else letter + "^*" * (mark == "*")
-        return f"{letter}_{{{zero}{row}}}" if zero + row else letter
-
-    return re.sub(r"([A-Zacs])([b*]?)(0?)_?([a-z0-9]*)", name, formula)
