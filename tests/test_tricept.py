@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import rodgen
 from rodgen.kinematics import tricept
+from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.tricept import LEG_LIMITS, PAPER, Geometry, TriceptStatus
 
 WITH_Q = Geometry(330.0, 140.0, (20.0, -30.0, 50.0))
@@ -206,13 +207,14 @@ def test_matrices_are_derivatives_of_pose_point_and_rods(geometry):
         np.testing.assert_allclose(found.M35[:, 3:], -np.linalg.solve(rods, radii), rtol=1e-6, atol=1e-10)
         np.testing.assert_allclose(found.A35, found.M33 @ found.M35, rtol=1e-11, atol=1e-13)
         np.testing.assert_allclose(found.M35, -np.linalg.solve(found.W33, found.W35), rtol=1e-10, atol=1e-14)
-        np.testing.assert_allclose(tricept.sensitivity(pose, geometry), found.A35, rtol=1e-12, atol=1e-14)
+        alone = kernels.tricept_sensitivity(pose, *geometry.radii, *geometry.q)
+        np.testing.assert_allclose(alone, found.A35, rtol=1e-12, atol=1e-14)
 
 
 def test_equal_radii_leave_the_machine_regular():
     """R = r: the rods are parallel at home, and radii then do not move the point."""
     geometry = Geometry(200.0, 200.0)
-    A = tricept.sensitivity([0.0, 0.0, 600.0], geometry)
+    A = tricept.matrices([0.0, 0.0, 600.0], geometry).A35
     np.testing.assert_allclose(A[:, 3:], 0, atol=1e-15)
     assert np.isfinite(A).all()
     pose = [0.2, -0.1, 600.0]
@@ -227,7 +229,7 @@ def test_propagation_is_a_u_at(geometry):
     poses = random_poses(100, seed=2, tilt=0.4)
     half = rng.normal(size=(100, 5, 5)) * 3e-3
     U_x = half @ half.swapaxes(1, 2)
-    A = tricept.sensitivity(poses, geometry)
+    A = tricept.matrices(poses, geometry).A35
     U_y, status = tricept.propagate(reference_point(poses, geometry), geometry, U_x)
     assert (status == TriceptStatus.REACHABLE).all()
     expected = A @ U_x @ A.swapaxes(1, 2)
@@ -293,7 +295,7 @@ def test_a_singular_pose_has_an_infinite_condition():
     found = tricept.singularity([0.0, 0.0, 0.0], PAPER)
     assert found.det_w33 == 0
     assert np.isinf(found.condition)
-    assert np.isnan(tricept.sensitivity([0.0, 0.0, 0.0], PAPER)).all()
+    assert np.isnan(tricept.matrices([0.0, 0.0, 0.0], PAPER).A35).all()
     assert np.isnan(tricept.singularity([np.nan, 0, 600], PAPER).condition)
 
 

@@ -108,7 +108,7 @@ def test_boxes_enclose_sensitivities_rods_and_slopes(geometry: Geometry, width: 
     boxes = enclose(low, high, geometry, True)
     points = np.clip(low + rng.random(low.shape) * width, low, high).T
     poses, rods, _ = tricept.inverse(points, geometry)
-    A = np.moveaxis(tricept.sensitivity(poses[:, 0], geometry), 0, -1)
+    A = np.moveaxis(tricept.matrices(poses[:, 0], geometry).A35, 0, -1)
     room = 1e-13  # of the values computed here; the enclosures need none
     assert (boxes.A.value[0] <= A + room).all()
     assert (boxes.A.value[1] >= A - room).all()
@@ -118,7 +118,7 @@ def test_boxes_enclose_sensitivities_rods_and_slopes(geometry: Geometry, width: 
     h = 1e-3
     for n, e in enumerate(np.eye(3)):
         ends = [
-            tricept.sensitivity(tricept.inverse(points + s * h * e, geometry)[0][:, 0], geometry)
+            tricept.matrices(tricept.inverse(points + s * h * e, geometry)[0][:, 0], geometry).A35
             for s in (1, -1)
         ]
         slope = np.moveaxis((ends[0] - ends[1]) / (2 * h), 0, -1)
@@ -381,7 +381,7 @@ def test_influences_are_those_of_dense_sampling(geometry: Geometry, region: dict
     if "box" in region:
         inside &= ((points >= region["box"][0]) & (points <= region["box"][1])).all(-1)
     some = inside.any(-1)
-    A = tricept.sensitivity(pose, geometry)
+    A = tricept.matrices(pose, geometry).A35
     names = ("A0", "A1", "A-1", "r", "R")
     rng = np.random.default_rng(7)
     for i in range(5):
@@ -407,7 +407,6 @@ def test_stationary_points_inside_a_beam_are_exact() -> None:
     angles = np.radians(np.linspace(-30, 30, 13))
     found = tricept.influence_map(angles[:, None], angles, PAPER, ("A0", "r"), "xz", limits=(300, 1300))
     h, inner = 0.05, 0
-    A = tricept.sensitivity
     for alpha, beta, z, value in zip(
         found.alpha.ravel(), found.beta.ravel(), found.z_greatest.ravel(), found.greatest.ravel(), strict=True
     ):
@@ -415,7 +414,7 @@ def test_stationary_points_inside_a_beam_are_exact() -> None:
         rods = tricept.legs(poses, PAPER)
         if not ((rods > 301) & (rods < 1299)).all():
             continue
-        S = A(poses, PAPER)
+        S = tricept.matrices(poses, PAPER).A35
         f = S[:, 0, 0] * S[:, 2, 3] + S[:, 0, 3] * S[:, 2, 0]
         inner += 1
         assert f[1] == pytest.approx(value, rel=1e-9, abs=1e-12)

@@ -10,6 +10,8 @@ from scipy import stats
 from rodgen.errors import RodgenError
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import PAPER, PARAMETERS, Geometry, TriceptStatus
+from rodgen.kinematics.tricept._budget import coverage_intervals, numerical_tolerance
+from rodgen.kinematics.tricept._uncertainty import check_covariance
 
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
 TOOL = Geometry(330.0, 140.0, (20.0, -35.0, 60.0))
@@ -109,7 +111,7 @@ def test_first_five_columns_are_the_papers_matrix() -> None:
     rng = np.random.default_rng(1)
     poses = np.column_stack([rng.uniform(-0.5, 0.5, (200, 2)), rng.uniform(450, 850, 200)])
     found, _ = tricept.parameter_sensitivity(poses, TOOL)
-    np.testing.assert_allclose(found[..., :5], tricept.sensitivity(poses, TOOL), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found[..., :5], tricept.matrices(poses, TOOL).A35, rtol=1e-12, atol=1e-12)
 
 
 def test_distance_along_the_middle_rod_has_no_influence() -> None:
@@ -147,8 +149,8 @@ def test_covariance_of_all_parameters_contains_the_papers() -> None:
     U = np.zeros((len(PARAMETERS),) * 2)
     U[:5, :5] = U_x
     points = np.column_stack([rng.uniform(-100, 100, (50, 2)), rng.uniform(600, 760, 50)])
-    five, five_status = tricept.place_covariance(points, TOOL, U_x)
-    every, status = tricept.place_covariance(points, TOOL, U)
+    five, five_status = tricept.propagate(points, TOOL, U_x)
+    every, status = tricept.propagate(points, TOOL, U)
     np.testing.assert_allclose(every, five, rtol=1e-10, atol=1e-20)
     assert (status == five_status).all()
     assert np.linalg.eigvalsh(every).min() > 0
@@ -162,7 +164,7 @@ def test_what_is_no_covariance_has_a_status() -> None:
     negative[0, 1] = negative[1, 0] = 1.1e-6
     missing[3, 3] = np.nan
     U = np.stack([good, skew, negative, missing])
-    found, status = tricept.place_covariance([0.0, 0.0, 700.0], PAPER, U)
+    found, status = tricept.propagate([0.0, 0.0, 700.0], PAPER, U)
     expected = [
         TriceptStatus.REACHABLE,
         TriceptStatus.NOT_COVARIANCE,
@@ -190,7 +192,7 @@ def test_rank_deficient_covariances_of_mixed_units_pass() -> None:
 def test_points_without_a_pose_are_reported() -> None:
     U = tricept.covariance({"rods": 0.003})
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, 500.0], [np.nan, 0.0, 600.0]]
-    found, status = tricept.place_covariance(points, Geometry(330, 140, (50, 0, 0)), U, tricept.LEG_LIMITS)
+    found, status = tricept.propagate(points, Geometry(330, 140, (50, 0, 0)), U, tricept.LEG_LIMITS)
     assert status.tolist() == [TriceptStatus.UNREACHABLE, TriceptStatus.OUT_OF_LIMITS, TriceptStatus.INVALID]
     assert np.isnan(found[[0, 2]]).all()
     assert np.isfinite(found[1]).all()
@@ -214,8 +216,8 @@ def test_bad_uncertainties_are_refused(refuses, uncertainties: dict, correlation
 
 
 def test_wrong_sizes_are_refused(refuses) -> None:
-    refuses(tricept.place_covariance, [0, 0, 700], PAPER, np.eye(4))
-    refuses(tricept.check_covariance, [[1, 0.5], [0.4, 1]], 2)
+    refuses(tricept.propagate, [0, 0, 700], PAPER, np.eye(4))
+    refuses(check_covariance, [[1, 0.5], [0.4, 1]], 2)
 
 
 # ellipsoid and budget ----------------------------------------------------------------------------------
@@ -223,7 +225,7 @@ def test_wrong_sizes_are_refused(refuses) -> None:
 
 def test_coverage_factor_is_that_of_chi_squared() -> None:
     for p in (1e-6, 0.199, 0.5, 0.6827, 0.95, 0.9973, 1 - 1e-9):
-        assert tricept.coverage_factor(p) == pytest.approx(np.sqrt(stats.chi2.ppf(p, 3)), rel=1e-7)
+        assert tricept.ellipsoid(np.eye(3), p).k == pytest.approx(np.sqrt(stats.chi2.ppf(p, 3)), rel=1e-7)
 
 
 def test_budget_without_correlations_is_a_sum_of_squares() -> None:
@@ -240,7 +242,7 @@ def test_budget_without_correlations_is_a_sum_of_squares() -> None:
         worst = PARAMETERS.index(lines[0].parameter)
         rest = U.copy()
         rest[worst] = rest[:, worst] = 0
-        without, _ = tricept.place_covariance([60, -40, 680], TOOL, rest)
+        without, _ = tricept.propagate([60, -40, 680], TOOL, rest)
         assert found.U_y[k, k] - without[k, k] == pytest.approx(lines[0].part)
 
 
@@ -265,7 +267,7 @@ def test_budget_has_no_shares_of_rounding(count: int) -> None:
     # on the axis neither the rod in the plane y = 0 nor the radii move the tool along y
     assert (found.sensitivity[1, [0, 3, 4]] == 0).all()
     assert (found.parts[1, [0, 3, 4]] == 0).all()
-    U_y, _ = tricept.place_covariance([0.0, 0.0, 700.0], PAPER, U)
+    U_y, _ = tricept.propagate([0.0, 0.0, 700.0], PAPER, U)
     np.testing.assert_allclose(found.U_y, U_y, rtol=1e-13, atol=1e-20)
     if count == 5:
         assert found.U_y[1, 1] == 0
@@ -330,11 +332,11 @@ def test_validation_is_that_of_the_supplements_additive_example() -> None:
     # JCGM 101:2008, 9.2.3: the sum of four rectangles of unit variance. Its 95 % interval is ±3.88, that of the law
     # of propagation ±3.92; with two digits of u = 2.0 the tolerance is 0.05, and the law is validated.
     draws = np.random.default_rng(6).uniform(-np.sqrt(3), np.sqrt(3), (1_000_000, 4)).sum(axis=1)
-    symmetric, shortest = tricept.coverage_intervals(draws[:, None], 0.95)
+    symmetric, shortest = coverage_intervals(draws[:, None], 0.95)
     exact = 2 * np.sqrt(3) * (2 - (3 / 5) ** 0.25)
     np.testing.assert_allclose(symmetric[0], [-exact, exact], atol=0.015)
     assert np.diff(shortest[0])[0] <= np.diff(symmetric[0])[0]
-    assert tricept.numerical_tolerance(2.0) == 0.05
+    assert numerical_tolerance(2.0) == 0.05
     assert np.abs(np.abs(symmetric[0]) - 3.92).max() <= 0.05 + 0.015
 
 
@@ -350,7 +352,7 @@ def test_validation_is_that_of_the_supplements_additive_example() -> None:
     ],
 )
 def test_numerical_tolerance_is_half_the_last_digit(u: float, digits: int, tolerance: float) -> None:
-    assert tricept.numerical_tolerance(u, digits) == tolerance
+    assert numerical_tolerance(u, digits) == tolerance
 
 
 def test_monte_carlo_refuses_what_it_cannot_draw() -> None:

@@ -391,30 +391,9 @@ def _drawn(
 
 
 def coverage_intervals(values: ArrayLike, probability: float) -> tuple[Array, Array]:
-    """Return the coverage intervals of drawn values.
+    """Return the symmetric and the shortest coverage intervals (m, 2) of n draws of m quantities (n, m).
 
-    Parameters
-    ----------
-    values : array_like (n, m)
-        n draws of m quantities.
-    probability : float
-        Of the intervals.
-
-    Returns
-    -------
-    symmetric, shortest : ndarray, shape (m, 2)
-        As much probability on either side; and the shortest that holds it.
-
-    Notes
-    -----
     JCGM 101:2008, clause 7.7.2: with q = [P n] the symmetric interval is from draw r = [(n − q)/2] on.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> symmetric, shortest = coverage_intervals(np.arange(1, 101.0)[:, None], 0.9)
-    >>> symmetric, shortest
-    (array([[ 5., 95.]]), array([[ 1., 91.]]))
     """
     ordered = np.sort(np.asarray(values, float), axis=0)
     n = len(ordered)
@@ -428,28 +407,7 @@ def coverage_intervals(values: ArrayLike, probability: float) -> tuple[Array, Ar
 
 
 def numerical_tolerance(u: float, digits: int = 2) -> float:
-    """Return the numerical tolerance of a standard uncertainty: half a unit of its last significant digit.
-
-    Parameters
-    ----------
-    u : float
-        Standard uncertainty, positive.
-    digits : int, optional
-        Significant digits that count.
-
-    Returns
-    -------
-    float
-
-    Notes
-    -----
-    JCGM 101:2008, clause 7.9.2.
-
-    Examples
-    --------
-    >>> numerical_tolerance(0.00996, 2), numerical_tolerance(0.35, 1)
-    (0.0005, 0.05)
-    """
+    """Return half a unit of the last significant digit of a standard uncertainty: JCGM 101:2008, clause 7.9.2."""
     if not u > 0:
         return 0.0
     return float(f"5e{-int(last_decimal(u, digits)) - 1}")

@@ -256,74 +256,6 @@ def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:
     return Matrices(*call_kernel(kernels.tricept_matrices, (pose, *geometry.radii, *geometry.q)))
 
 
-@documented_by(generated.tricept_sensitivity)
-def sensitivity(pose: ArrayLike, geometry: Geometry) -> Any:
-    """Return A35, the derivatives of the point by A0, A1, A-1, r, R.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The machine.
-
-    Returns
-    -------
-    A35
-        The same as ``matrices(pose, geometry).A35``, with less work.
-
-    Examples
-    --------
-    >>> from rodgen import tricept
-    >>> tricept.sensitivity([0.0, 0.0, 600.0], tricept.PAPER)[0, :3].round(4)
-    array([-1.2714,  0.6357,  0.6357])
-    """
-    return call_kernel(kernels.tricept_sensitivity, (pose, *geometry.radii, *geometry.q))
-
-
-@documented_by(generated.tricept_propagate)
-def propagate(
-    point: ArrayLike, geometry: Geometry, U_x: ArrayLike, limits: Sequence[float] | None = None
-) -> tuple[Any, Any]:
-    """Return the covariance of a point from that of the parameters, in the pose of the assembled machine.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The machine.
-    U_x
-        Symmetric and positive semidefinite.
-    limits : pair of floats, optional
-        Least and greatest length of a rod, for the status; none when left out.
-
-    Returns
-    -------
-    U_y
-        A35 U_x A35ᵀ, to first order.
-    status
-        U_y is NaN where it is UNREACHABLE, SINGULAR, NOT_COVARIANCE or INVALID. In
-        GIMBAL_LOCK it is that of the pose with the undetermined angle set to 0.
-
-    Notes
-    -----
-    From the point to U_y in one kernel, without angles.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from rodgen import tricept
-    >>> U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
-    >>> U_y, status = tricept.propagate([0.0, 0.0, 700.0], tricept.PAPER, U_x)
-    >>> (np.sqrt(np.diagonal(U_y)) * 1000).round(2)  # in µm
-    array([5.18, 5.18, 2.81])
-    """
-    arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"), U_x)
-    U_y, status = call_kernel(kernels.tricept_propagate, arguments)
-    lost = lost_behind(point, geometry, status)
-    if lost is None:
-        return U_y, status
-    U_y = np.where(lost[..., None, None], np.nan, U_y)
-    return U_y, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
-
-
 @documented_by(generated.tricept_singularity)
 def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
     """Return how near a pose is to a singular one.
@@ -423,55 +355,60 @@ def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Array, Array, A
     return place, found, S
 
 
-def place_covariance(
+@documented_by(generated.tricept_propagate)
+def propagate(
     point: ArrayLike, geometry: Geometry, U: ArrayLike, limits: Sequence[float] | None = None
 ) -> tuple[Any, Any]:
-    """Return the covariance of the tool's place from that of the parameters, the paper's five or all.
+    """Return the covariance of a point from that of the parameters, in the pose of the assembled machine.
 
     Parameters
     ----------
-    point : array_like (..., 3)
-        Q, from the base's centre.
     geometry : Geometry
         The machine.
-    U : array_like (..., 5, 5) or (..., n, n)
-        Covariance of A0, A1, A-1, r, R, or of all ``PARAMETERS`` (see `covariance`).
+    U : array_like (..., 5, 5) or (..., n, n), in the units of the parameters
+        Covariance of A0, A1, A-1, r, R, or of all ``PARAMETERS`` (see :func:`covariance`).
     limits : pair of floats, optional
         Least and greatest length of a rod, for the status; none when left out.
 
     Returns
     -------
-    U_y : array (..., 3, 3)
-        Covariance of Qx, Qy, Qz, in the square of the unit of length.
-    status : array (...) of int8
-        Codes of :class:`TriceptStatus`. U_y is NaN where it is UNREACHABLE, SINGULAR, NOT_COVARIANCE or INVALID.
-
-    Raises
-    ------
-    RodgenError
-        When U has another size.
+    U_y
+        A35 U_x A35ᵀ, or S U Sᵀ with the sensitivity S to all parameters, to first order.
+    status
+        U_y is NaN where it is UNREACHABLE, SINGULAR, NOT_COVARIANCE or INVALID. In
+        GIMBAL_LOCK it is that of the pose with the undetermined angle set to 0.
 
     Notes
     -----
-    Kureková et al., eq. (21).
+    The paper's five go from the point to U_y in one kernel, without angles.
 
     Examples
     --------
     >>> import numpy as np
     >>> from rodgen import tricept
+    >>> U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+    >>> U_y, status = tricept.propagate([0.0, 0.0, 700.0], tricept.PAPER, U_x)
+    >>> (np.sqrt(np.diagonal(U_y)) * 1000).round(2)  # in µm
+    array([5.18, 5.18, 2.81])
     >>> U = tricept.covariance({"rods": 0.0029, "fixed_joints": 0.01})
-    >>> U_y, status = tricept.place_covariance([0.0, 0.0, 700.0], tricept.PAPER, U)
-    >>> (np.sqrt(np.diagonal(U_y)) * 1000).round(1)  # in µm
+    >>> U_y, status = tricept.propagate([0.0, 0.0, 700.0], tricept.PAPER, U)
+    >>> (np.sqrt(np.diagonal(U_y)) * 1000).round(1)
     array([18.7, 18.7,  6.2])
     """
-    matrix = np.asarray(U, float)
-    size = matrix.shape[-1] if matrix.ndim >= 2 else 0
-    if matrix.ndim < 2 or matrix.shape[-2] != size or size not in (5, len(PARAMETERS)):
+    shape = np.shape(U)
+    if len(shape) < 2 or shape[-2] != shape[-1] or shape[-1] not in (5, len(PARAMETERS)):
         raise RodgenError(
-            f"the covariance has the shape {matrix.shape}; expected 5 by 5 or {len(PARAMETERS)} by {len(PARAMETERS)}"
+            f"the covariance has the shape {shape}; expected 5 by 5 or {len(PARAMETERS)} by {len(PARAMETERS)}"
         )
-    if size == 5:
-        return propagate(point, geometry, matrix, limits)
+    if shape[-1] == 5:
+        arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"), U)
+        U_y, status = call_kernel(kernels.tricept_propagate, arguments)
+        lost = lost_behind(point, geometry, status)
+        if lost is None:
+            return U_y, status
+        U_y = np.where(lost[..., None, None], np.nan, U_y)
+        return U_y, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
+    matrix = np.asarray(U, float)
     place = real_array("point", point, (3,))
     broadcast_shapes({"point": (place, 1), "U": (matrix, 2)})
     found, _, status = pose(point, geometry, limits)
@@ -501,7 +438,7 @@ class Ellipsoid(NamedTuple):
     directions : array (..., 3, 3)
         Their unit vectors, a column each.
     k : float
-        Factor on the standard deviations.
+        Factor on the standard deviations: the root of the quantile of χ² with three degrees of freedom.
     """
 
     semi_axes: Any
@@ -523,6 +460,11 @@ def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:
     -------
     Ellipsoid
 
+    Raises
+    ------
+    RodgenError
+        When the probability is not between 0 and 1.
+
     Examples
     --------
     >>> import numpy as np
@@ -530,7 +472,9 @@ def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:
     >>> found.semi_axes.round(3), round(found.k, 4)
     (array([8.386, 5.591, 2.795]), 2.7955)
     """
-    k = 1.0 if probability is None else coverage_factor(probability)
+    if probability is not None and not 0 < probability < 1:
+        raise RodgenError(f"the probability is {probability}; expected a number between 0 and 1")
+    k = 1.0 if probability is None else chi3_quantile(1 - probability)
     matrix = real_array("U_y", U_y, (3, 3))
     good: Any = np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(good[..., None, None], matrix, np.eye(3))
@@ -544,31 +488,3 @@ def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:
     return Ellipsoid(
         np.where(good[..., None], axes, np.nan), np.where(good[..., None, None], vectors, np.nan), k
     )
-
-
-def coverage_factor(probability: float) -> float:
-    """Return the factor on the standard ellipsoid for which it holds a normal point in space with a probability.
-
-    Parameters
-    ----------
-    probability : float
-        Between 0 and 1.
-
-    Returns
-    -------
-    float
-        k, with P = erf(k/√2) − √(2/π) k exp(−k²/2): the root of the quantile of χ² with three degrees of freedom.
-
-    Raises
-    ------
-    RodgenError
-        When the probability is not between 0 and 1.
-
-    Examples
-    --------
-    >>> round(coverage_factor(0.95), 4)
-    2.7955
-    """
-    if not 0 < probability < 1:
-        raise RodgenError(f"the probability is {probability}; expected a number between 0 and 1")
-    return chi3_quantile(1 - probability)

@@ -20,7 +20,7 @@ from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.arrays import length_limits
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import pose
-from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance
+from rodgen.kinematics.tricept._uncertainty import ellipsoid, propagate
 from rodgen.views import with_html
 
 
@@ -412,7 +412,7 @@ def uncertainty_map(
     for attempt in range(2):
         points = np.empty((len(up), len(across), 3))
         points[..., held], points[..., first], points[..., second] = value, across, up[:, None]
-        U_y, status = place_covariance(points, geometry, U, limits)
+        U_y, status = propagate(points, geometry, U, limits)
         inside = np.asarray(status) == TriceptStatus.REACHABLE
         if not inside.any():
             raise RodgenError(
