@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Literal
 
 import numpy as np
@@ -28,11 +30,9 @@ from rodgen.kinematics.tricept._intervals import (
     Jet,
     certified_extremes,
     enclose,
-    exact,
     grid_points,
     halved,
     lattice,
-    stack,
 )
 from rodgen.kinematics.tricept._kinematics import behind, inverse
 from rodgen.kinematics.tricept._uncertainty import check_covariance
@@ -150,28 +150,27 @@ def bounds(
     points = lattice(low, high)
     if np.any(behind(points.T, geometry)):
         raise RodgenError("a part of the box is behind the base; expected a box before the base")
-    pairs = list(ELEMENTS.values())
+    pairs = np.array(list(ELEMENTS.values()))
+    base = np.argwhere(np.triu(U) != 0) if U.any() else np.zeros((1, 2), int)
+    weights = U[*base.T]
+    members = np.concatenate(np.broadcast_arrays(pairs[:, None], base), axis=-1)  # (6, number of bases, 4)
     sample = enclose(points, points, geometry, False).A.value[0]
-    scale = np.abs(np.stack([_element(sample, U, k, m) for k, m in pairs])).max(axis=1)
+    scale = np.abs(np.einsum("kin,ij,mjn->kmn", sample, U, sample)[*pairs.T]).max(axis=1)
+
+    def influences(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
+        each = members.reshape(-1, 4)
+        chosen = each.T[..., None] if which is None else each[which].T
+        return _influence(enclose(lower, upper, geometry, slopes).A, *chosen)
 
     def elements(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
-        A = enclose(lower, upper, geometry, slopes).A
-        return _taken(stack([_sum(A, U, k, m) for k, m in pairs]), which)
+        chosen = np.moveaxis(members, -1, 0)[..., None] if which is None else members[which].T
+        parts = _influence(enclose(lower, upper, geometry, slopes).A, *chosen) * Jet((weights[:, None],) * 2)
+        return reduce(add, (parts[..., n, :] for n in range(len(base))))
 
     found = certified_extremes(elements, low, high, gap=gap * scale, parts=_parts(low, high))
-    base = [(i, j) for i in range(5) for j in range(i, 5) if U[i, j] != 0]
     base_outer, base_inner = np.zeros((6, 2)), np.zeros((6, 2))
     boxes, complete = found.boxes, found.complete
-    if base:
-        members = [(k, m, i, j) for k, m in pairs for i, j in base]
-
-        def influences(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
-            A = enclose(lower, upper, geometry, slopes).A
-            if which is None:
-                return stack([influence(A, *member) for member in members])
-            return _each_influence(A, np.array(members)[which].T)
-
-        weights = np.array([U[i, j] for i, j in base])
+    if U.any():
         allowed = (gap * scale)[:, None] / (len(base) * np.abs(weights))
         each = certified_extremes(influences, low, high, gap=allowed.ravel(), parts=_parts(low, high))
         base_outer, base_inner = (
@@ -217,18 +216,10 @@ def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: floa
     _check_regular(low, high, geometry)
 
     def rods(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
-        return _taken(enclose(lower, upper, geometry, slopes).rods, which)
+        found = enclose(lower, upper, geometry, slopes).rods
+        return found if which is None else found[which, np.arange(len(which))]
 
     return certified_extremes(rods, low, high, gap=np.full(3, float(gap)), parts=_parts(low, high))
-
-
-def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
-    """Return an enclosure of the influence of the base matrix (i, j) on element (k, m): A E Aᵀ."""
-    if i == j:
-        return A[k, i].square() if k == m else A[k, i] * A[m, i]
-    if k == m:
-        return A[k, i] * A[k, j] * 2.0
-    return A[k, i] * A[m, j] + A[k, j] * A[m, i]
 
 
 def _parts(low: Array, high: Array) -> int:
@@ -237,41 +228,24 @@ def _parts(low: Array, high: Array) -> int:
     return int(np.clip(np.ceil(64 * (high - low).max() / max(away, 1e-300)), 1, 16))
 
 
-def _taken(functions: Jet, which: Indices | None) -> Jet:
-    return functions if which is None else functions[which, np.arange(len(which))]
+def _influence(A: Jet, k: Indices, m: Indices, i: Indices, j: Indices) -> Jet:
+    """Return an enclosure of the influence A E Aᵀ of the base matrix (i, j) on element (k, m), in each of n boxes.
 
-
-def _each_influence(A: Jet, members: Indices) -> Jet:
-    """Return an enclosure of one influence for each box: rows k, m, i, j of `members`."""
-    k, m, i, j = members
-    n = np.arange(len(k))
+    The last axis of the numbers is of n elements, or of one.
+    """
+    n = np.arange(A.value[0].shape[-1])
     one = A[k, i, n] * A[m, j, n]
     # the square of one number is never negative, and the two products of a base off the diagonal may be one
-    squared = (k == m) & (i == j)
-    least = np.where(squared, np.maximum(one.value[0], 0.0), one.value[0])
-    product = Jet((least, one.value[1]), one.slope)
-    other = A[k, j, n] * A[m, i, n]
-    both = product + other
-    slope = None
-    if both.slope is not None and product.slope is not None:
-        slope = tuple(np.where(i == j, a, b) for a, b in zip(product.slope, both.slope, strict=True))
-    value = tuple(np.where(i == j, a, b) for a, b in zip(product.value, both.value, strict=True))
+    least = np.where((k == m) & (i == j), np.maximum(one.value[0], 0.0), one.value[0])
+    one = Jet((least, one.value[1]), one.slope)
+    if (i == j).all():
+        return one
+    both, alone = one + A[k, j, n] * A[m, i, n], i == j
+    value, slope = (
+        None if a is None or b is None else tuple(np.where(alone, x, y) for x, y in zip(a, b, strict=True))
+        for a, b in ((one.value, both.value), (one.slope, both.slope))
+    )
     return Jet(value, slope)  # type: ignore[arg-type]
-
-
-def _sum(A: Jet, U: Array, k: int, m: int) -> Jet:
-    total: Jet | None = None
-    for i in range(5):
-        for j in range(i, 5):
-            if U[i, j] != 0:
-                part = influence(A, k, m, i, j) * exact(U[i, j])
-                total = part if total is None else total + part
-    return A[0, 0] * 0.0 if total is None else total
-
-
-def _element(A: Array, U: Array, k: int, m: int) -> Array:
-    values: Array = np.einsum("in,ij,jn->n", A[k], U, A[m])
-    return values
 
 
 def _weighted(ends: Array, weights: Array, away: bool) -> Array:
