@@ -17,11 +17,11 @@ from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Machine
 
 
-def arm(ratio: float) -> tuple[Machine, Measurements]:
-    """Two axes, of which the second turns by a ratio of what it is commanded."""
+def arm(ratio: float, first: float = 1.0) -> tuple[Machine, Measurements]:
+    """Two axes, of which each turns by a ratio of what it is commanded."""
     random = np.random.default_rng(1)
     q = random.uniform(-80, 80, (80, 2))
-    turned = Rotation.from_euler("ZY", np.radians(q * [1, ratio]))
+    turned = Rotation.from_euler("ZY", np.radians(q * [first, ratio]))
     read = turned.apply([500, 20, 100]) + 0.01 * random.normal(size=(80, 3))
     axes = {"A": [0.0, 0.0, 1.0], "B": [0.0, 1.0, 0.0]}
     file = {
@@ -64,6 +64,24 @@ def test_a_ratio_that_is_no_effect_of_a_machine_is_said_to_be_wrong(ratio, said)
         written = float(text.partition('coordinate = "')[2].partition("*")[0])
         e = found.steps[0].parameters["k"]
         assert abs(written - 1 - e.value) < 0.1 * e.std
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("first", "second", "changes"),
+    [
+        (-1, -1, {"A turns the other way", "B turns the other way"}),
+        (1.25, -2, {'coordinate = "1.25*A"', 'coordinate = "-2*B"'}),
+        (0.5, 1.5, {'coordinate = "0.5*A"', 'coordinate = "1.5*B"'}),
+        (1.432, 1, {'coordinate = "1.4320'}),
+    ],
+)
+def test_ratios_of_two_axes_are_said_together(first, second, changes):
+    found = check(*arm(second, first))
+    assert found.wrong
+    assert all(change in found.repairs[0].words for change in changes)
+    assert found.repairs[0].changes == len(changes)
+    assert found.after < 0.02  # noise of 0.01 mm
 
 
 def of_one_axis(ratio: float) -> tuple[Machine, Measurements]:

@@ -18,7 +18,7 @@ usual.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, reduce
@@ -35,7 +35,15 @@ from rodgen.calibration.possible_effects import catalogue_effects
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.calibration.problem.binding import bind_once
-from rodgen.calibration.repairs import Repair, far_offsets, ratio_of_one_axis, repairs
+from rodgen.calibration.repairs import (
+    AS_IS,
+    Repair,
+    far_offsets,
+    found_ratios,
+    free_ratios,
+    ratio_of_one_axis,
+    repairs,
+)
 from rodgen.calibration.rows import wrong_rows
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.solve.staged_fit import FitError
@@ -68,10 +76,9 @@ FIRST_ROUNDS = 2
 """Rounds after which most repairs are seen to lead nowhere."""
 SCALE_STEPS = 10
 """Steps that bring a scale to 1 % of its limit."""
-AS_IS = Repair("", "", 0)
-"""No repair: the files as they are."""
-FINALISTS, BEAM = 16, 5
-"""Repairs whose fits are carried to their end, and those that are tried together with a second one."""
+FINALISTS, BEAM, ORDERS = 16, 5, 2
+"""Repairs whose fits are carried to their end, those that are tried together with a second one, and the orders of
+joints or columns with which all ratios are."""
 FEWEST_ROWS, ROWS_A_PARAMETER = 60, 4
 """Rows on which repairs are compared, and for each parameter so many."""
 
@@ -200,6 +207,15 @@ class NearFit:
     def farthest(self) -> float:
         """The largest correction, relative to what is still plausible."""
         return float(np.abs(relative_corrections(self.model, self.theta, self.moved)).max(initial=0.0))
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the parameters, (parameters,), internal units."""
+        square = self.problem.normal_equations(self.theta, self.frame)[1]
+        size = np.sqrt(np.diag(square))
+        size = np.where(size > 0, size, 1.0)
+        inverse = np.linalg.pinv(square / np.outer(size, size), hermitian=True)
+        return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size)
 
     @property
     def is_rough(self) -> bool:
@@ -446,9 +462,9 @@ class _Search:
         alone = ratio_of_one_axis(self.machine, self.observations)
         if not doubts and abs(alone or 1) == 1:
             return right
-        found = self._searched(alone)
+        found = self._searched(alone, np.inf if null is None else null.cost)
         named = [x for x in found if x[1].cost - found[0][1].cost < CHECK.equal]
-        if not named or not _is_named(named[0][1], null):
+        if not named or not _is_named(*named[0], null):
             wrong = null is None or null.is_impossible
             return replace(right, suspicions=doubts, wrong=wrong)
         doubts = doubts or (
@@ -522,16 +538,37 @@ class _Search:
             f"more probably {best.words}."
         )
 
-    def _searched(self, alone: Fraction | None) -> list[tuple[Repair, NearFit]]:
-        """Return the repairs, the most probable first; where none does alone, pairs of them."""
+    def _searched(self, alone: Fraction | None, cost: float) -> list[tuple[Repair, NearFit]]:
+        """Return the repairs, the most probable first; where none does alone, several, given the cost of none."""
         singles = repairs(self.machine, self.observations, alone)
         found = self._tried(singles)
+        if found and found[0][1].is_open:
+            found += self._tried(self._of_several_axes(singles, cost))
+            found.sort(key=lambda x: x[1].cost)
         if found and found[0][1].is_open:
             most = [first for first, _ in found[:BEAM]]
             pairs = self._tried([a.then(b) for a in most for b in singles if a.kind != b.kind])
             if pairs and pairs[0][1].cost < found[0][1].cost - CHECK.decisive:
                 return pairs
         return found
+
+    def _of_several_axes(self, singles: Sequence[Repair], cost: float) -> Iterator[Repair]:
+        """Yield senses and ratios of all joints at once, also in the likeliest other orders of joints or columns."""
+        seen = {repair.words for repair in singles}
+        orders = self._tried(repair for repair in singles if repair.is_order)
+        # the order of slides, for one, changes nothing
+        others = [repair for repair, fit in orders if abs(fit.cost - cost) > CHECK.equal]
+        for order in (AS_IS, *others[:ORDERS]):
+            tried = self._tried(order.then(r) for r in free_ratios(self.machine, self.observations))
+            for fit in (fit for _, fit in tried[:BEAM] if not fit.is_rough):
+                for ratios in found_ratios(self.observations, fit.model, fit.theta, fit.deviations):
+                    repair = order.then(ratios)
+                    if repair.words not in seen:
+                        seen.add(repair.words)
+                        yield repair
+                    simple = self._fit(repair, ROUNDS)
+                    if simple and simple.scale < CHECK.better * fit.scale:
+                        break
 
     def _tried(self, candidates: Iterable[Repair]) -> list[tuple[Repair, NearFit]]:
         """Return the fits with repairs, best first: those that look best after a few steps, then carried on."""
@@ -556,12 +593,14 @@ class _Search:
             return None
 
 
-def _is_named(fit: NearFit, null: NearFit | None) -> bool:
+def _is_named(repair: Repair, fit: NearFit, null: NearFit | None) -> bool:
     """Return whether a repair makes the data so much more probable that the file is wrong.
 
     What it saves must be errors of most rows, or corrections where usual ones are left: a little of both may be chance.
+    Several changes, which are chosen among very many, must leave no more than effects do.
     """
-    if fit.scale >= CHECK.impossible_error * fit.moved or fit.farthest >= 1:
+    largest = CHECK.impossible_error if repair.changes < 2 else CHECK.imperfect
+    if fit.scale >= largest * fit.moved or fit.farthest >= 1:
         return False
     if null is None:
         return True

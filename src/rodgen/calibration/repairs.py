@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import partial
+from functools import partial, reduce
 from itertools import combinations, pairwise, permutations, product
 from typing import Any, TypeAlias, TypeVar
 
@@ -24,7 +24,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.measured import TURNS
 from rodgen.machines.model import Model
 from rodgen.machines.observations import Observations
-from rodgen.machines.parts import BRANCHES, Joint, Target, Vector
+from rodgen.machines.parts import BRANCHES, Joint, Known, Target, Vector
 from rodgen.machines.rigid import rotation_vector
 from rodgen.statistics.digits import last_decimal
 from rodgen.statistics.thresholds import CHECK
@@ -39,11 +39,14 @@ STANDARD_ERRORS = 10.0
 """Standard errors of a slope within which the simplest ratio is taken: other errors of an axis slope, too."""
 BY_CHANCE = 0.1
 """Probability that an arbitrary number is so near to such a fraction, up to which it is taken for that."""
+MOST_SENSES = 6
+"""Joints of which each choice of senses is tried: 64 fits."""
 MOST_ROWS, MOST_TEETH, LARGEST_RATIO, MOST_TRIED = 500, 1000, 10.0, 10_000
 """Rows by which a ratio is estimated, its largest divisor, how large it is where angles are read, and how many are
 tried then."""
-RATIOS = {2.0: "twice", 0.5: "half of", 4.0: "four times", 0.25: "a quarter of"}
-"""How far a joint may go of what is commanded: counters count one, two or four edges of a line of an encoder."""
+RATIOS = {2.0: "twice", 0.5: "half of", 4.0: "four times", 0.25: "a quarter of", 15.0: "15 times"}
+"""How far a joint may go of what is commanded: counters count one, two or four edges of a line of an encoder, and an
+hour of angle is 15 degrees."""
 SAME = 1e-6
 """Relative difference of two names of one unit."""
 MOST_TARGETS = 6
@@ -84,8 +87,15 @@ class Repair:
     """Whether targets and other columns stay with the readings then."""
     enlarges: float = 1.0
     """By which the readings are multiplied."""
+    changes: int = 1
+    """How many faults are put right."""
     fitted: Callable[[Model, Array], Repair] | None = field(default=None, repr=False)
     """The same with the numbers of a fit with it, given the fit's model and parameters."""
+
+    @property
+    def is_order(self) -> bool:
+        """Whether joints, or their columns, stand in another order."""
+        return self.kind.startswith(("order", "columns"))
 
     @property
     def of_machine(self) -> bool:
@@ -100,14 +110,15 @@ class Repair:
     def then(self, second: Repair) -> Repair:
         """Return both, one after the other; each finds joints by their names, wherever they are then."""
         return Repair(
-            f"{self.words}; and {second.words}",
-            f"{self.kind}, {second.kind}",
+            "; and ".join(filter(None, (self.words, second.words))),
+            ", ".join(filter(None, (self.kind, second.kind))),
             self.effort + second.effort,
             _both(self.machine, second.machine),
             _both(self.rows, second.rows),
             self.offset + second.offset,
             self.commands_only or second.commands_only,
             self.enlarges * second.enlarges,
+            self.changes + second.changes,
         )
 
     def applied(
@@ -161,6 +172,10 @@ class Repair:
             return f"{left}."
         places = observations.data.places
         return f"{left}: the commands of {places(commands)} and the readings of {places(readings)} have no partner."
+
+
+AS_IS = Repair("", "", 0, changes=0)
+"""No repair: the files as they are."""
 
 
 def _both(first: Callable[[T], T] | None, second: Callable[[T], T] | None) -> Callable[[T], T] | None:
@@ -225,12 +240,13 @@ def _of_joints(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
     joints = machine.joints
     for joint in moving:
         verb, about = ("turns", "about") if joint.revolute else ("moves", "along")
-        words = f"{joint.name} {verb} the other way: axis = {_written(_times(-1, joint.axis))}"
-        yield Repair(words, f"axis {joint.name}", 1, _with_joint(joint.name, -1))
+        yield _reversed(joint)
         for axis in DIRECTIONS if max(map(abs, joint.axis)) > ALONG else ():
             if abs(np.dot(axis, joint.axis)) < ALONG:
                 words = f"{joint.name} {verb} {about} another axis: axis = {_written(axis)}"
                 yield Repair(words, f"axis {joint.name}", 3, _with_joint(joint.name, axis=axis))
+    for count in range(2, len(moving) + 1) if len(moving) <= MOST_SENSES else ():
+        yield from (reduce(Repair.then, map(_reversed, some)) for some in combinations(moving, count))
     for order, effort in _orders(machine):
         if any(joint in moving for joint, before in zip(order, joints, strict=True) if joint is not before):
             names = [joint.name for joint in order]
@@ -250,6 +266,12 @@ def _of_joints(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]:
         words = "the chain is written from the tool to the base: "
         words += "reverse the order of the joints and the sign of each axis"
         yield Repair(words, "order", 5, _inverted)
+
+
+def _reversed(joint: Joint) -> Repair:
+    verb = "turns" if joint.revolute else "moves"
+    words = f"{joint.name} {verb} the other way: axis = {_written(_times(-1, joint.axis))}"
+    return Repair(words, f"axis {joint.name}", 1, _with_joint(joint.name, -1))
 
 
 def _orders(machine: Machine) -> Iterator[tuple[tuple[Joint, ...], int]]:
@@ -317,6 +339,61 @@ def _of_ratios(commanded: Sequence[Joint], alone: Fraction | None) -> Iterator[R
         yield Repair(words, f"unit {name}", 2 + (ratio < 0), change)
 
 
+def free_ratios(machine: Machine, observations: Observations) -> Iterator[Repair]:
+    """Yield the machine with each choice of senses of its joints, and with a ratio of each joint for a fit to find.
+
+    A fit finds the ratio of a slide whatever its sense. That of a joint it finds from one that is near enough.
+    """
+    ways, scaled = np.ptp(observations.q, axis=0), {e.place for e in machine.effects if e.name == "scale"}
+    moving = [joint for joint, way in zip(machine.joints, ways, strict=True) if way > 0 and joint.is_read]
+    names = [joint.name for joint in moving if not joint.coordinate and joint.name not in scaled]
+    turning = [name for name in names if machine.joint(name).revolute][:MOST_SENSES]
+
+    def changed(senses: Mapping[str, float], machine: Machine) -> Machine:
+        for name in names:
+            machine = _with_joint(name, senses.get(name, 1.0))(machine)
+            machine = machine.with_effect(machine.effect("scale", name))
+        known = {f"{name}.scale.k": Known(prior=(0.0, LARGEST_RATIO)) for name in names}
+        return replace(machine, known={**machine.known, **known})
+
+    several = len(names) > 1 and not machine.kinematics.is_closed
+    for senses in product((1.0, -1.0), repeat=len(turning)) if several else ():
+        yield Repair("", "ratios", 0, partial(changed, dict(zip(turning, senses, strict=True))))
+
+
+def found_ratios(observations: Observations, model: Model, theta: Array, std: Array) -> Iterator[Repair]:
+    """Yield the senses and ratios of joints that a fit of `free_ratios` found, as one change; large ones are units.
+
+    Other errors of the machine change ratios, too: first with the simplest numbers so near, then with these digits.
+
+    Parameters
+    ----------
+    observations : Observations
+        Before the change.
+    model : Model
+        Of the fit.
+    theta, std : ndarray, shape (parameters,)
+        Its parameters and their standard deviations, internal units.
+    """
+    machine, at = observations.machine, model.keys
+    scaled = [joint for joint in machine.joints if f"{joint.name}.scale.k" in at]
+    for margin in (CHECK.imperfect, 0.0):
+        parts, others = [AS_IS], dict[tuple[bool, float], list[Joint]]()
+        for joint in scaled:
+            i = at[f"{joint.name}.scale.k"]
+            sense = np.sign(np.dot(joint.axis, model.machine.joint(joint.name).axis))
+            found = float(sense * (1 + theta[i]))
+            for factor in _in_other_units([joint], observations):
+                far = max(factor, 1 / factor) > LARGEST_RATIO
+                if far and abs(abs(found) / factor - 1) < CHECK.imperfect:
+                    others.setdefault((joint.revolute, factor), []).append(joint)
+                    found /= abs(found)
+            ratio = as_written(found, float(std[i]), margin)
+            parts += [_reversed(joint)] if ratio == -1 else _of_ratios([joint], ratio)
+        parts += [_in_other_units(some, observations)[factor] for (_, factor), some in others.items()]
+        yield reduce(Repair.then, parts)
+
+
 def ratio_of_one_axis(machine: Machine, observations: Observations) -> Fraction | None:
     """Return the simplest ratio of what is read of the only joint to what it is commanded; None of another machine.
 
@@ -350,12 +427,19 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
         left = np.angle(np.exp(1j * (reading - tried[best] * q)) / sums[best])
         slope, start = np.polyfit(q, left, 1)
         found, left = float(tried[best] + slope), left - slope * q - start
-    error = float(np.median(np.abs(left)) / np.std(q) / np.sqrt(len(q)))
-    near = max(error * STANDARD_ERRORS, 1e-6 * abs(found))
-    if abs(abs(found) - 1) < CHECK.imperfect:  # an error of scale, if it is one
-        return Fraction(1)
-    size = simplest(abs(found), near) or Fraction(digits_of(abs(found), near / STANDARD_ERRORS))
-    return (-1 if found < 0 else 1) * (size or Fraction(1))
+    return as_written(found, float(np.median(np.abs(left)) / np.std(q) / np.sqrt(len(q))))
+
+
+def as_written(ratio: float, std: float, margin: float = 0.0) -> Fraction:
+    """Return the simplest ratio that an estimate may be; 1 or -1 where it differs by no more than an error of scale.
+
+    Other errors change it by a part `margin`, too: a simple ratio may be so far.
+    """
+    near, sign = max(std * STANDARD_ERRORS, 1e-6 * abs(ratio)), -1 if ratio < 0 else 1
+    if abs(abs(ratio) - 1) < max(CHECK.imperfect, near):
+        return Fraction(sign)
+    simple = simplest(abs(ratio), max(near, margin * abs(ratio))) or simplest(abs(ratio), near)
+    return sign * (simple or Fraction(digits_of(abs(ratio), near / STANDARD_ERRORS)) or Fraction(1))
 
 
 def simplest(ratio: float, near: float) -> Fraction | None:
@@ -415,13 +499,10 @@ def _of_gravity(machine: Machine) -> Iterator[Repair]:
 def _of_units(machine: Machine, observations: Observations, commanded: Sequence[Joint]) -> Iterator[Repair]:
     """Yield numbers that are in another unit than is written with them."""
     columns = observations.data.columns
-    for revolute, units in ((True, ANGLES), (False, LENGTHS)):
+    for revolute in (True, False):
         those = [joint for joint in commanded if joint.revolute == revolute]
         for some in [*([joint] for joint in those), *([those] if len(those) > 1 else [])]:
-            names = [joint.column for joint in some]
-            for words, factor in _other_units(joined(names), columns[names[0]].unit, units):
-                rows = _commands({joint.name: (joint.name, factor) for joint in some})
-                yield Repair(words, f"unit {joined(names)}", min(len(names), 2), rows=rows)
+            yield from _in_other_units(some, observations).values()
     if not machine.measurand.moving:
         return
     readings, length = machine.measurand.columns[:3], machine.length_unit
@@ -430,6 +511,16 @@ def _of_units(machine: Machine, observations: Observations, commanded: Sequence[
         yield Repair(words, "unit readings", 1, rows=rows, enlarges=factor)
     for words, factor in _other_units("the lengths of the machine file", length, LENGTHS):
         yield Repair(words, "unit file", 2, partial(_enlarged, factor=factor))
+
+
+def _in_other_units(joints: Sequence[Joint], observations: Observations) -> dict[float, Repair]:
+    """Return by factor that commands of joints, all of them angles or all lengths, are in another unit."""
+    names, units = [joint.column for joint in joints], ANGLES if joints[0].revolute else LENGTHS
+    found = {}
+    for words, factor in _other_units(joined(names), observations.data.columns[names[0]].unit, units):
+        rows = _commands({joint.name: (joint.name, factor) for joint in joints})
+        found[factor] = Repair(words, f"unit {joined(names)}", min(len(names), 2), rows=rows)
+    return found
 
 
 def _other_units(subject: str, written: str | None, units: Sequence[str]) -> Iterator[tuple[str, float]]:
@@ -511,7 +602,8 @@ def _of_columns(machine: Machine, commanded: Sequence[Joint]) -> Iterator[Repair
     for a, b in combinations(machine.joints, 2):
         if a.dimension == b.dimension and (a in commanded or b in commanded):
             words = f"the columns {a.column} and {b.column} are exchanged"
-            yield Repair(words, "columns", 2, rows=_commands({a.name: (b.name, 1.0), b.name: (a.name, 1.0)}))
+            kind = f"columns {a.column} {b.column}"
+            yield Repair(words, kind, 2, rows=_commands({a.name: (b.name, 1.0), b.name: (a.name, 1.0)}))
 
 
 def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair]:
