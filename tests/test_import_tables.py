@@ -404,7 +404,7 @@ GOOD = "C [deg],x [mm],y [mm],z [mm],target\n0,150,0,30,ball_1\n90,0,150,30,ball
             GOOD[GOOD.index(",target") :],
             ",who\n0,150,0,30,P1\n90,0,150,30,P2\n",
             {},
-            "file: no targets; expected a column target, x1, y1, z1, x2 …, or a file for each",
+            "file: no targets; expected a column target (--column target=THEIRS), x1, y1, z1, x2 …, or a file for each",
         ),
         (GOOD[GOOD.index("0,150") :], "", {}, "no rows; expected rows under the header"),
         (GOOD[: GOOD.index("0,150")], "", {}, "file: no header of names; expected a line with the names"),

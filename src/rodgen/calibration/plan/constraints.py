@@ -35,7 +35,7 @@ from rodgen.machines.files.toml import (
     parse,
     read_text,
 )
-from rodgen.machines.mounts import mount_of
+from rodgen.machines.mounts import ALTAZ, mount_of
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
@@ -74,6 +74,11 @@ WELL_SEEN = (
     Region("altitude < 80 deg", _ALTITUDE, False, math.radians(80)),
 )
 """Stars lower down shimmer in the air, and a mount follows higher ones badly."""
+
+
+def is_altitude(machine: Machine, j: int) -> bool:
+    """Return whether a joint goes through the altitudes: its travel is where stars are seen, if none is stated."""
+    return mount_of(machine) is ALTAZ and machine.joints[j].name == ALTAZ.joints[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +155,9 @@ class Constraints:
         for j, joint in enumerate(machine.joints):
             limits = self.limits.get(joint.column)
             own = machine.limits[j]
+            if own is None and is_altitude(machine, j):
+                low, high = (region.bound for region in WELL_SEEN)
+                found[j] = min(low, found[j, 0]), max(high, found[j, 1])
             if self.poses is not None and limits is None and own is None:
                 limits = float(self.poses.q[:, j].min()), float(self.poses.q[:, j].max())
             if limits is not None:

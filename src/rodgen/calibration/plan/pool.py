@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Mask
 from rodgen.calibration.fitted import Fit
-from rodgen.calibration.plan.constraints import Constraints
+from rodgen.calibration.plan.constraints import Constraints, is_altitude
 from rodgen.calibration.plan.goals import Goal
 from rodgen.calibration.plan.rows import Rows, Surroundings, ordered
 from rodgen.calibration.problem import Problem
@@ -324,6 +324,7 @@ class Pool:
             and joint.is_read
             and joint.column not in self.constraints.limits
             and not (joint.revolute and turned[j])
+            and not is_altitude(self.machine, j)
         ]
 
     def places_of(self, q: Array, s: NDArray[np.int8]) -> Array:

@@ -132,7 +132,8 @@ def measurements_of(
         what = "target" if set(stems) <= set(targets) else "run"
         notes.append(f"Each of the {len(files)} files is a {what}, by its name.")
     if len(targets) > 1 and "target" not in parts[0]:
-        expected = f"a column target, x1, y1, z1, x2 …, or a file for each of {listed(targets)}"
+        expected = "a column target (--column target=THEIRS), x1, y1, z1, x2 …, "
+        expected += f"or a file for each of {listed(targets)}"
         raise InputFileError(files[0], "file", "no targets", expected)
     every = {name: [cell for part in parts for cell in part[name]] for name in parts[0]}
     return (
