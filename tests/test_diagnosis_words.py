@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from machine_cases import toml
 from made_diagnoses import mount
 
+from rodgen.calibration.decidability import on_few_poses
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, WrongGeometry
 from rodgen.calibration.diagnosis_text import (
@@ -207,3 +209,17 @@ def test_plain_errors_do_not_speak_against_an_effect_where_the_fit_weighs_what_p
     said = "The fit weighs readings by the error that those of a pose share."
     assert only_together(weighed).startswith(said)
     assert said not in only_together(found)
+
+
+@pytest.mark.thorough
+def test_few_poses_of_a_robot_cannot_show_its_dimensions():
+    """Beyond its base the robot has 20 dimensions; 9 poses of one reflector are 27 numbers, 40 poses are enough."""
+    folder = Path(__file__).parents[1] / "examples" / "machines" / "robot_6r_tracker"
+    machine = replace(Machine.load(folder / "machine.toml"), estimate=("target",))
+    data = Measurements.load(folder / "data.csv")
+    few, many = (on_few_poses(machine.fit(data.take(np.arange(0, 3 * n, 3)))) for n in (9, 40))
+    assert few == [
+        "Whether the dimensions are those of the file 9 poses cannot show: estimated ones are 20 numbers more. "
+        "Measure at more postures."
+    ]
+    assert many == []

@@ -9,10 +9,13 @@ import numpy as np
 from rodgen.calibration.check import check
 from rodgen.calibration.dependence import FitRows
 from rodgen.calibration.fit import Fit
+from rodgen.calibration.geometry import with_geometry
 from rodgen.calibration.problem.assembly_modes import weakest
 from rodgen.calibration.words import comparison, fall
 from rodgen.errors import counted, joined
 from rodgen.machines.observations import Observations
+from rodgen.machines.parameters import parameters_of
+from rodgen.machines.plausibility import kind_of_machine
 from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST, EVIDENCE
 
@@ -62,6 +65,22 @@ def on_unmoved_joints(base: Fit) -> list[str]:
     return [
         f"{joined(names)} {moves} in these data: what {it} would determine of the machine is held near the file, and "
         f"effects that show only when {it} move{'s' * (it == 'it')} are not judged. Measure at other positions, too."
+    ]
+
+
+def on_few_poses(base: Fit) -> list[str]:
+    """Return a sentence where poses are too few to show wrong dimensions of a robot; nothing where they are not."""
+    machine = base.machine
+    other = with_geometry(machine) if kind_of_machine(machine) == "robot" else None
+    if other is None:
+        return []
+    runs, poses = base.observations.run_names, len(np.unique(base.observations.pose[~base.outliers]))
+    before, after = (len(parameters_of(one, one.structure, runs)) for one in (machine, other))
+    if base.degrees_of_freedom - (after - before) >= EVIDENCE.fewest_residual_dof:
+        return []
+    return [
+        f"Whether the dimensions are those of the file {poses} poses cannot show: estimated ones are "
+        f"{after - before} numbers more. Measure at more postures."
     ]
 
 

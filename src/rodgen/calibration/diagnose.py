@@ -18,6 +18,7 @@ from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.decidability import (
     are_wrong,
     held_at_bounds,
+    on_few_poses,
     on_unmoved_joints,
     unread_targets,
     why_undecidable,
@@ -537,6 +538,7 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     elif rest or state.stretch is not None:
         verdict, reason = "cannot_tell", " ".join(filter(None, [rest, *moved]))
     notes = [*_on_rows(subject), *on_unmoved_joints(state.base)]
+    notes += on_few_poses(state.base) if verdict == "nothing_missing" else ()
     notes += refused
     notes += [*([] if reason else moved), shared]
     if evidence.unusable:
