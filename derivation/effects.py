@@ -481,6 +481,29 @@ d.check(
 ).prove(given={**machine_axes, x: a11 - a33, y: a22 - a33, xy: a12 + a21, xz: a13 + a31, yz: a23 + a32})
 
 # %% [markdown]
+# ## Plates
+#
+# The height of a smooth plate is to second order a plane, which is where the plate lies, and half the quadratic form of
+# its curvatures. Half the mean curvature is a bowl; what is beside it bends the plate one way and the other.
+
+# %%
+h11, h12, h22 = d.letters(
+    *(f"h{i} | h_{{{i}}} | curvature of the plate | 1/length" for i in ("11", "12", "22"))
+)
+across = sp.Matrix([read_x, read_y])
+curved = sp.Matrix([[h11, h12], [h12, h22]])
+bowl = (h11 + h22) / 4 * sp.eye(2)
+d.check(
+    "plate",
+    equal(change((across.T * bowl * across)[0]), a * (read_x**2 + read_y**2)),
+    equal(
+        change((across.T * curved * across)[0] / 2),
+        a * (read_x**2 + read_y**2) + b * (read_x**2 - read_y**2) + c * 2 * read_x * read_y,
+    ),
+    text="The bowl is the part that is the same when the plate is turned.",
+).prove(given={a: (h11 + h22) / 4, b: (h11 - h22) / 4, c: h12 / 2})
+
+# %% [markdown]
 # ## Towers of deltas
 #
 # A tower leans outwards by $a$ and across by $b$: the sines are the components of its direction.

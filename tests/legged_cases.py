@@ -63,7 +63,7 @@ def possible(file: Mapping[str, Any]) -> list[dict[str, Any]]:
     for definition in CATALOGUE:
         if definition.of_directions and kind != "direction":
             continue
-        if definition.component == "axes" and kind != "point":
+        if definition.component == "plate" or (definition.component == "axes" and kind != "point"):
             continue
         if kind == "direction" and (
             definition.name in MOVES_ONLY

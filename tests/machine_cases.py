@@ -97,7 +97,9 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
     for definition in CATALOGUE:
         if definition.of_directions and kind != "direction":
             continue
-        if definition.component == "axes" and kind not in {"point", "pose"}:
+        if definition.component == "plate" or (
+            definition.component == "axes" and kind not in {"point", "pose"}
+        ):
             continue
         if kind == "direction" and (definition.name in MOVES_ONLY or definition.component == "point"):
             continue

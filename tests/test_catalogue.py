@@ -94,6 +94,13 @@ EXPECTED = {
     ("arm", "arm_length"): ("arm", {"a": MM}),
     ("tower", "tower_lean"): ("base_joint", {"a": "deg", "b": "deg"}),
     ("leg", "leg_compliance"): ("reading", {"c": "mm/N"}),
+    ("legs", "base_radius"): ("base_joint", {"r": MM}),
+    ("legs", "platform_radius"): ("platform_joint", {"r": MM}),
+    ("legs", "platform_shift"): ("platform_joint", dict.fromkeys("xyz", MM)),
+    **{(at, "common_zero_offset"): ("reading", {"a": MM}) for at in ("legs", "towers")},
+    ("arms", "common_zero_offset"): ("reading", {"a": "deg"}),
+    ("machine", "plate_bowl"): ("plate", {"a": "1/mm"}),
+    ("machine", "plate_warp"): ("plate", dict.fromkeys("abc", "1/mm")),
 }  # fmt: skip
 
 
@@ -105,15 +112,16 @@ def row(at, name):
 def test_the_catalogue_holds_exactly_these_effects():
     places = [place for d in CATALOGUE for place in d.at]
     order = {"revolute": 0, "prismatic": 1, "machine": 2, "target": 3, "leg": 4, "tower": 5, "arm": 5}
+    order |= dict.fromkeys(("legs", "towers", "arms"), 4)
     assert places == sorted(places, key=order.__getitem__)
     assert {(at, d.name) for d in CATALOGUE for at in d.at} == set(EXPECTED)
     assert sum(len(d.at) for d in CATALOGUE) == len(EXPECTED)
 
 
 RUNGS = {
-    0: "zero_offset leg_zero_offset",
+    0: "zero_offset leg_zero_offset common_zero_offset",
     1: "axis_tilt axis_offset squareness target_offset base_joint_offset platform_joint_offset tower_lean arm_length "
-    "delta_radius delta_angle rod_length",
+    "delta_radius delta_angle rod_length base_radius platform_radius platform_shift",
     2: "gravity_windup load_windup lateral_windup axis_flexure fork_flexure gravity_sag load_sag guide_windup "
     "leg_compliance",
 }
@@ -176,7 +184,7 @@ VOCABULARY = {
 @pytest.mark.parametrize(("at", "name"), EXPECTED)
 def test_an_effects_units_make_what_its_component_takes(at, name, kind):
     definition = row(at, name).for_measurand(MEASURANDS[kind])
-    coordinate = ANGLE if at in {"revolute", "arm"} else LENGTH
+    coordinate = ANGLE if at in {"revolute", "arm", "arms"} else LENGTH
     names = VOCABULARY | {
         "q": coordinate,
         "q_before": ANGLE,
@@ -188,7 +196,7 @@ def test_an_effects_units_make_what_its_component_takes(at, name, kind):
         name: parse_unit(unit).dimension for name, unit in definition.units("mm", MEASURANDS[kind]).items()
     }
     assert definition.formula.dimension(names).fits(
-        component_dimension(definition.component, at, MEASURANDS[kind])
+        component_dimension(definition.component, at.removesuffix("s"), MEASURANDS[kind])
     )
     if definition.slope is not None:
         assert definition.slope.dimension(names).fits(ANGLE)

@@ -49,7 +49,7 @@ def catalogue_effects(machine: Machine, observations: Observations) -> list[Effe
 
 
 def _places(machine: Machine, at: frozenset[str]) -> Iterator[str | None]:
-    if "machine" in at:
+    if at & machine.kinds_of(None):
         yield None
     yield from (joint.name for joint in machine.joints if joint.type in at)
     if "target" in at:

@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 Place: TypeAlias = str | None
 
 DIRECT = (
-    frozenset({"axis", "point", "target", "remounting", "frame_shift", "factor", "axes", "lift", "sag"})
+    frozenset(
+        {"axis", "point", "target", "remounting", "frame_shift", "factor", "axes", "plate", "lift", "sag"}
+    )
     | CLOSED
 )
 """Components of effects that are in the model themselves, ..."""
@@ -134,5 +136,7 @@ def is_direct(effect: Effect) -> bool:
     definition = effect.definition
     names = definition.formula.names
     return not definition.own and (
-        definition.component in DIRECT or bool(names & (MOMENTS | GRAVITY | {TENSION}))
+        definition.of_all_legs
+        or definition.component in DIRECT
+        or bool(names & (MOMENTS | GRAVITY | {TENSION}))
     )

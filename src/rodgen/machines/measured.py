@@ -36,6 +36,9 @@ class Steps(motions.Algebra, Protocol):
     def scaled(self, x: Any) -> Any:
         """Add to a reading what the errors of the instrument's axes do."""
 
+    def changes_by_place(self, component: str, x: Any, value: Any) -> Any:
+        """Add to a value what the effects on a component do at a place."""
+
     def freedoms(self, name: str, components: Sequence[str]) -> Any:
         """Return the freedoms of a part of the geometry."""
 
@@ -264,7 +267,8 @@ class Height(Measurand):
 
     def residual(self, steps: Steps, reading: Any, place: Any, axes: Any = None) -> Any:
         """Return the difference of the heights."""
-        return type(reading)([reading[0] - steps.let("height", place[2] * steps.factor())])
+        height = place[2] * steps.factor() - steps.changes_by_place("plate", place, 0)
+        return type(reading)([reading[0] - steps.let("height", height)])
 
 
 @dataclass(frozen=True)

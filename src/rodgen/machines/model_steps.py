@@ -24,7 +24,7 @@ from rodgen.errors import RodgenError
 from rodgen.machines.algebra import Algebra
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import TURNS
-from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
+from rodgen.machines.structure import CLOSED, MOMENTS, TENSION, Structure, Term
 from rodgen.symbolic import rigid_motions as motions
 
 if TYPE_CHECKING:
@@ -317,22 +317,24 @@ class ModelSteps:
 
     # effects -------------------------------------------------------------------------------------------------
 
-    def value(self, number: int, formula: str, component: str = "", **more: Any) -> Any:
-        """Evaluate an effect's formula: a number, or a vector."""
+    def value(
+        self, number: int, formula: str, component: str = "", leg: int | None = None, **more: Any
+    ) -> Any:
+        """Evaluate an effect's formula, of one that changes all legs at one of them: a number, or a vector."""
         component = component or self.structure.terms[number].component
         value = Formula.parse(formula, file="effect", place=component).evaluate(
-            self.names(number, component) | more, self.algebra.functions, self.algebra.number
+            self.names(number, component, leg) | more, self.algebra.functions, self.algebra.number
         )
         if not all(map(self.algebra.is_real, value if hasattr(value, "shape") else [value])):
             raise RodgenError(f"the formula {formula!r} of an effect is not a real number anywhere")
         return value
 
-    def names(self, number: int, component: str) -> dict[str, Any]:
+    def names(self, number: int, component: str, leg: int | None = None) -> dict[str, Any]:
         """Return what each name in the formula of an effect for a component stands for."""
         term = self.structure.terms[number]
         names: dict[str, Any] = {"pi": self.algebra.pi}
         if not term.own:
-            names |= self.vocabulary(term, component)
+            names |= self.vocabulary(term, component, leg)
         elif term.sky:
             names |= self.sky()
         names |= {name: self.quantity(name, column, component) for name, column in term.columns}
@@ -365,11 +367,11 @@ class ModelSteps:
             "azimuth": self.let("azimuth", self.algebra.atan2(first, second)),
         }
 
-    def vocabulary(self, term: Term, component: str) -> dict[str, Any]:
+    def vocabulary(self, term: Term, component: str, leg: int | None = None) -> dict[str, Any]:
         """Return the names that only formulas of the catalogue may use, for a component."""
         unit = self.matrix.eye(3)
         names: dict[str, Any] = {f"E{x}": unit[:, i] for i, x in enumerate("XYZ")}
-        j = term.joint
+        j = leg if term.joint is None else term.joint
         if j is None:
             return names
         if self.structure.kinematics.is_closed:
@@ -388,10 +390,10 @@ class ModelSteps:
             }
         return names | self.moments_at(j, term.names, component) | self.bends(j, term.names)
 
-    def term(self, number: int, part: int = 0) -> Any:
+    def term(self, number: int, part: int = 0, leg: int | None = None) -> Any:
         """Return what an effect changes its component by, or another of its components, named."""
         term = self.structure.terms[number]
-        value = self.value(number, term.parts[part][1], term.parts[part][0])
+        value = self.value(number, term.parts[part][1], term.parts[part][0], leg)
         j = term.joint
         if j is not None and term.weights:
             for name, moment in zip(term.weights, self.weights_on_drive(j), strict=True):
@@ -401,13 +403,13 @@ class ModelSteps:
         return self.let("effect", value)
 
     def terms_of(self, joint: int, component: str) -> list[int]:
-        """Return the numbers of the effects at a joint that change a component."""
+        """Return the numbers of the effects at a leg of a closed chain, or at all, that change a component."""
         terms = self.structure.terms
-        return [n for n, term in enumerate(terms) if (term.joint, term.component) == (joint, component)]
+        return [n for n, x in enumerate(terms) if x.joint in {joint, None} and x.component == component]
 
     def changed(self, joint: int, component: str, value: Any) -> Any:
         """Add to a value what the effects at a joint change this component by."""
-        return sum((self.term(n) for n in self.terms_of(joint, component)), value)
+        return sum((self.term(n, leg=joint) for n in self.terms_of(joint, component)), value)
 
     def rigid(self, numbers: Sequence[int], pivot: Vector, j: int | None) -> tuple[Vector, Vector] | None:
         """Add up the translations and the rotation vectors of several effects; None where there is none."""
@@ -537,10 +539,11 @@ class ModelSteps:
     def framed(self, x: Vector, *, moves: bool) -> Vector:
         """Move by the frame's own motions: those that differ from row to row, the shift, the free frame."""
         s = self.structure
+        elsewhere = {"lift", "factor", "axes", "plate", "reading", *CLOSED}  # the last are of all legs
         whole = [
             n
             for n, term in enumerate(s.terms)
-            if term.joint is None and not term.target and term.component not in {"lift", "factor", "axes"}
+            if term.joint is None and not term.target and term.component not in elsewhere
         ]
         x = self.displaced(x, whole, self.zero, None, moves=moves)
         if s.shift:
@@ -568,7 +571,14 @@ class ModelSteps:
 
     def scaled(self, x: Vector) -> Vector:
         """Add to a reading what the errors of the instrument's axes do."""
-        numbers = [n for n, term in enumerate(self.structure.terms) if term.component == "axes"]
+        return self.let("scaled", self.changes_by_place("axes", x, x))
+
+    def changes_by_place(self, component: str, x: Vector, value: Any) -> Any:
+        """Add to a value what the effects on a component do at a place."""
         words = {f"read_{name}": x[i] for i, name in enumerate("xyz")}
-        found = (self.value(n, self.structure.terms[n].formula, **words) for n in numbers)
-        return self.let("scaled", sum(found, x)) if numbers else x
+        found = (
+            self.value(n, t.formula, **words)
+            for n, t in enumerate(self.structure.terms)
+            if t.component == component
+        )
+        return sum(found, value)

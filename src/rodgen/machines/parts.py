@@ -249,6 +249,8 @@ class Effect:
     def titled(self, *more: str) -> str:
         """Return the title, with what more is to be said of the effect in the brackets of its terms."""
         title = f"{self.name} at {self.place}" if self.place else self.name
+        if self.definition.component == "geometry":  # a number of a closed chain
+            title = f"another {self.place}"
         said = "; ".join(filter(None, (", ".join(self.term_names), *more)))
         return f"{title} ({said})" if said else title
 
@@ -440,6 +442,11 @@ class MachineData:
         if any(place == target.name for target in self.targets):
             return "target"
         return self.joint(place).type
+
+    def kinds_of(self, place: str | None) -> set[str]:
+        """Return what is at a place as `kind_of` does; of the whole machine also all its legs, such as ``"arms"``."""
+        legs = {f"{joint.type}s" for joint in self.joints if joint.in_loop and place is None}
+        return {self.kind_of(place), *legs}
 
     def file_factor(self, dimension: Dimension) -> float:
         """Return the factor from the machine file's unit of this dimension to internal units."""

@@ -10,7 +10,7 @@ from rodgen.errors import UnexpectedError, listed, nearest_name, shown, suggesti
 from rodgen.limits import NUMBER
 from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
-from rodgen.machines.effects.definition import OF_A_LOOP, SKY, EffectDefinition
+from rodgen.machines.effects.definition import ALL_OF_A_LOOP, OF_A_LOOP, SKY, EffectDefinition
 from rodgen.machines.effects.symbols import own_term, symbols
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.mounts import names_of_terms
@@ -77,7 +77,7 @@ def catalogue_effect(machine: MachineData, name: str, place: str | None, hold: M
     if not same_name:
         raise unknown_name(name)
     kind = _kind_of(machine, place)
-    definition = next((d for d in same_name if kind in d.at), None)
+    definition = next((d for d in same_name if machine.kinds_of(place) & d.at), None)
     if definition is None:
         raise _wrong_place(machine, same_name, kind, place)
     terms = names_of_terms(machine, definition, place)
@@ -116,7 +116,10 @@ def _wrong_place(
     """Return the error for an effect at a wrong place: where it acts, and what this machine has there."""
     at = frozenset[str]().union(*(definition.at for definition in definitions))
     name = definitions[0].name
-    if "machine" in at:
+    if place is None and at <= ALL_OF_A_LOOP.keys():
+        found = f"{name} on a machine without {' or '.join(sorted(at))}"
+        return UnfitEffectError("name", found, "another effect")
+    if at & {"machine", *ALL_OF_A_LOOP}:
         key = "target" if kind == "target" else "joint"
         return UnfitEffectError(key, f"{shown(place)}, but {name} acts on the whole machine", f"no {key}")
     if "target" in at:
@@ -170,7 +173,7 @@ def check_effect(machine: MachineData, effect: Effect) -> None:
 
 def _check_place(machine: MachineData, effect: Effect) -> None:
     kind = _kind_of(machine, effect.place)
-    if kind not in effect.definition.at:
+    if not machine.kinds_of(effect.place) & effect.definition.at:
         raise _wrong_place(machine, [effect.definition], kind, effect.place)
 
 
@@ -179,12 +182,23 @@ def _check_acts(machine: MachineData, effect: Effect) -> None:
     nothing = measurand.unchanged_by.get(definition.component)
     if not measurand.is_direction and definition.of_directions:
         nothing = f"no {measurand.kind}: it is an error of lines of sight"
+    if definition.component == "plate" and measurand.kind != "height":
+        nothing = f"no {measurand.kind}: it is seen in heights over a plate"
     if not measurand.moving:
         slides = machine.kind_of(effect.place) == "prismatic"
         if slides and definition.component in {"reading", "axis"}:
             nothing = "no direction: a prismatic joint only moves"
         if TENSION in definition.formula.names and not definition.own:
             nothing = "no direction: it takes a load at a point"
+    if definition.of_all_legs and effect.name not in machine.kinematics.of_all_legs:
+        numbers = listed(list(machine.kinematics.numbers))
+        raise UnfitEffectError(
+            "name", f"{effect.name} on a {machine.kinematics.family}", f"its numbers in [estimate]: {numbers}"
+        )
+    of_plate = definition.of_all_legs and effect.name.endswith("_radius")
+    if of_plate and machine.kinematics.dimension(effect.name) is None:
+        found = f"{effect.name} of joints that lie in no plane across z"
+        raise UnfitEffectError("name", found, "another effect")
     if nothing:
         found = f"{effect.name} where measured is {measurand.kind!r}, which changes {nothing}"
         raise UnfitEffectError("name", found, "another effect")
@@ -221,6 +235,10 @@ def _check_once(machine: MachineData, effect: Effect) -> None:
 
 def _check_freedom(machine: MachineData, effect: Effect) -> None:
     """Refuse a second name for one freedom: the two would share it in any proportion."""
+    if effect.name == "platform_shift" and (len(machine.targets) == 1 or "target" in machine.estimate):
+        raise UnfitEffectError(
+            "name", f"{effect.name}, which moves the targets alike", "target_offset, or 'target'"
+        )
     freedom = _SAME_FREEDOM.get(effect.definition.component)
     if freedom is None:
         return

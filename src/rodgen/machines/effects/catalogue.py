@@ -601,6 +601,27 @@ _MACHINE = (
         source=f"{_ISO_10360}; {_ISO_1}, squareness; {_SCHWENKE}",
     ),
     _row(
+        "plate_bowl", "machine", "plate", "a*(read_x**2 + read_y**2)", {"a": "1/{length}"}, entry="plate",
+        meaning="The plate over which heights are read is not flat but sags or domes, as a bed does that is heated "
+        "from below or held at its rim. It is off by a times the square of the distance from the middle.",
+        usual_size="0.05 to 0.3 mm at 100 mm from the middle of a printer's bed",
+        remedy="Lay a straight edge on the plate before anything of the machine is changed: rods and radius of a delta "
+        "bend what is measured alike.",
+        source=f"{_ISO_1}, flatness",
+    ),
+    _row(
+        "plate_warp", "machine", "plate",
+        "a*(read_x**2 + read_y**2) + b*(read_x**2 - read_y**2) + c*2*read_x*read_y", _in("1/{length}", "a b c"),
+        entry="plate",
+        meaning="The plate over which heights are read is warped: it rises one way and falls the other way, along x "
+        "and y by b, between the diagonals by c, as a bed does whose corners are screwed down unequally. By a it is a "
+        "bowl, too.",
+        usual_size="0.05 to 0.3 mm at 100 mm from the middle of a printer's bed",
+        remedy="Turn the plate by a quarter turn and probe again: what turns along is the plate's, and the machine may "
+        "be right.",
+        source=f"{_ISO_1}, flatness",
+    ),
+    _row(
         "tube_flexure", "machine", "lift", "-a*sin_zenith", {"a": "arcsec"}, entry="tube-flexure",
         of_directions=True,
         tpoint={"TF": "a"},
@@ -704,6 +725,46 @@ _LEG = (
         remedy="Stiffen or preload nut and joints, or let the control correct by the known payload.",
         source=f"{_MERLET}; {_KHALIL}",
     ),
+    _row(
+        "base_radius", "legs", "base_joint", "r*U", {"r": "{length}"}, entry="outwards",
+        meaning="The joints of the base stand on a larger or smaller circle than in the drawing: the plate was drilled "
+        "to another radius, or a radius was entered wrongly. All six legs lean by a little more or less.",
+        usual_size="0.01 to 0.5 mm as built; any size where a number was mistyped",
+        remedy="Measure across the plate, or enter the fitted joint centres in the control.",
+        source=f"{_MOORING}; {_MERLET}",
+    ),
+    _row(
+        "platform_radius", "legs", "platform_joint", "r*U", {"r": "{length}"}, entry="outwards",
+        meaning="The joints of the platform stand on a larger or smaller circle than in the drawing: the plate was "
+        "drilled to another radius, or a radius was entered wrongly. The platform turns less or more than it should.",
+        usual_size="0.01 to 0.5 mm as built; any size where a number was mistyped",
+        remedy="Measure across the plate, or enter the fitted joint centres in the control.",
+        source=f"{_MOORING}; {_MERLET}",
+    ),
+    _row(
+        "platform_shift", "legs", "platform_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
+        meaning="All joints of the platform sit, together, elsewhere against what is measured on it than in the "
+        "drawing: a shim below the platform or below what it carries, or a plate of another thickness.",
+        usual_size="0.01 to 1 mm; as thick as a shim",
+        remedy="Measure how the platform is mounted, or enter the fitted joint centres in the control.",
+        source=_MOORING,
+    ),
+    _row(
+        "common_zero_offset", "legs towers", "reading", "a", {"a": "{length}"}, entry="constant",
+        meaning="The zeros of all legs or towers are off alike: they were homed against a gauge, a stop or switches "
+        "that are elsewhere than the control believes, or joints and nozzle are nearer or farther than in the drawing.",
+        usual_size="0.01 to 1 mm after homing",
+        remedy="Enter the offset in the home position of every leg or tower: position_endstop, or M665 H.",
+        source=f"{_KUREKOVA}, section 3; {_VISCHER}",
+    ),
+    _row(
+        "common_zero_offset", "arms", "reading", "a", {"a": "deg"}, entry="constant",
+        meaning="The zeros of all arms are off alike: they were homed against stops, switches or a gauge that are "
+        "higher or lower than the control believes.",
+        usual_size="0.01 to 0.5 deg after homing",
+        remedy="Enter the offset in the home position of every arm, or measure the height of the switches.",
+        source=_VISCHER,
+    ),
 )  # fmt: skip
 
 _DELTA = (
@@ -805,7 +866,7 @@ CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *
 NAMES = tuple(dict.fromkeys(definition.name for definition in CATALOGUE))
 """Their names, each once."""
 
-OFFSETS = frozenset({"zero_offset", "leg_zero_offset"})
+OFFSETS = frozenset({"zero_offset", "leg_zero_offset", "common_zero_offset"})
 SCALES = frozenset({"scale", "leg_scale", "instrument_scale"})
 """Names of effects of the reading that need no cause in the machine: where it counts from, and in what unit."""
 GEOMETRY = frozenset(d.name for d in CATALOGUE if d.rung <= 1) - {"squareness", "tower_lean"}

@@ -32,6 +32,7 @@ COMPONENTS = {
     "frame_shift": "the frame moved by {formula} and turned by {slope}",
     "factor": "reading × (1 + {formula})",
     "axes": "reading += {formula}",
+    "plate": "the plate higher by {formula}",
     "lift": "direction lifted towards −g by {formula}",
     "sag": "drop along g {formula}, turned about N × g by {slope}",
     "tx": "translation along x {formula}",
@@ -56,6 +57,9 @@ _PLACES = {
     "leg": "at a leg of a closed chain",
     "tower": "at a tower of a linear delta",
     "arm": "at an arm of a rotary delta",
+    "legs": "of all legs of a closed chain alike",
+    "towers": "of all towers of a linear delta alike",
+    "arms": "of all arms of a rotary delta alike",
     "machine": "of the whole machine",
     "target": "of a target",
 }
@@ -73,6 +77,8 @@ SKY = frozenset({"z", "azimuth"})
 
 OF_A_LOOP = {"leg": "a leg", "tower": "a tower", "arm": "an arm"}
 """Types of joints that hold a platform together, in words; they have no axis of their own in a file."""
+ALL_OF_A_LOOP = {f"{joint}s": f"all {joint}s" for joint in OF_A_LOOP}
+"""All these joints together, which an effect may change alike, in words."""
 TURNING = ("revolute", "arm")
 """Types of joints whose coordinates are angles."""
 
@@ -102,7 +108,8 @@ class EffectDefinition:
 
     name: str
     at: frozenset[str]
-    """Where it may stand: ``"revolute"``, ``"prismatic"``, one of `OF_A_LOOP`, ``"machine"``, ``"target"``."""
+    """Where it may stand: ``"revolute"``, ``"prismatic"``, one of `OF_A_LOOP` or `ALL_OF_A_LOOP`,
+    ``"machine"``, ``"target"``."""
     component: str
     """What it changes, one of :data:`COMPONENTS`."""
     formula: Formula
@@ -111,8 +118,9 @@ class EffectDefinition:
     force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the axis before, upwards), zeta
     (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1), L (length of the travel), q_before
     (coordinate of the joint before), acc (its acceleration), tan_zenith, sin_zenith, read_x, read_y, read_z
-    (components of the reading), leg_tension (force in the leg, tension positive, per unit load along gravity at the
-    target). At a tower or an arm U points outwards, V across, N upwards."""
+    (components of the reading; over a plate those of the place), leg_tension (force in the leg, tension positive,
+    per unit load along gravity at the target). At a tower or an arm U points outwards, V across, N upwards;
+    at a plate of a hexapod U points from the middle of its joints to that of the leg, across z."""
     parameters: Mapping[str, str] = field(hash=False)
     """Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
     directions are measured, and ``{move}`` that too, or arcsec where directions are measured."""
@@ -156,6 +164,11 @@ class EffectDefinition:
         """All its formulas."""
         slope = () if self.slope is None else (self.slope,)
         return (self.formula, *slope, *(formula for _, formula in self.others))
+
+    @property
+    def of_all_legs(self) -> bool:
+        """Whether it changes all legs of a closed chain alike."""
+        return self.at <= ALL_OF_A_LOOP.keys()
 
     @property
     def rung(self) -> int:

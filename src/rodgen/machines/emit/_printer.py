@@ -84,7 +84,13 @@ def numbers_of(machine: Machine) -> Numbers:
     angles = nominal + (angles - nominal + 180) % 360 - 180
     before = np.sqrt(kinematics.L**2 - kinematics.R**2)
     nozzle = float(model.target(theta, 0)[2] - machine.targets[0].point[2])
-    endstops = of["zero_offset"] + before - np.sqrt(rods**2 - radius**2) + nozzle
+    endstops = (
+        of["zero_offset"]
+        + _of(values, "common_zero_offset.a")
+        + before
+        - np.sqrt(rods**2 - radius**2)
+        + nozzle
+    )
     angles, endstops, middle = (x.round(4) + 0.0 for x in (angles, endstops, middle))  # no -0.0000
     return Numbers(radius, rods, angles, endstops, middle, nozzle)
 
@@ -98,7 +104,8 @@ def _lines(machine: Machine, numbers: Numbers, note: str) -> Iterator[str]:
     radius, rods, angles, endstops, middle, nozzle = numbers
     trims = angles - list(machine.kinematics.legs.values())
     mean, least = float(endstops.mean()), float(endstops.min())
-    others = [e.title for e in machine.effects if e.name not in (*_TAKEN, "target_offset") or e.place is None]
+    taken = {*_TAKEN, "target_offset", "common_zero_offset"}
+    others = [e.title for e in machine.effects if e.name not in taken]
     yield f"# {title_of(machine)}. {note}"
     yield f"# Lengths in {unit}, angles in degrees. 'Now' is what the firmware had when the readings were taken."
     yield f"# Afterwards x = y = 0 is where x = {middle[0]:.4f}, y = {middle[1]:.4f} is now."

@@ -66,8 +66,12 @@ def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
         component = effect.definition.component
         if component in {"factor", "axes"}:
             yield effect, "the instrument's error, not the machine's"
+        elif component == "plate":
+            yield effect, "the form of the plate, not the machine's error"
         elif component == "target" and machine.measurand.has_zero:
             yield effect, "how the instrument is mounted"
+        elif effect.definition.of_all_legs:
+            continue
         elif effect.place is None and component != "lift" and machine.measured.frame == "free":
             yield effect, "it moves the measuring frame, which is free"
         elif component == "remounting" or effect.is_per_run(machine.values):

@@ -59,6 +59,7 @@ class Hexapod(OnLegs):
     )
     keys = (*numbers, "home")
     pose_numbers = 12
+    of_all_legs = ("common_zero_offset", "base_radius", "platform_radius", "platform_shift")
     are_shared = False
     begin_of = (*(f"leg{k}" for k in range(1, 7)), "x", "y", "z")
 
@@ -66,6 +67,19 @@ class Hexapod(OnLegs):
     def size(self) -> float:
         """Root mean square distance of the base's joints from their middle."""
         return self._geometry().size
+
+    def dimension(self, effect: str) -> tuple[str, float] | None:
+        """Return the radius of a plate: the mean distance of its joints from their middle, across z.
+
+        None of a plate that does not lie about so.
+        """
+        plate = effect.removesuffix("_radius")
+        if plate == effect:
+            return None
+        joints = getattr(self._geometry(), plate)
+        ways = joints - joints.mean(axis=0)
+        radius = float(np.linalg.norm(ways[:, :2], axis=1).mean())
+        return None if ways[:, 2].std() > radius / 2 else (f"radius of the {plate}", radius)
 
     @property
     def pose_scale(self) -> Array:
@@ -125,11 +139,21 @@ class Hexapod(OnLegs):
 
     def base_joint(self, m: Steps, leg: int) -> Any:
         """Return the joint on the base."""
-        return getattr(self, f"B{leg + 1}")
+        return self._joint(m, "B", leg)
 
     def platform_joint(self, m: Steps, leg: int) -> Any:
         """Return the joint on the platform."""
-        return getattr(self, f"P{leg + 1}")
+        return self._joint(m, "P", leg)
+
+    def _joint(self, m: Steps, plate: str, leg: int) -> Any:
+        """Return a joint of a plate, and keep its direction from the middle of the plate where an effect needs it."""
+        joints = [getattr(self, f"{plate}{k}") for k in range(1, 7)]
+        component = "base_joint" if plate == "B" else "platform_joint"
+        if any("U" in m.structure.terms[n].names for n in m.terms_of(leg, component)):
+            way = m.let("way", joints[leg] - sum(joints[1:], joints[0]) / 6)
+            length = m.let("distance", m.sqrt(way[0] ** 2 + way[1] ** 2))
+            m.directions[leg] = {"U": m.let("outwards", m.matrix([way[0] / length, way[1] / length, 0]))}
+        return joints[leg]
 
     def state(self, m: Steps, numbers: Sequence[Any]) -> Any:
         """Return position and rotation matrix."""

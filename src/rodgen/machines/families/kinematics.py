@@ -45,6 +45,8 @@ class Kinematics:
         What the numbers of each pose in `begins` are.
     dimensions : tuple of str
         Effects at them that say, beside `numbers`, that a dimension is not that of the file.
+    of_all_legs : tuple of str
+        Effects of all legs together that it may have.
     are_shared : bool
         Whether all legs share each of `numbers`.
     one_by_one : bool
@@ -70,6 +72,7 @@ class Kinematics:
     coordinate: ClassVar[str] = "length of leg"
     begin_of: ClassVar[tuple[str, ...]] = ()
     dimensions: ClassVar[tuple[str, ...]] = ("leg_zero_offset",)
+    of_all_legs: ClassVar[tuple[str, ...]] = ("common_zero_offset",)
     are_shared: ClassVar[bool] = True
     one_by_one: ClassVar[bool] = False
 
@@ -102,6 +105,10 @@ class Kinematics:
         """Return one of the numbers of ``[geometry]``, as its components."""
         value = getattr(self, name)
         return value if isinstance(value, tuple) else (value,)
+
+    def dimension(self, effect: str) -> tuple[str, float] | None:
+        """Return the dimension that an effect of all legs changes, in words and by the file; None of others."""
+        return None
 
     def freedoms(self, joints: Sequence[str]) -> list[str]:
         """List what ``[estimate]`` may name, given the names of the joints."""
