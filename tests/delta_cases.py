@@ -5,7 +5,7 @@ It shares no code with rodgen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,13 +59,15 @@ def probed(
     heading: Any = PRINTER,
     noise: float = 0.012,
     seed: int = 0,
+    plate: Callable[[float, float], float] = lambda x, y: 0.0,
 ) -> dict[str, np.ndarray]:
-    """A probe log: the nozzle of a printer with errors is lowered until it touches the plate, z = 0."""
+    """A probe log: the nozzle of a printer with errors is lowered until it touches the plate, z = plate(x, y)."""
     random = np.random.default_rng(seed)
 
     def height(z: float, x: float, y: float) -> float:
         q = commanded(x, y, z) + offset
-        return float(hung(carriage_joints(q, radius, heading), rod, [x, y, z])[2])
+        at = hung(carriage_joints(q, radius, heading), rod, [x, y, z])
+        return float(at[2] - plate(at[0], at[1]))
 
     rows = []
     for x, y in spiral(count, 95):

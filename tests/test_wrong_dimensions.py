@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -217,11 +218,14 @@ def test_joint_centres_of_a_tricept(several):
     assert found.rms.after == pytest.approx(0.01, rel=0.15)  # three deviations of 200 readings
 
 
-def delta_robot(arm: float, rod: float, radius: float) -> tuple[Machine, dict]:
-    """Return a delta robot, and what a tracker with noise of 20 µm sees of it."""
+def delta_robot(arm: float, rod: float, radius: float, zeros: float = 0.0) -> tuple[Machine, dict]:
+    """Return a delta robot, and what a tracker with noise of 20 µm sees of it; zeros of the arms in degrees."""
     random = np.random.default_rng(6)
     q = random.uniform(-0.6, 0.6, (60, 3))
-    seen = [hung(elbows(row, R_OF_ROBOT + radius, ARM + arm), ROD + rod, [0, 0, -800]) for row in q]
+    seen = [
+        hung(elbows(row + np.radians(zeros), R_OF_ROBOT + radius, ARM + arm), ROD + rod, [0, 0, -800])
+        for row in q
+    ]
     read = np.array(seen) + TARGET + random.normal(scale=0.02, size=(60, 3))
     built = machine("rotary-delta", kind="point", estimate=["target"], noise=0.02)
     return built, rows_of(built, q) | {f"{x} [mm]": c for x, c in zip("xyz", read.T, strict=True)}
@@ -301,3 +305,134 @@ def test_numbers_that_the_file_estimates_are_part_of_the_whole_geometry():
     built, _ = platform("tricept", {}, ["R", "target"])
     whole = with_geometry(built)
     assert machine_of(machine_text(whole), "machine.toml").estimate == ("geometry", "target")
+
+
+def hexapod(
+    base: Any = 0.0, platform: Any = 0.0, legs: float = 0.0, seed: int = 5, poses: int = 60, **file: Any
+) -> tuple[Machine, dict]:
+    """Return a hexapod with displaced joints and longer legs than commanded, and what is seen with 10 µm."""
+    random = np.random.default_rng(seed)
+    position, turn = drawn_poses(poses, random)
+    commands = lengths(position, turn, BASE + base, PLATFORM + platform) - legs
+    rows = table(commands, position, turn, random, noise=0.01)
+    return machine_of(toml(hexapod_file(**{"estimate": ["target"]} | file, noise=0.01)), "machine.toml"), rows
+
+
+def outwards(joints: np.ndarray, by: float) -> np.ndarray:
+    return by * joints * [1, 1, 0] / np.hypot(*joints[:, :2].T)[:, None]
+
+
+def tolerance(seed: int) -> np.ndarray:
+    """Displace all joints of a plate, by 0.1 mm in each direction."""
+    return 0.1 * np.random.default_rng(seed).normal(size=(6, 3))
+
+
+def bed(estimate: list[str], seed: int = 0, **errors: Any) -> tuple[Machine, dict]:
+    """Return a printer, and touches on its bed in any order: else a bowl would look like a drift along a spiral."""
+    log = probed(seed=seed, **errors)
+    order = np.random.default_rng(seed).permutation(44)
+    return printer(estimate), {name: column[order] for name, column in log.items()}
+
+
+def bowl(x: float, y: float) -> float:
+    return 2e-5 * (x * x + y * y)
+
+
+def saddle(x: float, y: float) -> float:
+    return 1.5e-5 * (x * x - y * y) + 1e-5 * 2 * x * y
+
+
+ALIKE = {
+    "zeros of arms": (
+        lambda: delta_robot(0, 0, 0, 0.31),
+        {"common_zero_offset.a": 0.31},
+        "zeros of all arms .* 0.3",
+    ),
+    "endstops": (
+        lambda: bed([], offset=0.3),
+        {"common_zero_offset.a": 0.3},
+        "another L and target_offset at nozzle",
+    ),
+    "base of a hexapod": (
+        lambda: hexapod(outwards(BASE, 0.31)),
+        {"base_radius.r": 0.31},
+        r"base is 500\.3\d+ ± 0\.00\d+ mm, not 500",
+    ),
+    "both plates": (
+        lambda: hexapod(outwards(BASE, 0.3), outwards(PLATFORM, 0.25)),
+        {"base_radius.r": 0.3, "platform_radius.r": 0.25},
+        "platform is 250.2",
+    ),
+    "legs, a free frame": (
+        lambda: hexapod(legs=0.3, frame="free"),
+        {"common_zero_offset.a": 0.3},
+        "all legs are off",
+    ),
+    "shim": (
+        lambda: hexapod(platform=[0, 0, -0.5], estimate=[]),
+        {"platform_shift.z": -0.5},
+        "a shim below the platform",
+    ),
+    "bowl": (lambda: bed([], plate=bowl), {"plate_bowl.a": 2e-5}, "At 100 mm from the middle: a 0.2"),
+    "warp": (
+        lambda: bed(["R"], radius=R + 0.8, plate=saddle),
+        {"plate_warp.b": 1.5e-5, "plate_warp.c": 1e-5},
+        "b 0.14 mm and c 0.10 mm",
+    ),
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("made", "off", "words"), ALIKE.values(), ids=ALIKE.keys())
+def test_what_legs_share_and_the_form_of_a_plate_are_one_cause(made, off, words):
+    """Not several legs, the instrument or a drift, which do nearly the same together."""
+    built, columns = made()
+    found = diagnose(built, Measurements.from_frame(columns))
+    assert names(found) == {key.partition(".")[0] for key in off}
+    for key, true in off.items():
+        one = found.estimates[key]
+        assert abs(one.value - true) < 4 * one.std
+    assert re.search(words, " ".join(str(found).split()))
+    assert found.rms.after < 1.3 * found.rms.noise  # four deviations of 44 readings
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("errors", [{"plate": bowl}, {"radius": R + 0.8}], ids=["bowl", "radius"])
+def test_a_bowl_of_a_plate_of_unknown_height_is_not_told_from_the_radius(errors):
+    built, columns = bed([], **errors)
+    free = replace(built, measured=replace(built.measured, frame="free"))
+    found = diagnose(free, Measurements.from_frame(columns))
+    if found.geometry is None:
+        (step,) = found.steps
+        both = {step.effect.title, *(alias.effect.title for alias in step.indistinguishable_from)}
+    else:
+        assert not found.steps
+        both = {e.title for one in found.geometry.alternatives for e in (*one.named, *one.effects)}
+    assert both >= {"plate_bowl", "another R"}
+
+
+@pytest.mark.thorough
+def test_numbers_that_do_nearly_the_same_are_named_beside_each_other():
+    built, columns = bed([], offset=0.3)
+    (one,) = diagnose(built, Measurements.from_frame(columns)).steps
+    odds = {alias.effect.title: alias.odds for alias in one.indistinguishable_from}
+    assert odds["another L"] > odds["target_offset at nozzle"] > 0.01
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [12, 14])
+def test_a_hexapod_all_of_whose_joints_are_off_has_one_error(seed):
+    """As few single joints as explain that are about as probable; but parts are made with tolerances."""
+    built, columns = hexapod(tolerance(seed), tolerance(seed + 100), seed=seed)
+    found = diagnose(built, Measurements.from_frame(columns))
+    assert found.geometry is not None
+    assert not found.steps
+
+
+@pytest.mark.thorough
+def test_a_radius_that_no_model_can_reach_is_no_machine_without_errors():
+    """A tenth: the pose on the machine of the file is no start for that on this one."""
+    built, columns = hexapod(platform=outwards(PLATFORM, 25), poses=15)
+    found = diagnose(built, Measurements.from_frame(columns))
+    assert found.verdict == "cannot_tell"
+    assert "platform_radius" in found.reason

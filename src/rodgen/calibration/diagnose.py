@@ -7,7 +7,7 @@ last word: what they do not confirm is left out, and the rest is selected anew.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, takewhile
 from typing import Any
@@ -41,6 +41,7 @@ from rodgen.calibration.fit import Fit, balanced, ended, fit
 from rodgen.calibration.forms import propose, sharpened
 from rodgen.calibration.geometry import (
     SEVERAL,
+    are_most_off,
     gain_of_geometry,
     including_numbers,
     is_dimension,
@@ -60,7 +61,7 @@ from rodgen.calibration.remarks import (
     unknown_approach,
 )
 from rodgen.calibration.rows import Rows, wrong_rows
-from rodgen.calibration.selection import equals, log10_of, ordered, ranking, select, worth
+from rodgen.calibration.selection import Equal, equals, log10_of, ordered, ranking, select, worth
 from rodgen.calibration.sensitivities import NUMBER
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import contradictions
@@ -171,6 +172,8 @@ class _State:
         Rows that lie displaced: what they share is beside the effects.
     gain : float
         By how much a geometry that differs everywhere from the file is cheaper than the effects.
+    numbered : Evidence or None
+        That with the numbers that all legs share as candidates, of a machine that has some.
     """
 
     base: Fit
@@ -180,6 +183,7 @@ class _State:
     refused: dict[tuple[str, str | None], str] = field(default_factory=dict)
     stretch: DisplacedStretch | None = None
     gain: float = -math.inf
+    numbered: Evidence | None = None
 
     @property
     def last(self) -> Fit:
@@ -218,6 +222,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
             chosen = select(evidence)
         selected = _State(base, evidence, chosen, [base], stretch=stretch)
+        selected = replace(selected, numbered=_numbered(subject, selected))
         asked = number < ROUNDS - 1
         gain, found = _wrong_geometry(subject, selected) if asked else (-math.inf, None)
         if found is None:
@@ -230,7 +235,10 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             if first is not None:
                 estimate, effects = geometry.estimate, (*first.effects, *geometry.effects)
                 odds = first.log10_odds + geometry.log10_odds
-                geometry = replace(first, estimate=estimate, effects=effects, log10_odds=odds)
+                more = (*first.alternatives, *geometry.alternatives)
+                geometry = replace(
+                    first, estimate=estimate, effects=effects, log10_odds=odds, alternatives=more
+                )
             subject, known = replace(subject, fitted=base), frozenset()
             continue
         rows = Rows.of(state.last)
@@ -327,6 +335,17 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
     return found if found is not None and found.gain > likelier else None
 
 
+def _numbered(subject: _Subject, state: _State) -> Evidence | None:
+    """Return the evidence with the numbers that all legs share as candidates; None where there are none."""
+    more = with_shared_numbers(state.base.machine)
+    if more is None or (at := _refitted(state.base, more)) is None:
+        return None
+    beside = None if state.stretch is None else state.stretch.columns
+    known = _lasting(state.chosen)
+    there = Evidence.of(state.base, prefer=subject.prefer, known=known, beside=beside, at=at)
+    return including_numbers(there)
+
+
 def _wrong_geometry(subject: _Subject, state: _State) -> tuple[float, tuple[WrongGeometry, Fit] | None]:
     """Return by how much another geometry is cheaper than effects and, where it is, as one cause, with its fit.
 
@@ -334,27 +353,49 @@ def _wrong_geometry(subject: _Subject, state: _State) -> tuple[float, tuple[Wron
     """
     base, evidence, chosen = state.base, state.evidence.without(()), state.chosen
     machine, named = base.machine, list[str]()
-    cost, more = evidence.cost(chosen), with_shared_numbers(machine)
-    if more is not None and (at := _refitted(base, more)) is not None:
-        beside = None if state.stretch is None else state.stretch.columns
-        known = _lasting(chosen)
-        there = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
-        found = select(numbered := including_numbers(there))
-        if numbered.cost(found) < cost:
-            evidence, chosen = numbered, found
-            named = [str(c.effect.place) for c in chosen if c.effect.name == NUMBER]
+    cost, numbered = evidence.cost(chosen), state.numbered
+    if numbered is not None and numbered.cost(found := select(numbered)) < cost:
+        evidence, chosen = numbered, found
+        named = [str(c.effect.place) for c in chosen if c.effect.name == NUMBER]
     several = len(chosen) + len(state.refused) >= SEVERAL
+    least = -COST.tied if are_most_off(evidence, chosen) else 0.0  # parts are made with tolerances
     gain_of_all = gain_of_geometry(evidence, chosen) if several else -math.inf
-    tried = [(gain_of_all, with_geometry(machine))]
-    tried += [(cost - evidence.cost(chosen), with_shared_numbers(machine, named))] if named else []
-    for gain, other in tried:
-        whole = _refitted(base, other) if other is not None and gain > 0 else None
+    tried = [(gain_of_all, with_geometry(machine), False)]
+    tried += [(cost - evidence.cost(chosen), with_shared_numbers(machine, named), True)] if named else []
+    for gain, other, by_number in tried:
+        whole = _refitted(base, other) if other is not None and gain > least else None
         # predicts poses left out no better
         if whole is not None and not whole.held_out().predicts_no_better_than(base.held_out()):
             effects = whole.machine.effects[len(machine.effects) :]
             odds, held_out = log10_of(gain), base.held_out().rms
-            return gain, (WrongGeometry(whole.machine.estimate, effects, odds, base, held_out), whole)
+            alike = _on_sets(_on_numbers(evidence, chosen) if by_number else ())
+            return gain, (WrongGeometry(whole.machine.estimate, effects, odds, base, held_out, alike), whole)
     return gain_of_all, None
+
+
+def _on_sets(found: Iterable[Equal]) -> tuple[SetAlias, ...]:
+    """Return what may be there in the place of effects, as a result has it."""
+    return tuple(
+        SetAlias(
+            tuple(c.effect for c in one.replaced), tuple(c.effect for c in one.candidates), _odds(one.cost)
+        )
+        for one in found
+    )
+
+
+def _on_numbers(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
+    """Return where the readings do not tell numbers that all legs share from other numbers, or from effects."""
+    every = ((one, (*one.replaced, *one.candidates)) for one in equals(evidence, chosen))
+    return [one for one, both in every if any(c.effect.name == NUMBER for c in both)]
+
+
+def _instead_of(state: _State) -> list[Equal]:
+    """Return the numbers that all legs share that may be in the place of the effects that were found."""
+    if state.numbered is None or not state.chosen:
+        return []
+    there = {c.key: c for c in state.numbered.candidates}
+    chosen = [there[c.key] for c in state.chosen if c.key in there]
+    return _on_numbers(state.numbered, chosen) if len(chosen) == len(state.chosen) else []
 
 
 @stage("further fits")
@@ -433,13 +474,15 @@ def _with_effects(
             if not fit.solution.converged:  # slow along a narrow valley: once more, from where it ended
                 fit = base.refit(fit.machine, outliers=base.outliers)
         except FitError:
-            return fits, (c, "with it the model has no solution near these readings")
+            return fits, (c, UNSOLVED)
         if not fit.solution.converged:
-            return fits, (c, "the fit with it does not converge")
+            return fits, (c, UNCONVERGED)
         fits.append(without_wrong_bounds(fit))
     return fits, None
 
 
+UNSOLVED = "with {} the model has no solution near these readings"
+UNCONVERGED = "the fit with {} does not converge"
 ZERO = (
     "the fit of the whole model, which weighs all readings alike, estimates {} as zero within the uncertainty"
 )
@@ -530,7 +573,8 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         if not (rest or chosen) and moved[1] and seen.size("wander") > VERDICT.wander * seen.white:
             rest, shared = seen.text, ""
     refused = _on_refused(state)
-    if len(state.refused) > MOST_REFUSED and not rest:
+    unsolved = {UNSOLVED, UNCONVERGED} & {*state.refused.values()}
+    if (len(state.refused) > MOST_REFUSED and not rest) or (unsolved and not (steps or forms)):
         rest, refused = " ".join(refused), []
     verdict, reason = "nothing_missing", None
     if steps or forms:
@@ -590,10 +634,10 @@ def _steps(
 ) -> tuple[list[DiagnosedEffect], list[SetAlias]]:
     """Return the effects that were found, and what may be there in the place of several of them."""
     evidence, chosen = state.evidence, state.chosen
-    found = equals(evidence, chosen)
+    found = sorted([*equals(evidence, chosen), *_instead_of(state)], key=lambda one: one.cost)
     steps = []
     for k, c in enumerate(c for c in chosen if not c.driver):
-        own = [one for one in found if len(one.replaced) == 1 and one.replaced[0] is c]
+        own = [one for one in found if [x.key for x in one.replaced] == [c.key]]
         aliases = [Alias(tuple(x.effect for x in one.candidates), _odds(one.cost)) for one in own]
         steps.append(
             DiagnosedEffect(
@@ -605,14 +649,7 @@ def _steps(
                 tuple(aliases),
             )
         )
-    sets = [
-        SetAlias(
-            tuple(x.effect for x in one.replaced), tuple(x.effect for x in one.candidates), _odds(one.cost)
-        )
-        for one in found
-        if len(one.replaced) > 1
-    ]
-    return steps, sets
+    return steps, [*_on_sets(one for one in found if len(one.replaced) > 1)]
 
 
 def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut]) -> list[Unexplained]:

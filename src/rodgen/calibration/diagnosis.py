@@ -292,6 +292,8 @@ class WrongGeometry(HasOdds, Result):
         Of the file's dimensions.
     rms_held_out : float or None
         With these, on poses left out.
+    alternatives : tuple of SetAlias
+        What the readings do not tell from numbers that all legs share, the most probable first.
     """
 
     estimate: tuple[str, ...]
@@ -299,8 +301,9 @@ class WrongGeometry(HasOdds, Result):
     log10_odds: float
     before: Fit = field(repr=False)
     rms_held_out: float | None
+    alternatives: tuple[SetAlias, ...] = ()
 
-    _keys = "estimate effects=titles odds rms=before.rms rms_held_out"
+    _keys = "estimate effects=titles odds rms=before.rms rms_held_out alternatives"
 
     @property
     def titles(self) -> tuple[str, ...]:
@@ -451,7 +454,7 @@ class Diagnosis(HasOdds, Documented, Result):
     def open_questions(self) -> OpenQuestions:
         """What the data leave open, for a plan of measurements."""
         alternatives = [
-            (step.effect, *(a.effect for a in step.indistinguishable_from if len(a.effects) == 1))
+            (step.effect, *(a.effect for a in step.indistinguishable_from if _is_one(a)))
             for step in self.steps
         ]
         alternatives = [each for each in alternatives if len(each) > 1]
@@ -481,6 +484,11 @@ class Diagnosis(HasOdds, Documented, Result):
         return plan(self, n)
 
     document = cast("Callable[..., Document]", method())
+
+
+def _is_one(alias: Alias) -> bool:
+    """Return whether an alternative is one effect that a model may have."""
+    return len(alias.effects) == 1 and not alias.effect.definition.own
 
 
 def odds_of(log10_odds: float) -> float:

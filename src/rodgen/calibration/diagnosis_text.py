@@ -35,10 +35,10 @@ from rodgen.statistics.digits import measured
 from rodgen.statistics.thresholds import CHECK, COST, VERDICT
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
+    from rodgen.calibration.diagnosis import DiagnosedEffect, Diagnosis, Unexplained, WrongGeometry
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.fitted import Estimate
-    from rodgen.machines.machine import Machine
+    from rodgen.machines.machine import Effect, Machine
 
 HARDLY = 20.0
 """A parameter of an effect is hardly determined whose standard deviation is so many times that of another."""
@@ -53,6 +53,8 @@ RATIOS = frozenset({"scale", "leg_scale"})
 """Effects that are a wrong ratio where they are large, or a fraction: of a gear, a pitch, or counts per turn."""
 AT_NOISE = 1.15
 """An error up to this multiple of the noise agrees with it."""
+NEAR = 100.0
+"""Distance in mm from the middle of a plate at which its form is told."""
 MOST_UNSEEN = 6
 """Effects that the data could not show, by name."""
 MOST_HIDDEN = 5
@@ -140,17 +142,33 @@ def with_alternatives(step: DiagnosedEffect, machine: Machine) -> str:
     where = [f"or at {joined(alone, 'or')}"] * bool(alone)
     where += [f"perhaps shared with {joined(map(str, parts), 'or')}"] * bool(parts)
     near = [alias for alias in near if alias not in step.shares]
-    others = joined([together(alias) for alias in near])
+    others = joined([together(alias.effects) for alias in near])
     if len(near) > MOST_IN_VERDICT:
         others = f"{len(near)} others"
     return step.effect.titled(
-        ratio, ", ".join(where), f"here indistinguishable from {others}" if near else ""
+        ratio or of_all_legs(step, machine),
+        ", ".join(where),
+        f"here indistinguishable from {others}" if near else "",
     )
 
 
-def together(alias: Alias) -> str:
+def of_all_legs(step: DiagnosedEffect, machine: Machine) -> str:
+    """Return what an effect of all legs says of the machine; empty of others."""
+    e, found = next(iter(step.parameters.values())), machine.kinematics.dimension(step.effect.name)
+    if step.effect.name == "common_zero_offset":
+        return f"the zeros of all {machine.kinematics.leg}s are off alike by {e.text}"
+    return "" if found is None else f"the {found[0]} is {_dimension(found[1], e)}"
+
+
+def _dimension(drawn: float, e: Estimate) -> str:
+    """Return what a dimension is, and what it is in the file."""
+    value, std = measured(drawn + e.value, e.std)
+    return f"{value}{f' ± {std}' if e.std else ''} {e.unit}, not {drawn:.6g}"
+
+
+def together(effects: Sequence[Effect]) -> str:
     """Return the effects of an alternative."""
-    return " with ".join(effect.title for effect in alias.effects)
+    return " with ".join(effect.title for effect in effects)
 
 
 def on_geometry(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -164,9 +182,18 @@ def on_geometry(diagnosis: Diagnosis) -> tuple[str, str]:
     return (
         "The dimensions of the machine are not those of the file",
         f": {how} the error {fallen}. That is "
-        f"{comparison(geometry.odds, than=' than single effects in its place')}. "
+        f"{comparison(geometry.odds, than=' than single effects in its place')}. {_instead(geometry)}"
         "'rodgen diagnose -o FILE' writes a machine file that estimates them.",
     )
+
+
+def _instead(geometry: WrongGeometry) -> str:
+    """Return a sentence on what the data cannot distinguish from numbers that all legs share; empty without."""
+    found = [
+        f"{together(one.named)} is indistinguishable from {together(one.effects)}, {comparison(one.odds)}"
+        for one in geometry.alternatives[:MOST_NAMED]
+    ]
+    return f"Here {'; '.join(found)}. " if found else ""
 
 
 def _numbers(diagnosis: Diagnosis) -> Iterator[str]:
@@ -174,14 +201,14 @@ def _numbers(diagnosis: Diagnosis) -> Iterator[str]:
     geometry, fit = diagnosis.geometry, diagnosis.final
     if geometry is None or geometry.effects:
         return
-    kinematics, unit = fit.machine.kinematics, fit.machine.length_unit
+    kinematics = fit.machine.kinematics
     before = geometry.before.machine.estimate
     for name in (name for name in kinematics.numbers if name in geometry.estimate and name not in before):
         for x, drawn in zip(kinematics.numbers[name], kinematics.number(name), strict=True):
             shown = f"{name}.{x}" if x else name
             one = fit.estimates[f"geometry.{shown}"]
-            value, std = measured(drawn + one.value, one.std)
-            yield f"{shown} is {value}{f' ± {std}' if one.std else ''} {unit}, not {drawn:.6g}"
+            if not x or abs(one.value) > 2 * (one.std or 0.0):
+                yield f"{shown} is {_dimension(drawn, one)}"
 
 
 def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
@@ -399,7 +426,8 @@ def alternatives(step: DiagnosedEffect, most: int | None = MOST_NAMED) -> list[s
     """Return what these data cannot distinguish from an effect, the most probable first, each with its odds."""
     others = [alias for alias in step.indistinguishable_from if alias not in step.shares]
     found = [
-        f"{together(alias)}, {comparison(alias.odds)}" for alias in sorted(others, key=lambda a: -a.odds)
+        f"{together(alias.effects)}, {comparison(alias.odds)}"
+        for alias in sorted(others, key=lambda a: -a.odds)
     ]
     listed = found[:most]
     more = len(found) - len(listed)
@@ -417,8 +445,12 @@ def shares(step: DiagnosedEffect) -> str:
 
 
 def at_reach(step: DiagnosedEffect, machine: Machine) -> str:
-    """Return how large parameters per lever arm are at the machine's reach, as usual sizes are given; or nothing."""
+    """Return how large parameters per length are, as usual sizes are given: lever arms at the machine's reach."""
     length = machine.length_unit
+    if step.effect.definition.component == "plate":
+        near = NEAR * unit_factor("mm", length)[0]
+        heights = (f"{name} {two_digits(e.value * near**2)} {length}" for name, e in step.parameters.items())
+        return f"At {three_digits(near)} {length} from the middle: {joined(list(heights))}."
     arm = reach(machine)
     sizes = [
         f"{name} {two_digits(abs(e.value) * arm)} arcsec"

@@ -46,7 +46,9 @@ def including_numbers(evidence: Evidence) -> Evidence:
     (size, *_), found = plausibility(machine, of_leg).sizes.values(), list[Candidate]()
     for name in (name for name in machine.kinematics.numbers if (NUMBER, name) in rows.exact):
         keys = tuple(key for key in rows.index if key.split(".")[:2] == [NUMBER, name])
-        effect = Effect(replace(of_leg.definition, name=NUMBER, own=True), name)
+        meaning = f"{name} in [geometry] is not that of the file."
+        number = replace(of_leg.definition, name=NUMBER, component=NUMBER, meaning=meaning, own=True)
+        effect = Effect(number, name)
         prior = Plausibility(0.0, {key.rpartition(".")[2]: size for key in keys})
         columns = rows.columns[:, :, [rows.index[key] for key in keys]]
         found.append(Candidate(effect, keys, columns, {}, prior=prior))
@@ -66,6 +68,7 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     """
     single = evidence.base.machine.kinematics.one_by_one
     off = [c for c in evidence.candidates if is_dimension(c) and not (single and c.effect.name == NUMBER)]
+    off = [c for c in off if not c.effect.definition.of_all_legs]
     zeros = [c for c in off if c.effect.name in OFFSETS]
     if not off:
         return -math.inf
@@ -76,6 +79,15 @@ def gain_of_geometry(evidence: Evidence, chosen: Sequence[Candidate]) -> float:
     if gain > -COST.tied and zeros and _cost(evidence, chosen, zeros) < geometry + COST.needed:
         return -math.inf
     return gain
+
+
+def are_most_off(evidence: Evidence, chosen: Sequence[Candidate]) -> bool:
+    """Return whether dimensions are chosen at most of the places that have them, of several kinds together."""
+    off, every = (
+        {c.key for c in some if c.effect.name in GEOMETRY} for some in (chosen, evidence.candidates)
+    )
+    kinds = {name for name, _ in off}
+    return len(off) >= SEVERAL and 2 * len(off) > sum(name in kinds for name, _ in every)
 
 
 def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candidate]) -> float:

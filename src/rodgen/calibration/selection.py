@@ -13,6 +13,7 @@ import numpy as np
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.diagnosis import Ranked
 from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.sensitivities import NUMBER
 from rodgen.machines.plausibility import kind_of_machine
 from rodgen.stages import stage
 from rodgen.statistics.thresholds import COST
@@ -217,8 +218,8 @@ class Equal:
 
 
 def _is_listed(evidence: Evidence, c: Candidate) -> bool:
-    """Return whether a candidate may be named beside others: an effect of the catalogue, or one of many curves."""
-    return evidence.curves or not c.effect.definition.own
+    """Return whether a candidate may be named beside others: of the catalogue, of many curves, or a dimension."""
+    return evidence.curves or c.effect.name == NUMBER or not c.effect.definition.own
 
 
 def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> list[Candidate]:
