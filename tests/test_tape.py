@@ -7,6 +7,7 @@ import operator
 from fractions import Fraction
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -15,7 +16,7 @@ from rodgen.codegen import tape
 from rodgen.codegen._rows_numpy import NumPyProgram
 from rodgen.codegen.program import programs_from, text_of
 from rodgen.codegen.tape import Tape
-from rodgen.codegen.tape_jacobian import _WAYS, jacobian, jacobian_row
+from rodgen.codegen.tape_jacobian import _WAYS, forward, jacobian, jacobian_row
 from rodgen.codegen.tape_matrix import Matrix
 from rodgen.symbolic import select
 
@@ -99,6 +100,24 @@ def test_forward_an_infinite_slope_of_a_case_that_is_not_taken_does_no_harm(func
     ((found,),) = jacobian([function(x)], [x])
     with np.errstate(all="ignore"):
         assert evaluated(on, [found], np.array([[at, 0.0]]), np.zeros(2)) == slope
+
+
+POWERS = ("1/x", "-3/x**2", "y/x**3", "x**-4", "y - x**-7", "1/sqrt(x)", "x**Fraction(5, 3)", "x**Fraction(-5, 3)")
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_where_a_power_has_no_finite_slope_it_is_the_infinity_that_mpmath_tends_to(power):
+    def slope(x):
+        values = {"Fraction": lambda a, b: mpmath.mpf(a) / b, "sqrt": mpmath.sqrt}
+        return mpmath.diff(lambda x: value(power, {"x": x, "y": mpmath.mpf(2)}, values), x, h=x / 10**9)
+
+    near, nearer = (slope(mpmath.mpf(10) ** -n) for n in (40, 80))
+    limit = math.copysign(math.inf, nearer) if abs(nearer) > abs(near) else 0.0
+    on = Tape()
+    x, y = on.inputs("rows", 2, same=False)
+    here = value(power, {"x": x, "y": y}, OF_TAPE)
+    slopes = [jacobian_row([here], [x])[0], forward([here], [x])[0][0]]
+    np.testing.assert_array_equal(evaluated(on, slopes, np.array([[0.0, 2.0]]), np.zeros(2)), [[limit] * 2])
 
 
 def test_inputs_that_become_known_leave_nothing_behind():

@@ -236,6 +236,17 @@ def _common(
     return a
 
 
+def _root(x: Any) -> tuple[Any, float]:
+    """Return the number of which another is a power, and the exponent.
+
+    Where a power is 0 so is its slope, and what is divided by it would have a derivative of infinity times 0.
+    """
+    if isinstance(x, Number) and x.op == "mul":
+        (a, m), (b, n) = map(_root, x.args)
+        return (a, m + n) if a is b else (x, 1)
+    return x.args if isinstance(x, Number) and x.op == "pow" and isinstance(x.args[1], float) else (x, 1)
+
+
 def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
     """Return each operand of a number, and a function that returns its slope."""
     op, args = number.op, number.args
@@ -266,10 +277,13 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
             square = x * x + y * y
             return [(y, lambda: x / square), (x, lambda: -y / square)]
         case "div":
-            above, below = args
-            if above == 1:
+            above, (below, n) = args[0], _root(args[1])
+            if above == 1 and n == 1:
                 return [(below, lambda: -(number * number))]
-            return [(above, lambda: 1 / below), (below, lambda: -number / below)]
+            return [(above, lambda: 1 / args[1]), (below, lambda: -n * number / below)]
+        case "recip":
+            below, n = _root(args[0])
+            return [(below, lambda: -(number * number) if n == 1 else -n * number / below)]
         case "sign" | "power_of_two_scale" | "pi":
             return []
         case _ if op in CONDITIONS:
@@ -277,7 +291,6 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
     (x,) = args
     slopes: dict[str, Callable[[], Any]] = {
         "neg": lambda: -1,
-        "recip": lambda: -(number * number),
         "sqrt": lambda: 1 / (2 * number),
         "sin": lambda: cos(x),
         "cos": lambda: -sin(x),
