@@ -17,6 +17,7 @@ d = derivation = Derivation(
     "effects",
     title="Effects: where the formulas of the catalogue come from",
     source="the sources of the catalogue's rows, and Timoshenko, Strength of Materials, Part I (beams)",
+    kernels_in="those of a machine: 'rodgen emit MACHINE.toml'",
 )
 FORMULAS = Formulas()
 counted = iter(range(100))

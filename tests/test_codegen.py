@@ -720,12 +720,18 @@ def test_changed_files_are_shown_as_a_diff(tmp_path: Path) -> None:
 
 
 def test_missing_and_stale_files_are_reported(tmp_path: Path) -> None:
-    write_kernels([small_derivation()], tmp_path)
+    write_kernels([small_derivation()], tmp_path, extension=True)
     (tmp_path / "c" / "small.h").unlink()
     (tmp_path / "c" / "old.c").write_text("/* no kernel makes this */\n")
-    difference = check_kernels([small_derivation()], tmp_path)
+    difference = check_kernels([small_derivation()], tmp_path, extension=True)
     assert "+++ regenerated/c/small.h" in difference
-    assert "c/old.c: no kernel makes this file; delete it" in difference
+    assert difference.endswith("c/old.c: no kernel makes this file; delete it\n")
+
+
+def test_files_of_other_derivations_are_not_stale(tmp_path: Path) -> None:
+    write_kernels([small_derivation()], tmp_path)
+    (tmp_path / "c" / "neighbour.c").write_text("/* another derivation makes this */\n")
+    assert check_kernels([small_derivation()], tmp_path) == ""
 
 
 def test_line_endings_of_a_checkout_do_not_hide_a_change(tmp_path: Path) -> None:

@@ -102,7 +102,16 @@ def test_forward_an_infinite_slope_of_a_case_that_is_not_taken_does_no_harm(func
         assert evaluated(on, [found], np.array([[at, 0.0]]), np.zeros(2)) == slope
 
 
-POWERS = ("1/x", "-3/x**2", "y/x**3", "x**-4", "y - x**-7", "1/sqrt(x)", "x**Fraction(5, 3)", "x**Fraction(-5, 3)")
+POWERS = (
+    "1/x",
+    "-3/x**2",
+    "y/x**3",
+    "x**-4",
+    "y - x**-7",
+    "1/sqrt(x)",
+    "x**Fraction(5, 3)",
+    "x**Fraction(-5, 3)",
+)
 
 
 @pytest.mark.parametrize("power", POWERS)

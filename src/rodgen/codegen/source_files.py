@@ -250,7 +250,8 @@ def check_kernels(
 ) -> str:
     """Make the files anew and compare them with those in `folder`.
 
-    Returns a unified diff, empty if every byte agrees; it also names files that no kernel generates any more.
+    Returns a unified diff, empty if every byte agrees; with the extension, which all kernels share, it also names files
+    that no kernel generates any more.
     """
     files = _files(derivations, targets, extension, folder)
     parts: list[str] = []
@@ -265,16 +266,10 @@ def check_kernels(
                 f"regenerated/{name}",
             )
         )
-    for sub in sorted({Path(name).parent for name in files}):
+    for sub in sorted({Path(name).parent for name in files}) if extension else ():
         for path in sorted((folder / sub).glob("*")):
-            if not path.is_file():  # such as __pycache__
-                continue
             name = path.relative_to(folder).as_posix()
-            if (
-                path.suffix in {".py", ".c", ".h", ".hpp", ".m"}
-                and name not in files
-                and path.name not in {"__init__.py", "_call.py"}
-            ):
+            if path.is_file() and path.suffix in {".py", ".c", ".h"} and name not in files:
                 parts.append(f"{name}: no kernel makes this file; delete it\n")
     return "".join(parts)
 
