@@ -81,7 +81,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
 
 /* Derivatives of both axes with respect to both points and the angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 356 add, 620 mul, 10 div, 5 sqrt, 178 select, 34 compare, 15 abs, 1 cos, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 338 add, 620 mul, 10 div, 5 sqrt, 178 select, 34 compare, 15 abs, 1 cos, 3 power_of_two_scale, 1 sign, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
@@ -96,7 +96,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
 
 /* Covariance of both axes from those of the points and the angle, to first order.
  * Source: GUM, law of propagation of uncertainty, on Stebulyanin and Pimushkin, eq. (1)
- * Operations: 536 add, 858 mul, 10 div, 5 sqrt, 196 select, 34 compare, 15 abs, 1 cos, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 518 add, 858 mul, 10 div, 5 sqrt, 196 select, 34 compare, 15 abs, 1 cos, 3 power_of_two_scale, 1 sign, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation

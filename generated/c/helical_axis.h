@@ -18,7 +18,7 @@ extern "C" {
 
 /* Derivatives of screw_residual.
  * Source: derivation helical_axis, entry residual
- * Operations: 60 add, 76 mul, 1 cos, 1 sin
+ * Operations: 57 add, 76 mul, 1 cos, 1 sin
  * before (3), length: point before the screw
  * reading (3), length: reading of the point after it
  * angle, rad: angle of the screw

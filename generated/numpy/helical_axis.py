@@ -51,7 +51,7 @@ def screw_residual(before, reading, angle, slide, axis, point, *, out=None):
 
 
 def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, reading_3, angle, slide, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):
-    # 60 add, 76 mul, 1 cos, 1 sin
+    # 57 add, 76 mul, 1 cos, 1 sin
     half_angle = 0.5*angle
     sine = xp.sin(half_angle)
     cosine = xp.cos(half_angle)
@@ -67,84 +67,81 @@ def _screw_residual(xp, before_1, before_2, before_3, reading_1, reading_2, read
     moved_1 = reading_1 - before_1
     moved_2 = reading_2 - before_2
     moved_3 = reading_3 - before_3
-    x16 = axis_2*inner_3
-    x17 = axis_3*inner_2
+    x18 = axis_2*inner_3 - axis_3*inner_2
     x19 = 2.0*sine
-    residual_1 = moved_1 - axis_1*slide - x19*(x16 - x17)
-    x23 = axis_1*inner_3
-    x24 = axis_3*inner_1
-    residual_2 = moved_2 - axis_2*slide - x19*(x24 - x23)
-    x29 = axis_1*inner_2
-    x30 = axis_2*inner_1
-    residual_3 = moved_3 - axis_3*slide - x19*(x29 - x30)
+    residual_1 = moved_1 - axis_1*slide - x19*x18
+    x25 = axis_3*inner_1 - axis_1*inner_3
+    residual_2 = moved_2 - axis_2*slide - x19*x25
+    x31 = axis_1*inner_2 - axis_2*inner_1
+    residual_3 = moved_3 - axis_3*slide - x19*x31
     x34 = axis_2*sine
     x35 = sine*arm_3
     x36 = axis_3*sine
     x37 = sine*arm_2
     x38 = axis_1*sine
     x39 = sine*arm_1
-    x41 = inner_2*x19
-    x42 = axis_3*x19
-    x43 = inner_3*x19
-    x44 = axis_2*x19
+    x40 = inner_2*x19
+    x41 = axis_3*x19
+    x42 = inner_3*x19
+    x43 = axis_2*x19
     residual_jacobian_1_5 = -axis_1
-    x46 = inner_1*x19
-    x47 = axis_1*x19
+    x44 = inner_1*x19
+    x45 = axis_1*x19
     residual_jacobian_2_5 = -axis_2
     residual_jacobian_3_5 = -axis_3
-    x49 = 0.5*cosine
-    x50 = -0.5*sine
-    x53 = arm_1*x50 + x3*x49
-    x56 = arm_2*x50 + x8*x49
-    x59 = arm_3*x50 + x13*x49
-    del half_angle, moved_1, moved_2, moved_3, inner_2, inner_3, inner_1, x19, sine, arm_1, x3, arm_2, x8, arm_3, x13, x49, x50
-    x64 = x35*x42
-    x65 = x36*x42
-    residual_jacobian_1_8 = x41 + x39*x42
-    x67 = cosine*x42
-    residual_jacobian_1_4 = cosine*(x17 - x16) + x42*x56 - x44*x59
-    x69 = x38*x44
-    residual_jacobian_1_2 = x67 - x69
-    residual_jacobian_1_10 = x69 - x67
-    x70 = x37*x44
-    x72 = x34*x44
-    x73 = x65 + x72
-    residual_jacobian_1_9 = -x73
-    residual_jacobian_1_7 = x39*x44 - x43
-    x75 = cosine*x44
-    residual_jacobian_1_11 = x38*x42 + x75
+    x46 = 0.5*cosine
+    x47 = -0.5*sine
+    x50 = arm_1*x47 + x3*x46
+    x53 = arm_2*x47 + x8*x46
+    x56 = arm_3*x47 + x13*x46
+    del half_angle, moved_1, moved_2, moved_3, inner_2, inner_3, inner_1, x19, sine, arm_1, x3, arm_2, x8, arm_3, x13, x46, x47
+    x61 = x35*x41
+    x62 = x36*x41
+    residual_jacobian_1_8 = x40 + x39*x41
+    x64 = cosine*x41
+    residual_jacobian_1_4 = x41*x53 - cosine*x18 - x43*x56
+    x66 = x38*x43
+    residual_jacobian_1_2 = x64 - x66
+    residual_jacobian_1_10 = x66 - x64
+    x67 = x37*x43
+    x69 = x34*x43
+    x70 = x62 + x69
+    residual_jacobian_1_9 = -x70
+    residual_jacobian_1_7 = x39*x43 - x42
+    x72 = cosine*x43
+    residual_jacobian_1_11 = x38*x41 + x72
     residual_jacobian_1_3 = -residual_jacobian_1_11
-    residual_jacobian_1_6 = -(slide + (x64 + x70))
-    residual_jacobian_1_1 = -1.0 + x73
-    x80 = x34*x42
-    residual_jacobian_2_8 = x37*x42 - x46
-    residual_jacobian_2_4 = cosine*(x23 - x24) - x42*x53 + x47*x59
-    x83 = x38*x47
-    x84 = x65 + x83
-    residual_jacobian_2_10 = -x84
-    residual_jacobian_2_6 = x43 + x37*x47
-    residual_jacobian_2_9 = x67 + x34*x47
+    residual_jacobian_1_6 = -(slide + (x61 + x67))
+    residual_jacobian_1_1 = -1.0 + x70
+    x77 = x34*x41
+    residual_jacobian_2_8 = x37*x41 - x44
+    residual_jacobian_2_4 = x45*x56 - (cosine*x25 + x41*x50)
+    x80 = x38*x45
+    x81 = x62 + x80
+    residual_jacobian_2_10 = -x81
+    residual_jacobian_2_6 = x42 + x37*x45
+    residual_jacobian_2_9 = x64 + x34*x45
     residual_jacobian_2_1 = -residual_jacobian_2_9
-    x87 = x39*x47
-    x89 = cosine*x47
-    residual_jacobian_2_3 = x89 - x80
-    residual_jacobian_2_11 = x80 - x89
-    del x16, x17, x69, x73, x23, x24, x42, x59, x38, x65, x37, x43, x34, x67, x39, x80
-    residual_jacobian_2_7 = -(slide + (x64 + x87))
-    residual_jacobian_2_2 = -1.0 + x84
-    residual_jacobian_3_7 = x46 + x35*x44
-    residual_jacobian_3_4 = cosine*(x30 - x29) + x44*x53 - x47*x56
-    x97 = x72 + x83
-    residual_jacobian_3_11 = -x97
-    residual_jacobian_3_6 = x35*x47 - x41
-    x99 = x36*x47
-    residual_jacobian_3_1 = x75 - x99
-    residual_jacobian_3_9 = x99 - x75
-    residual_jacobian_3_10 = x89 + x36*x44
-    del x64, x84, x46, cosine, x29, x30, x53, x56, x72, x83, x35, x41, x47, x75, x99, x36, x44, x89
+    x84 = x39*x45
+    x86 = cosine*x45
+    residual_jacobian_2_3 = x86 - x77
+    residual_jacobian_2_11 = x77 - x86
+    residual_jacobian_2_7 = -(slide + (x61 + x84))
+    residual_jacobian_2_2 = -1.0 + x81
+    del x18, x66, x70, x25, x41, x56, x38, x62, x37, x42, x34, x64, x39, x77, x61, x81
+    residual_jacobian_3_7 = x44 + x35*x43
+    residual_jacobian_3_4 = x43*x50 - cosine*x31 - x45*x53
+    x94 = x69 + x80
+    residual_jacobian_3_11 = -x94
+    residual_jacobian_3_6 = x35*x45 - x40
+    x96 = x36*x45
+    residual_jacobian_3_1 = x72 - x96
+    residual_jacobian_3_9 = x96 - x72
+    residual_jacobian_3_10 = x86 + x36*x43
     residual_jacobian_3_2 = -residual_jacobian_3_10
-    residual_jacobian_3_8 = -(slide + (x70 + x87))
-    residual_jacobian_3_3 = -1.0 + x97
+    residual_jacobian_3_8 = -(slide + (x67 + x84))
+    del x44, cosine, x31, x50, x53, x69, x80, x35, x40, x45, x72, x96, x36, x43, x86, x67, x84
+    residual_jacobian_3_3 = -1.0 + x94
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_1_7, residual_jacobian_1_8, residual_jacobian_1_9, residual_jacobian_1_10, residual_jacobian_1_11, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_2_7, residual_jacobian_2_8, residual_jacobian_2_9, residual_jacobian_2_10, residual_jacobian_2_11, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6, residual_jacobian_3_7, residual_jacobian_3_8, residual_jacobian_3_9, residual_jacobian_3_10, residual_jacobian_3_11)
 
 

@@ -60,14 +60,6 @@ class Number:
     def __neg__(self) -> Number:
         if self.op == "neg":
             return self.args[0]  # type: ignore[no-any-return]
-        if self.op == "sub":
-            return self.tape.number("sub", *reversed(self.args))
-        if (
-            self.op == "mul"
-            and isinstance(self.args[0], float)
-            and self.tape.has("mul", -self.args[0], self.args[1])
-        ):
-            return self.tape.number("mul", -self.args[0], self.args[1])
         return self.tape.number("neg", self)
 
     def __lt__(self, other: Any) -> Number:
@@ -105,14 +97,6 @@ def _sum(a: Number, b: Value) -> Value:
         return 0 if a is b.args[0] else tape.number("sub", a, b.args[0])
     if a is b:
         return _product(a, 2)
-    for x, y in ((a, b), (b, a)):
-        if y.same and not x.same and x.op in {"add", "sub"}:  # what all rows share is added up first
-            left, right = x.args
-            if isinstance(left, float) or left.same:
-                rest = right if x.op == "add" else -right
-                return _sum(rest, y + left)
-            if right.same:
-                return _sum(left, y + right if x.op == "add" else y - right)
     return tape.number("add", *_in_order(a, b))
 
 
