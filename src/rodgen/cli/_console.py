@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
 from rodgen.errors import InputFileError, RodgenError, nearest_hint
@@ -109,45 +109,97 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(refused(self.prog, message, f"what '{self.prog} --help' shows"))
 
 
+class Option:
+    """An option or an argument of commands: its names, and what `argparse` shall know of it."""
+
+    def __init__(self, *names: str, **how: Any) -> None:
+        self.names, self.how = names, how
+
+    def add_to(self, parser: argparse._ActionsContainer) -> None:
+        """Add it to the parser of a command."""
+        parser.add_argument(*self.names, **self.how)
+
+
+class OneOf:
+    """Options that exclude each other."""
+
+    def __init__(self, *options: Option, required: bool = False) -> None:
+        self.options, self.required = options, required
+
+    def add_to(self, parser: argparse.ArgumentParser) -> None:
+        """Add them to the parser of a command."""
+        group = parser.add_mutually_exclusive_group(required=self.required)
+        for each in self.options:
+            each.add_to(group)
+
+
+def argument(metavar: str, about: str, kind: Any = None, **how: Any) -> Option:
+    """Return an argument, whose value is an attribute of its name in small letters, read by `kind`."""
+    name = how.pop("dest", metavar.partition(" ")[0].lower())
+    return Option(name, metavar=metavar, help=about, type=kind, **how)
+
+
+def option(usage: str, about: str, kind: Any = None, **how: Any) -> Option:
+    """Return an option with a value, read by `kind`; `usage` is as in ``-o --output FILE``."""
+    *names, metavar = usage.split()
+    return Option(*names, metavar=metavar, help=about, type=kind, **how)
+
+
+def repeated(usage: str, about: str, kind: Any = None, **how: Any) -> Option:
+    """Return an option that may be given several times; its value is a list."""
+    return option(usage, about, kind, action="append", default=[], **how)
+
+
+def choice(name: str, choices: Iterable[Any], about: str, **how: Any) -> Option:
+    """Return an option with a fixed choice."""
+    return Option(name, choices=tuple(choices), help=about, **how)
+
+
+def flag(name: str, about: str) -> Option:
+    """Return an option without a value."""
+    return Option(name, action="store_true", help=about)
+
+
 class Command(Protocol):
-    """Add a command, given its name, the function that runs it, its summary and its text."""
+    """Add a command, given its name, the function that runs it, its text, its options, and what is not so."""
 
     def __call__(
-        self, name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
+        self,
+        name: str,
+        run: Callable[[argparse.Namespace], int],
+        text: str,
+        *options: Option | OneOf,
+        **how: Any,
     ) -> argparse.ArgumentParser:
-        """Return the parser of the command, to add its options."""
+        """Return the parser of the command."""
 
 
-def adder(commands: Any) -> Command:
+def adder(commands: Any, summaries: Mapping[str, str]) -> Command:
     """Return the function that adds commands to a parser's subparsers."""
 
     def command(
-        name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
+        name: str, run: Callable[[argparse.Namespace], int], text: str, *options: Option | OneOf, **how: Any
     ) -> argparse.ArgumentParser:
         made: argparse.ArgumentParser = commands.add_parser(
-            name,
-            help=summary,
-            description=text,
-            epilog=EXIT_CODES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            name, help=summaries[name], description=text, formatter_class=argparse.RawDescriptionHelpFormatter
         )
         made.add_argument(DEBUG, action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-        made.set_defaults(run=run)
+        for each in options:
+            each.add_to(made)
+        made.set_defaults(run=run, **how)
         return made
 
     return command
 
 
-def group(command: Command, name: str, summary: str, text: str) -> Command:
-    """Add a command that has subcommands; return the function that adds these."""
+def group(command: Command, name: str, text: str, summaries: Mapping[str, str]) -> Command:
+    """Add a command that has subcommands, with what each does; return the function that adds these."""
 
     def incomplete(options: argparse.Namespace) -> int:
         raise UsageError(f"rodgen {name} needs one of its commands; see 'rodgen {name} --help'")
 
-    parser = command(name, incomplete, summary, text)
-    members = parser.add_subparsers(metavar="COMMAND", required=True)
-
-    return adder(members)
+    members = command(name, incomplete, text).add_subparsers(metavar="COMMAND", required=True)
+    return adder(members, summaries)
 
 
 @contextlib.contextmanager

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import notify
+from rodgen.cli._console import OneOf, Option, argument, choice, flag, notify, option
 from rodgen.cli._values import InputFile, OutputFile
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
@@ -27,49 +27,32 @@ unit in brackets after each column's name:
 """
 
 
-def add_files(command: argparse.ArgumentParser, *, needed: bool = True) -> None:
-    """Add MACHINE and DATA; DATA is optional unless `needed`."""
-    command.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
-    about = "the measurements; '-' is CSV on standard input"
-    command.add_argument("data", metavar="DATA", type=InputFile, nargs=None if needed else "?", help=about)
+MACHINE = argument("MACHINE", "the machine file", InputFile)
+DATA = argument("DATA", "the measurements; '-' is CSV on standard input", InputFile)
+DATA_OR_NONE = argument("DATA", "the measurements; '-' is CSV on standard input", InputFile, nargs="?")
+LOSS = choice(
+    "--loss",
+    ("linear", "huber"),
+    "linear is least squares (default); huber finds outliers, reports them and sets them aside",
+    default="linear",
+)
+JSON = flag("--json", "print JSON, and nothing else, on standard output")
+SCHEDULER = option(
+    "--scheduler WHERE",
+    "where tasks run: threads (default), processes, either with =N, or a Dask scheduler: tcp://HOST:PORT",
+)
+TEST = option(
+    "--test FILE", "further measurements, on which the error before and after is reported", InputFile
+)
+PLACE = OneOf(
+    option("--joint J", "the joint that the effect is at"),
+    option("--target T", "the target that the effect is at"),
+)
 
 
-def add_loss(command: argparse.ArgumentParser) -> None:
-    """Add --loss."""
-    command.add_argument(
-        "--loss",
-        choices=("linear", "huber"),
-        default="linear",
-        help="linear is least squares (default); huber finds outliers, reports them and sets them aside",
-    )
-
-
-def add_json(command: argparse.ArgumentParser) -> None:
-    """Add --json."""
-    command.add_argument(
-        "--json", action="store_true", help="print JSON, and nothing else, on standard output"
-    )
-
-
-def add_scheduler(command: argparse.ArgumentParser) -> None:
-    """Add --scheduler."""
-    about = (
-        "where tasks run: threads (default), processes, either with =N, or a Dask scheduler: tcp://HOST:PORT"
-    )
-    command.add_argument("--scheduler", metavar="WHERE", help=about)
-
-
-def add_test(command: argparse.ArgumentParser) -> None:
-    """Add --test."""
-    about = "further measurements, on which the error before and after is reported"
-    command.add_argument("--test", metavar="FILE", type=InputFile, help=about)
-
-
-def add_place(command: argparse.ArgumentParser) -> None:
-    """Add --joint and --target."""
-    place = command.add_mutually_exclusive_group()
-    place.add_argument("--joint", metavar="J", help="the joint that the effect is at")
-    place.add_argument("--target", metavar="T", help="the target that the effect is at")
+def plot(what: str) -> Option:
+    """Return ``--plot``, the file in which `what` is drawn."""
+    return option("--plot FILE", f"draw {what}: .html, .png, .svg or .pdf", OutputFile)
 
 
 def load_data(file: str, scheduler: str | None = None) -> Any:
@@ -201,12 +184,6 @@ def why_long(machine: Machine, data: Measurements | Scan, *, diagnosis: bool = F
             "'rodgen add' tries a single one."
         )
     return ""
-
-
-def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add ``--plot``, the file in which `what` is drawn."""
-    about = f"draw {what}: .html, .png, .svg or .pdf"
-    parser.add_argument("--plot", metavar="FILE", type=OutputFile, help=about)
 
 
 def figures_for(path: str | None) -> Any:

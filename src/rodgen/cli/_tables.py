@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.cli._console import OK, conclude
+from rodgen.cli._console import OK, Option, argument, conclude, option
 from rodgen.cli._values import InputFile, OutputTable
 from rodgen.errors import InputFileError, counted
 
@@ -20,22 +20,12 @@ Columns: TypeAlias = list[tuple[str, Any]]
 """Columns of a table: the name of each, and its quantity or, of a status, the `IntEnum`."""
 
 
-def add_table(parser: argparse.ArgumentParser, name: str, *, needed: bool = True) -> None:
-    """Add the table that is read, as `options.table`, and the one that is written, as `options.output`."""
-    about = "the table; '-' is CSV on standard input"
-    parser.add_argument("table", metavar=name, type=InputFile, nargs=None if needed else "?", help=about)
-    add_output(parser)
+OUTPUT = option("-o --output FILE", ".csv, .csv.gz or .parquet; default: CSV on standard output", OutputTable)
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Add ``--output``."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=OutputTable,
-        help=".csv, .csv.gz or .parquet; default: CSV on standard output",
-    )
+def table(name: str, **how: Any) -> Option:
+    """Return the argument for the table that is read, `options.table`."""
+    return argument(name, "the table; '-' is CSV on standard input", InputFile, dest="table", **how)
 
 
 def named(quantity: str, names: str) -> Columns:

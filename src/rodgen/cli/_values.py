@@ -7,8 +7,7 @@ import contextlib
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from rodgen.errors import UnexpectedError, in_file, shown
 
@@ -76,8 +75,7 @@ def number(expected: str, holds: Callable[[float], bool]) -> Callable[[str], flo
     return read
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """Numbers with one unit, as they were typed."""
 
     numbers: tuple[float, ...]

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, located, refused, show
-from rodgen.cli._machine import add_scheduler
-from rodgen.cli._tables import Columns, add_table, map_rows, named
+from rodgen.cli._console import OK, Command, argument, flag, located, refused, repeated, show
+from rodgen.cli._machine import SCHEDULER
+from rodgen.cli._tables import OUTPUT, Columns, map_rows, named, table
 from rodgen.data.units import conversion_factor, number_and_unit
 from rodgen.document import Document, Table
 from rodgen.errors import in_file, listed, shown, suggestion
@@ -167,17 +167,21 @@ says which of the function's slots it is, from 1; 0 where there is none.
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command(
-        "apply", lambda options: _run(options, parser), "a function on the rows of a table", _TEXT
+        "apply",
+        lambda options: _run(options, parser),
+        _TEXT,
+        argument("FUNCTION", "such as tricept.pose", nargs="?"),
+        table("TABLE", nargs="?"),
+        OUTPUT,
+        repeated("--set NAME=VALUE", "such as R=330mm"),
+        flag("--list", "list the functions"),
+        SCHEDULER,
     )
     parser.conflict_handler = "resolve"  # of the group: --help waits until all arguments are known
+    about = "explain the command, or a function"
     parser.add_argument_group().add_argument(
-        "-h", "--help", nargs="?", const="", metavar="FUNCTION", help="explain the command, or a function"
+        "-h", "--help", nargs="?", const="", metavar="FUNCTION", help=about
     )
-    parser.add_argument("function", metavar="FUNCTION", nargs="?", help="such as tricept.pose")
-    add_table(parser, "TABLE", needed=False)
-    parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="such as R=330mm")
-    parser.add_argument("--list", action="store_true", help="list the functions")
-    add_scheduler(parser)
 
 
 def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

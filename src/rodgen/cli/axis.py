@@ -7,8 +7,8 @@ import contextlib
 import math
 from typing import TYPE_CHECKING, Any, cast
 
-from rodgen.cli._console import NOT_CONVERGED, OK, Command, show, show_json
-from rodgen.cli._machine import add_plot, figures_for
+from rodgen.cli._console import NOT_CONVERGED, OK, Command, argument, choice, flag, option, show, show_json
+from rodgen.cli._machine import figures_for, plot
 from rodgen.cli._values import InputFile, OutputFile, quantity
 from rodgen.errors import InputFileError, RodgenError, joined, shown
 
@@ -41,57 +41,45 @@ Any units of length and angle will do, also different ones in one table: um, m, 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    fit = command("fit-axis", _fit_axis, "one axis from pairs of points, or from poses", _FIT)
-    fit.add_argument("pairs", metavar="PAIRS", type=InputFile, help="the table; '-' is CSV on standard input")
-    fit.add_argument(
-        "--point",
-        type=_point,
-        metavar="free|origin|X,Y,Z",
-        help="the point on the axis, where angles are known: fitted too (default), the origin, or this one, in the "
-        "unit of rho_x",
+    command(
+        "fit-axis",
+        _fit_axis,
+        _FIT,
+        argument("PAIRS", "the table; '-' is CSV on standard input", InputFile),
+        option(
+            "--point free|origin|X,Y,Z",
+            "the point on the axis, where angles are known: fitted too (default), the origin, or this one, in the "
+            "unit of rho_x",
+            _point,
+        ),
+        option(
+            "--near X,Y,Z",
+            "give the point of the axis that is nearest to this one; default: nearest to the middle of the readings",
+            _coordinates,
+        ),
+        choice(
+            "--loss",
+            ("linear", "huber"),
+            "what a large residual costs, where angles are known: linear is least squares (default), huber resists "
+            "outliers",
+        ),
+        option(
+            "--sigma LENGTH",
+            "standard uncertainty of one coordinate of one reading, with its unit, such as 0.01mm; "
+            "default: estimated from the residuals",
+            quantity("--sigma", "0.01mm", positive=True),
+        ),
+        option(
+            "--sigma-angle ANGLE",
+            "standard uncertainty of an attitude, or of a reading of the angle, which is then one that all rows of a "
+            "move share; goes with --sigma",
+            quantity("--sigma-angle", "0.01deg", dimension="angle", positive=True),
+        ),
+        flag("--instantaneous", "the axis at each instant of a trajectory, from poses with their time"),
+        option("-o --output FILE", "with --instantaneous: write a table of all instants", OutputFile),
+        flag("--json", "print JSON: lengths in the unit of rho_x, angles in rad"),
+        plot("the readings and residuals"),
     )
-    fit.add_argument(
-        "--near",
-        type=_coordinates,
-        metavar="X,Y,Z",
-        help="give the point of the axis that is nearest to this one; default: nearest to the middle of the readings",
-    )
-    fit.add_argument(
-        "--loss",
-        choices=("linear", "huber"),
-        help="what a large residual costs, where angles are known: linear is least squares (default), huber resists "
-        "outliers",
-    )
-    fit.add_argument(
-        "--sigma",
-        type=quantity("--sigma", "0.01mm", positive=True),
-        metavar="LENGTH",
-        help="standard uncertainty of one coordinate of one reading, with its unit, such as 0.01mm; "
-        "default: estimated from the residuals",
-    )
-    fit.add_argument(
-        "--sigma-angle",
-        type=quantity("--sigma-angle", "0.01deg", dimension="angle", positive=True),
-        metavar="ANGLE",
-        help="standard uncertainty of an attitude, or of a reading of the angle, which is then one that all rows of a "
-        "move share; goes with --sigma",
-    )
-    fit.add_argument(
-        "--instantaneous",
-        action="store_true",
-        help="the axis at each instant of a trajectory, from poses with their time",
-    )
-    fit.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=OutputFile,
-        help="with --instantaneous: write a table of all instants",
-    )
-    fit.add_argument(
-        "--json", action="store_true", help="print JSON: lengths in the unit of rho_x, angles in rad"
-    )
-    add_plot(fit, "the readings and residuals")
 
 
 def _coordinates(text: str) -> tuple[float, ...]:

@@ -7,8 +7,8 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, load_data, remark_on_readings
+from rodgen.cli._console import FAILED, OK, Command, option, show_result
+from rodgen.cli._machine import DATA, FILES, JSON, MACHINE, load_data, remark_on_readings
 from rodgen.cli._values import OutputFile
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import write_file
@@ -30,22 +30,16 @@ others that are equally probable. The exit code is 1 where something is wrong.
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    check = command("check", _run, "whether a machine file and its data can be right", _CHECK)
-    add_files(check)
-    check.add_argument(
-        "-o",
-        "--output",
-        metavar="REPAIRED.toml",
-        type=OutputFile,
-        help="write the repaired machine file, with its comments",
+    command(
+        "check",
+        _run,
+        _CHECK,
+        MACHINE,
+        DATA,
+        option("-o --output REPAIRED.toml", "write the repaired machine file, with its comments", OutputFile),
+        option("--repaired-data FILE", "write the repaired data: .csv, .csv.gz or .parquet", OutputFile),
+        JSON,
     )
-    check.add_argument(
-        "--repaired-data",
-        metavar="FILE",
-        type=OutputFile,
-        help="write the repaired data: .csv, .csv.gz or .parquet",
-    )
-    add_json(check)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -21,7 +21,19 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import FAILED, OK, Command, conclude, notify, refused, show
+from rodgen.cli._console import (
+    FAILED,
+    OK,
+    Command,
+    argument,
+    choice,
+    conclude,
+    flag,
+    notify,
+    option,
+    refused,
+    show,
+)
 from rodgen.cli._values import InputFile, OutputFile, OutputFolder
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.stages import each, stage
@@ -47,24 +59,29 @@ languages. With --check nothing is written: differences are shown as a diff, and
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    derive = command("derive", _derive, "run a derivation and print its report", _DERIVE)
-    about = "one of rodgen's own, or a script"
-    derive.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, help=about)
-    derive.add_argument("--steps", action="store_true", help="print every proof with its steps, too")
-    about = "also run it as a notebook, and write that"
-    derive.add_argument("--notebook", metavar="FILE.ipynb", type=OutputFile, help=about)
-
-    kernels = command("kernels", _kernels, "generate code from a derivation", _KERNELS)
-    kernels.add_argument("derivation", metavar="NAME|SCRIPT.py", type=InputFile, nargs="?", help=about)
-    about = "default: %(default)s"
-    kernels.add_argument("-o", "--output", metavar="DIR", type=OutputFolder, default="generated", help=about)
-    kernels.add_argument(
-        "--target",
-        choices=("numpy", "c", "cpp", "matlab"),
-        action="append",
-        help="language, may be repeated: NumPy, C99, a C++17 header, MATLAB and GNU Octave (default: numpy and c)",
+    name, about = "NAME|SCRIPT.py", "one of rodgen's own, or a script"
+    command(
+        "derive",
+        _derive,
+        _DERIVE,
+        argument(name, about, InputFile, dest="derivation"),
+        flag("--steps", "print every proof with its steps, too"),
+        option("--notebook FILE.ipynb", "also run it as a notebook, and write that", OutputFile),
     )
-    kernels.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
+    command(
+        "kernels",
+        _kernels,
+        _KERNELS,
+        argument(name, f"{about}; left out, all of rodgen's own", InputFile, nargs="?", dest="derivation"),
+        option("-o --output DIR", "default: %(default)s", OutputFolder, default="generated"),
+        choice(
+            "--target",
+            ("numpy", "c", "cpp", "matlab"),
+            "language, may be repeated: NumPy, C99, a C++17 header, MATLAB and GNU Octave (default: numpy and c)",
+            action="append",
+        ),
+        flag("--check", "compare with what is there instead of writing"),
+    )
 
 
 def _derive(options: argparse.Namespace) -> int:

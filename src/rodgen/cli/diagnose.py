@@ -6,8 +6,8 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import Command, UsageError, after_fits, refused, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_scheduler, add_test, diagnosed
+from rodgen.cli._console import Command, UsageError, after_fits, option, refused, repeated, show_result
+from rodgen.cli._machine import DATA, FILES, JSON, MACHINE, SCHEDULER, TEST, diagnosed
 from rodgen.cli._values import OutputFile, whole
 from rodgen.errors import counted, joined
 from rodgen.files import write_file
@@ -24,44 +24,36 @@ are possible answers. Outliers are left out, which -o notes in the new machine f
 estimated.
 
 {FILES}
-  rodgen diagnose mount.toml stars.csv
   rodgen diagnose mount.toml stars.csv -o better.toml
-  rodgen diagnose mount.toml stars.csv --prefer scale@EL
-  rodgen diagnose mount.toml stars.csv -o better.toml --only 1
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    diagnose = command("diagnose", _run, "which physical effect a machine's model misses", _DIAGNOSE)
-    add_files(diagnose)
-    add_test(diagnose)
-    diagnose.add_argument(
-        "--prefer",
-        metavar="EFFECT[@PLACE]",
-        action="append",
-        default=[],
-        type=_preferred,
-        help="name this effect first among what the data cannot tell apart; may be repeated",
+    command(
+        "diagnose",
+        _run,
+        _DIAGNOSE,
+        MACHINE,
+        DATA,
+        TEST,
+        repeated(
+            "--prefer EFFECT[@PLACE]",
+            "name this effect first among what the data cannot tell apart; may be repeated",
+            _preferred,
+        ),
+        option(
+            "-o --output BETTER.toml",
+            "write the machine file with the effects that were found, and the outliers set aside, to be fitted, "
+            "added to or emitted",
+            OutputFile,
+        ),
+        repeated(
+            "--only N", "with -o: only this effect, counted from 1, forms last; may be repeated", whole(1)
+        ),
+        JSON,
+        SCHEDULER,
     )
-    diagnose.add_argument(
-        "-o",
-        "--output",
-        metavar="BETTER.toml",
-        type=OutputFile,
-        help="write the machine file with the effects that were found, and the outliers set aside, to be fitted, added "
-        "to or emitted",
-    )
-    diagnose.add_argument(
-        "--only",
-        metavar="N",
-        type=whole(1),
-        action="append",
-        default=[],
-        help="with -o: only this effect, counted from 1, forms last; may be repeated",
-    )
-    add_json(diagnose)
-    add_scheduler(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from rodgen import __version__
-from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show, show_result
-from rodgen.cli._machine import add_json
+from rodgen.cli._console import EXTRAS, FAILED, OK, Command, argument, show, show_result
+from rodgen.cli._machine import JSON
 from rodgen.document import Document, Facts, Paragraph, Part
 
 _DOCTOR = """\
@@ -38,9 +38,8 @@ _VARIABLES = (
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    add_json(command("doctor", _run, "what rodgen runs on here, and what is broken", _DOCTOR))
-    completion = command("completion", _complete, "let the shell complete commands and options", _COMPLETION)
-    completion.add_argument("shell", metavar="SHELL", choices=_SHELLS, help="bash, zsh or fish")
+    command("doctor", _run, _DOCTOR, JSON)
+    command("completion", _complete, _COMPLETION, argument("SHELL", "bash, zsh or fish", choices=_SHELLS))
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -8,13 +8,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import OK, Command, UsageError, after_fits, refused, show_result
+from rodgen.cli._console import (
+    OK,
+    Command,
+    OneOf,
+    UsageError,
+    after_fits,
+    argument,
+    flag,
+    option,
+    refused,
+    repeated,
+    show_result,
+)
 from rodgen.cli._machine import (
+    DATA,
     FILES,
-    add_files,
-    add_json,
-    add_loss,
-    add_place,
+    JSON,
+    LOSS,
+    MACHINE,
+    PLACE,
     load_data,
     remark_on_readings,
     remark_on_rows,
@@ -37,7 +50,6 @@ the effect: the error on the poses of the fit and on poses left out, compared wi
 times as probable the readings are with the effect as without it, given all others, and its remedy.
 
 {FILES}
-  rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0
   rodgen add mount.toml sag stars.csv --joint EL --formula "k*cos(2*q)" --parameter k=arcsec
 """
 
@@ -54,62 +66,90 @@ an error. Which rows, and why, is under set_aside in [measured]; the rest of the
 
 {FILES}
   rodgen exclude mount.toml stars.csv --rows 12,40-43 --why clouds -o mount.toml
-  rodgen exclude mount.toml stars.csv --where "EL < 20 deg and load > 50 N"
-  rodgen exclude mount.toml stars.csv --undo --rows 41 -o mount.toml
 """
 
 _SET = """\
 Copy a machine file and say in it what is known of a parameter, in [known], or what it is tied to, in [ties]; every fit
 uses it. The rest of the file, including comments, is unchanged. KEY is as 'rodgen fit' shows it.
 
-  rodgen set gantry.toml C.axis.a --prior "0 ± 10 arcsec" -o gantry.toml
-  rodgen set gantry.toml C.backlash.b --bounds "0 arcsec,30 arcsec"
-  rodgen set robot.toml J2.gravity_windup.k --tie "2 * J3.gravity_windup.k"
-  rodgen set robot.toml J2.gravity_windup.k --free
+  rodgen set robot.toml J2.gravity_windup.k --tie "2 * J3.gravity_windup.k" -o robot.toml
 """
+
+
+OUTPUT = option(
+    "-o --output NEW.toml",
+    "may be MACHINE itself; default: a new name in the same folder, which is printed",
+    EditedMachine,
+)
+_EFFECT = argument("EFFECT", "its name; 'rodgen effects' lists them")
+_BEFORE_AND_AFTER = argument(
+    "DATA", "measurements, to fit the machine to, before and after", InputFile, nargs="?"
+)
 
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    _add_exclude(command)
-    _add_set(command)
-    add = command("add", _add, "add effects to a machine, and see the error fall", _ADD)
-    remove = command("remove", _remove, "remove an effect from a machine", _REMOVE)
-    for each in (add, remove):
-        each.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
-        each.add_argument("effect", metavar="EFFECT", help="its name; 'rodgen effects' lists them")
-        about = "measurements, to fit the machine to, before and after"
-        each.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
-        add_place(each)
-        if each is add:
-            each.add_argument(
-                "--hold",
-                metavar="NAME=VALUE",
-                action="append",
-                default=[],
-                help="a parameter that is not estimated, in the units of the machine file or with its own: k2=0, "
-                "b=12arcsec; may be given several times",
-            )
-            each.add_argument(
-                "--formula",
-                metavar="FORMULA",
-                help="of an effect of your own, which gets the name EFFECT: 'k*cos(q)'",
-            )
-            each.add_argument(
-                "--component",
-                metavar="WHAT",
-                help="what a formula changes: the reading (default) of the joint, or tx, ty, tz, rx, ry or rz",
-            )
-            each.add_argument(
-                "--parameter",
-                metavar="NAME=UNIT",
-                action="append",
-                default=[],
-                help="of a formula, such as k=arcsec; may be given several times",
-            )
-        add_output(each)
-        add_loss(each)
-        add_json(each)
+    command(
+        "exclude",
+        _exclude,
+        _EXCLUDE,
+        MACHINE,
+        DATA,
+        OneOf(
+            option(
+                "--rows N,N-N", "lines of a CSV file from 1, else rows from 0, such as 12,40-43", default=""
+            ),
+            option("--run NAME", "a run, as the column run names it", dest="of_run", default=""),
+            option(
+                "--where RULE",
+                "rows in which a column is <, <=, >, >=, = or != a value: 'EL < 20 deg'; several are joined by 'and'",
+                default="",
+            ),
+            flag("--all", "with --undo: all rows of DATA"),
+            required=True,
+        ),
+        flag("--undo", "let these rows count again"),
+        option("--why TEXT", "a note", default=""),
+        OUTPUT,
+        JSON,
+    )
+    command(
+        "set",
+        _set,
+        _SET,
+        MACHINE,
+        argument("KEY", "of the parameter, or in [known] of several: C.axis"),
+        option("--prior TEXT", "such as '0 ± 10 arcsec'"),
+        option("--bounds LOW,HIGH", "such as '0 um,50 um'; inf or -inf where there is none"),
+        option("--tie SUM", "multiples of others, such as '2 * J3.gravity_windup.k'"),
+        flag("--free", "nothing is known of it, and it is tied to none"),
+        OUTPUT,
+        JSON,
+    )
+    command(
+        "add",
+        _add,
+        _ADD,
+        MACHINE,
+        _EFFECT,
+        _BEFORE_AND_AFTER,
+        PLACE,
+        repeated(
+            "--hold NAME=VALUE",
+            "a parameter that is not estimated, in the units of the machine file or with its own: k2=0, b=12arcsec; "
+            "may be given several times",
+        ),
+        option("--formula FORMULA", "of an effect of your own, which gets the name EFFECT: 'k*cos(q)'"),
+        option(
+            "--component WHAT",
+            "what a formula changes: the reading (default) of the joint, or tx, ty, tz, rx, ry or rz",
+        ),
+        repeated("--parameter NAME=UNIT", "of a formula, such as k=arcsec; may be given several times"),
+        OUTPUT,
+        LOSS,
+        JSON,
+    )
+    command("remove", _remove, _REMOVE, MACHINE, _EFFECT, _BEFORE_AND_AFTER, PLACE, OUTPUT, LOSS, JSON)
 
 
 def _add(options: argparse.Namespace) -> int:
@@ -188,32 +228,6 @@ def _done(options: argparse.Namespace, written: Written) -> int:
     return after_fits(written.converged)
 
 
-def _add_exclude(command: Command) -> None:
-    exclude = command("exclude", _exclude, "exclude rows of measurements, or let them count again", _EXCLUDE)
-    add_files(exclude)
-    which = exclude.add_mutually_exclusive_group(required=True)
-    which.add_argument(
-        "--rows",
-        metavar="N,N-N",
-        default="",
-        help="lines of a CSV file from 1, else rows from 0, such as 12,40-43",
-    )
-    which.add_argument(
-        "--run", metavar="NAME", dest="of_run", default="", help="a run, as the column run names it"
-    )
-    which.add_argument(
-        "--where",
-        metavar="RULE",
-        default="",
-        help="rows in which a column is <, <=, >, >=, = or != a value: 'EL < 20 deg'; several are joined by 'and'",
-    )
-    which.add_argument("--all", action="store_true", help="with --undo: all rows of DATA")
-    exclude.add_argument("--undo", action="store_true", help="let these rows count again")
-    exclude.add_argument("--why", metavar="TEXT", default="", help="a note")
-    add_output(exclude)
-    add_json(exclude)
-
-
 def _exclude(options: argparse.Namespace) -> int:
     from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
@@ -236,20 +250,6 @@ def _exclude(options: argparse.Namespace) -> int:
     found = {"file": output, "set_aside": aside.to_dict() if aside else {"rows": 0, "entries": []}}
     show_result(options, lambda: found, lambda: f"{output}: {said}")
     return OK
-
-
-def _add_set(command: Command) -> None:
-    made = command("set", _set, "say what is known of a parameter, or tie it to others", _SET)
-    made.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
-    made.add_argument("key", metavar="KEY", help="of the parameter, or in [known] of several: C.axis")
-    made.add_argument("--prior", metavar="TEXT", help="such as '0 ± 10 arcsec'")
-    made.add_argument(
-        "--bounds", metavar="LOW,HIGH", help="such as '0 um,50 um'; inf or -inf where there is none"
-    )
-    made.add_argument("--tie", metavar="SUM", help="multiples of others, such as '2 * J3.gravity_windup.k'")
-    made.add_argument("--free", action="store_true", help="nothing is known of it, and it is tied to none")
-    add_output(made)
-    add_json(made)
 
 
 def _set(options: argparse.Namespace) -> int:
@@ -364,17 +364,6 @@ def write_machine(options: argparse.Namespace, text: str, words: Sequence[str]) 
     output: str = options.output or new_name(options.machine, words)
     write_file(output, text.encode())
     return output
-
-
-def add_output(command: argparse.ArgumentParser) -> None:
-    """Add --output, the new machine file."""
-    command.add_argument(
-        "-o",
-        "--output",
-        metavar="NEW.toml",
-        type=EditedMachine,
-        help="may be MACHINE itself; default: a new name in the same folder, which is printed",
-    )
 
 
 def new_name(machine: str, words: Sequence[str]) -> str:

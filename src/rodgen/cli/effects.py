@@ -7,8 +7,8 @@ import itertools
 import textwrap
 from collections.abc import Iterator
 
-from rodgen.cli._console import OK, Command, refused, show, show_json
-from rodgen.cli._machine import add_json
+from rodgen.cli._console import OK, Command, argument, refused, show, show_json
+from rodgen.cli._machine import JSON
 
 _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
@@ -44,9 +44,7 @@ _WIDTH = 110
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    effects = command("effects", _run, "the catalogue of effects", _EFFECTS)
-    effects.add_argument("name", metavar="NAME", nargs="?", help="show everything about this effect")
-    add_json(effects)
+    command("effects", _run, _EFFECTS, argument("NAME", "show everything about this effect", nargs="?"), JSON)
 
 
 def _run(options: argparse.Namespace) -> int:

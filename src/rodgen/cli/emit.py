@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import Command, after_fits, notify, refused, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.cli._console import Command, after_fits, choice, flag, notify, option, refused, show_result
+from rodgen.cli._machine import DATA_OR_NONE, FILES, JSON, LOSS, MACHINE, fitted
 from rodgen.cli._values import InputFile, OutputFolder
 from rodgen.machines.emit import FORMS
 
@@ -31,34 +31,28 @@ With DATA the machine is fitted first. Without DATA every parameter of MACHINE m
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    emit = command(
+    command(
         "emit",
         _run,
-        "a fitted machine as C, C++, MATLAB, NumPy or JAX code, URDF, DH or TPOINT model, or tables of its errors",
         _EMIT,
+        MACHINE,
+        DATA_OR_NONE,
+        choice(
+            "--lang",
+            FORMS,
+            "C99, C++17, MATLAB and GNU Octave, Python with NumPy or JAX, or one of the forms above",
+            required=True,
+        ),
+        option("-o --output FOLDER", "default: %(default)s", OutputFolder, default="build"),
+        option(
+            "--into ROBOT.urdf",
+            "with --lang urdf: the URDF that was imported; it is written with corrected origins, and else as it is",
+            InputFile,
+        ),
+        LOSS,
+        flag("--force", "write code for a machine that cannot be right, too, and over files of others"),
+        JSON,
     )
-    add_files(emit, needed=False)
-    emit.add_argument(
-        "--lang",
-        choices=FORMS,
-        required=True,
-        help="C99, C++17, MATLAB and GNU Octave, Python with NumPy or JAX, or one of the forms above",
-    )
-    about = "default: %(default)s"
-    emit.add_argument("-o", "--output", metavar="FOLDER", type=OutputFolder, default="build", help=about)
-    emit.add_argument(
-        "--into",
-        metavar="ROBOT.urdf",
-        type=InputFile,
-        help="with --lang urdf: the URDF that was imported; it is written with corrected origins, and else as it is",
-    )
-    add_loss(emit)
-    emit.add_argument(
-        "--force",
-        action="store_true",
-        help="write code for a machine that cannot be right, too, and over files of others",
-    )
-    add_json(emit)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import Command, after_fits, show_result
-from rodgen.cli._machine import (
-    FILES,
-    add_files,
-    add_json,
-    add_loss,
-    add_scheduler,
-    fitted,
-    wrong_file,
-)
+from rodgen.cli._console import Command, after_fits, option, show_result
+from rodgen.cli._machine import DATA, FILES, JSON, LOSS, MACHINE, SCHEDULER, fitted, wrong_file
 from rodgen.cli._values import OutputFile, OutputFolder
 from rodgen.errors import InputFileError
 from rodgen.files import write_file
@@ -36,36 +28,41 @@ much of the error each of them explains.
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    fit = command("fit", _run, "fit a machine to measurements", _FIT)
-    add_files(fit)
-    fit.add_argument(
-        "-o",
-        "--output",
-        metavar="FITTED.toml",
-        type=OutputFile,
-        help="write the machine with the fitted values, and nothing to estimate",
+    command(
+        "fit",
+        _run,
+        _FIT,
+        MACHINE,
+        DATA,
+        option(
+            "-o --output FITTED.toml",
+            "write the machine with the fitted values, and nothing to estimate",
+            OutputFile,
+        ),
+        LOSS,
+        option(
+            "--residuals FILE",
+            ".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
+            OutputFile,
+        ),
+        JSON,
+        SCHEDULER,
     )
-    add_loss(fit)
-    fit.add_argument(
-        "--residuals",
-        metavar="FILE",
-        type=OutputFile,
-        help=".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
+    command(
+        "compare",
+        _compare,
+        _COMPARE,
+        MACHINE,
+        DATA,
+        LOSS,
+        option(
+            "--plot PLACE",
+            "draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
+            _place,
+        ),
+        JSON,
+        SCHEDULER,
     )
-    add_json(fit)
-    add_scheduler(fit)
-
-    compare = command("compare", _compare, "what the error of a machine's model depends on", _COMPARE)
-    add_files(compare)
-    add_loss(compare)
-    compare.add_argument(
-        "--plot",
-        metavar="PLACE",
-        type=_place,
-        help="draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
-    )
-    add_json(compare)
-    add_scheduler(compare)
 
 
 def _run(options: argparse.Namespace) -> int:

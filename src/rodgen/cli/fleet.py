@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import BAD_INPUT, FAILED, INTERNAL, NOT_CONVERGED, OK, Command, show_result
-from rodgen.cli._machine import add_json
+from rodgen.cli._console import (
+    BAD_INPUT,
+    FAILED,
+    INTERNAL,
+    NOT_CONVERGED,
+    OK,
+    Command,
+    argument,
+    option,
+    repeated,
+    show_result,
+)
+from rodgen.cli._machine import JSON
 from rodgen.cli._values import InputFile, OutputFolder, frequency, whole
 
 _FLEET = """\
@@ -16,37 +27,38 @@ same name; one machine file for all measurements will do.
 RESULTS gets one file for each machine. What is there, from the same files, is not diagnosed again, so that a run that
 was ended goes on where it was. A machine that cannot be diagnosed is named, and the others go on.
 
-  rodgen fleet machines/ data/ -o results/
   rodgen fleet robot.toml tonight/ -o results-26/ --history results-24/ --history results-25/
-  rodgen fleet machines/ data/ -o results/ --jobs 8
-  rodgen report results/ -o fleet.html
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    fleet = command("fleet", _run, "many machines: which effects are common, which machines odd", _FLEET)
-    fleet.add_argument(
-        "machines",
-        metavar="MACHINES",
-        type=InputFile,
-        help="a folder of machine files, or one file",
+    command(
+        "fleet",
+        _run,
+        _FLEET,
+        argument("MACHINES", "a folder of machine files, or one file", InputFile),
+        argument("DATA", "a folder of measurements", InputFile),
+        option("-o --output RESULTS", "the folder of results", OutputFolder, required=True),
+        repeated(
+            "--history RESULTS",
+            "the folder of earlier results, to compare the nights; may be given several times",
+            InputFile,
+        ),
+        option("--date YYYY-MM-DD", "when the machines were measured; default: today"),
+        option(
+            "--false-alarms N/TIME",
+            "how often an alarm of the whole fleet may come by chance; default: 1/year",
+            frequency,
+            default="1/year",
+        ),
+        option("--jobs N", "processes of this computer; default: one for each processor", whole(1)),
+        option(
+            "--scheduler WHERE",
+            "a Dask scheduler instead of --jobs, tcp://HOST:PORT, whose workers read files by the same names",
+        ),
+        JSON,
     )
-    fleet.add_argument("data", metavar="DATA", type=InputFile, help="a folder of measurements")
-    about = "the folder of results"
-    fleet.add_argument("-o", "--output", metavar="RESULTS", type=OutputFolder, required=True, help=about)
-    about = "the folder of earlier results, to compare the nights; may be given several times"
-    fleet.add_argument(
-        "--history", metavar="RESULTS", type=InputFile, action="append", default=[], help=about
-    )
-    fleet.add_argument("--date", metavar="YYYY-MM-DD", help="when the machines were measured; default: today")
-    about = "how often an alarm of the whole fleet may come by chance; default: 1/year"
-    fleet.add_argument("--false-alarms", metavar="N/TIME", type=frequency, default="1/year", help=about)
-    about = "processes of this computer; default: one for each processor"
-    fleet.add_argument("--jobs", metavar="N", type=whole(1), default=None, help=about)
-    about = "a Dask scheduler instead of --jobs, tcp://HOST:PORT, whose workers read files by the same names"
-    fleet.add_argument("--scheduler", metavar="WHERE", help=about)
-    add_json(fleet)
 
 
 def _run(options: argparse.Namespace) -> int:

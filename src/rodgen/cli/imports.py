@@ -9,8 +9,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import FAILED, OK, Command, Parser, UsageError, refused, show
-from rodgen.cli._machine import add_plot, figures_for
+from rodgen.cli._console import (
+    FAILED,
+    OK,
+    Command,
+    Parser,
+    UsageError,
+    argument,
+    choice,
+    option,
+    refused,
+    repeated,
+    show,
+)
+from rodgen.cli._machine import figures_for, plot
 from rodgen.cli._values import InputFile, OutputFile, Quantity, quantity
 from rodgen.errors import InputFileError, shown
 from rodgen.files import read_start, write_file
@@ -22,10 +34,6 @@ _IMPORT = """\
 Make a machine file of a file in another form, and measurements where it has readings; say what was taken for what, and
 check the two files.
 
-  rodgen import robot.urdf --base base_link --tip tool0 -o machine.toml
-  rodgen import table.csv readings.csv --joints q1 -o machine.toml -d data.csv
-  rodgen import run.dat -o machine.toml -d data.csv
-  rodgen import run.dat model.mod -o machine.toml -d data.csv
   rodgen import machine.toml readings.xlsx -d data.csv --column A="-A_axis [deg]" --units mm,deg
 
 SOURCE is
@@ -44,8 +52,7 @@ SOURCE is
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    made = command("import", _run, "make a machine file of other files", _IMPORT)
-    _add_options(made)
+    command("import", _run, _IMPORT, *OPTIONS)
 
 
 def imported_with(sources: Sequence[str], arguments: Sequence[str]) -> Imported:
@@ -64,7 +71,8 @@ def imported_with(sources: Sequence[str], arguments: Sequence[str]) -> Imported:
         When an option is wrong, or the files are none that can be imported.
     """
     parser = Parser(prog="rodgen import")
-    _add_options(parser)
+    for each in OPTIONS:
+        each.add_to(parser)
     try:
         options = parser.parse_args([*arguments, "--", *sources])
     except UsageError as error:
@@ -72,84 +80,12 @@ def imported_with(sources: Sequence[str], arguments: Sequence[str]) -> Imported:
     return _imported(options)[0]
 
 
-def _add_options(made: argparse.ArgumentParser) -> None:
-    made.add_argument("sources", metavar="SOURCE", type=InputFile, nargs="+", help="the file, or files")
-    about = "the machine file, unless a SOURCE is one"
-    made.add_argument("-o", "--output", metavar="MACHINE.toml", type=OutputFile, help=about)
-    about = "the measurements: .csv, .csv.gz or .parquet"
-    made.add_argument("-d", "--data", metavar="DATA", type=OutputFile, help=about)
-    add_plot(made, "the machine's axes and targets, and the first readings, in space,")
-    made.add_argument(
-        "--column",
-        metavar="NAME=THEIRS",
-        action="append",
-        default=[],
-        help="of a table: what a column is, with sign, unit and offset, such as A='-A_axis [deg] + 90'",
-    )
-    made.add_argument(
-        "--joints",
-        metavar="FIRST",
-        help="of a table: the column of the machine's first joint, such as q1; q2, q3 … are the others in their order",
-    )
-    made.add_argument(
-        "--units",
-        metavar="LENGTH,ANGLE[,DEVIATION]",
-        type=_units,
-        help="of a table: units of columns without, such as mm,deg; of a table of deviations also theirs: mm,deg,um",
-    )
-    made.add_argument(
-        "--ballbar",
-        metavar="PLANE=RADIUS",
-        type=_ballbar,
-        help="of a table with angle and radius, or its deviation: the circle, such as XY=150mm",
-    )
-    made.add_argument(
-        "--base", metavar="LINK", help="of a URDF: the link that stands still; default: the root"
-    )
-    made.add_argument(
-        "--tip", metavar="LINK", help="of a URDF: the link that is measured; default: the only leaf"
-    )
-    made.add_argument(
-        "--convention",
-        choices=("standard", "modified"),
-        help="of a Denavit-Hartenberg table that does not tell: the link after each joint, or before it",
-    )
-    made.add_argument(
-        "--estimate",
-        choices=("target", "geometry"),
-        default="target",
-        help="of a URDF or a Denavit-Hartenberg table: what a fit adjusts; geometry is axes and points of all joints, "
-        "too, to calibrate the robot itself",
-    )
-    made.add_argument(
-        "--azimuth",
-        choices=("south", "north"),
-        default="south",
-        help="of a pointing run: where azimuth is 0; it runs through east",
-    )
-    made.add_argument(
-        "--format",
-        type=int,
-        choices=(1, 2, 3, 4),
-        help="of a pointing run: TPOINT's format of its lines, where their numbers could be of two",
-    )
-    made.add_argument(
-        "--latitude",
-        metavar="ANGLE",
-        type=quantity("--latitude", "31.7deg", dimension="angle"),
-        help="of an equatorial mount, where no run gives it, such as 31.7deg",
-    )
-
-
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
 
     figures = figures_for(options.plot)
     made, given = _imported(options)
-    for name, wanted, there in (
-        ("-o", options.output, not given),
-        ("-d", options.data, bool(made.columns)),
-    ):
+    for name, wanted, there in (("-o", options.output, not given), ("-d", options.data, bool(made.columns))):
         if bool(wanted) != there:
             raise refused("rodgen import", *_MISFITS[name, there])
     machine = made.machine
@@ -342,3 +278,60 @@ def _units(text: str) -> tuple[str, ...]:
         f"{shown(text)} is not a unit of length and one of angle, such as mm,deg, or these and one of deviations, such "
         "as mm,deg,um"
     )
+
+
+OPTIONS = (
+    argument("SOURCE", "the file, or files", InputFile, nargs="+", dest="sources"),
+    option("-o --output MACHINE.toml", "the machine file, unless a SOURCE is one", OutputFile),
+    option("-d --data DATA", "the measurements: .csv, .csv.gz or .parquet", OutputFile),
+    plot("the machine's axes and targets, and the first readings, in space,"),
+    repeated(
+        "--column NAME=THEIRS",
+        "of a table: what a column is, with sign, unit and offset, such as A='-A_axis [deg] + 90'",
+    ),
+    option(
+        "--joints FIRST",
+        "of a table: the column of the machine's first joint, such as q1; q2, q3 … are the others in their order",
+    ),
+    option(
+        "--units LENGTH,ANGLE[,DEVIATION]",
+        "of a table: units of columns without, such as mm,deg; of a table of deviations also theirs: mm,deg,um",
+        _units,
+    ),
+    option(
+        "--ballbar PLANE=RADIUS",
+        "of a table with angle and radius, or its deviation: the circle, such as XY=150mm",
+        _ballbar,
+    ),
+    option("--base LINK", "of a URDF: the link that stands still; default: the root"),
+    option("--tip LINK", "of a URDF: the link that is measured; default: the only leaf"),
+    choice(
+        "--convention",
+        ("standard", "modified"),
+        "of a Denavit-Hartenberg table that does not tell: the link after each joint, or before it",
+    ),
+    choice(
+        "--estimate",
+        ("target", "geometry"),
+        "of a URDF or a Denavit-Hartenberg table: what a fit adjusts; geometry is axes and points of all joints, "
+        "too, to calibrate the robot itself",
+        default="target",
+    ),
+    choice(
+        "--azimuth",
+        ("south", "north"),
+        "of a pointing run: where azimuth is 0; it runs through east",
+        default="south",
+    ),
+    choice(
+        "--format",
+        (1, 2, 3, 4),
+        "of a pointing run: TPOINT's format of its lines, where their numbers could be of two",
+        type=int,
+    ),
+    option(
+        "--latitude ANGLE",
+        "of an equatorial mount, where no run gives it, such as 31.7deg",
+        quantity("--latitude", "31.7deg", dimension="angle"),
+    ),
+)

@@ -45,52 +45,54 @@ from rodgen.stages import listening
 
 __all__ = ["main"]
 
-_COMMANDS = {
-    "check": ("check",),
-    "fit": ("fit", "compare"),
-    "diagnose": ("diagnose",),
-    "plan": ("plan",),
-    "predict": ("predict",),
-    "report": ("report",),
-    "fleet": ("fleet",),
-    "watch": ("watch",),
-    "open": ("open",),
-    "edit": ("add", "remove", "exclude", "set"),
-    "emit": ("emit",),
-    "simulate": ("simulate",),
-    "effects": ("effects",),
-    "new": ("new",),
-    "imports": ("import",),
-    "axis": ("fit-axis",),
-    "apply": ("apply",),
-    "mechanism": ("mechanism",),
-    "derivations": ("derive", "kernels"),
-    "doctor": ("doctor",),  # and completion, which describes all commands
+_GROUPS: dict[str, dict[str, tuple[str, str]]] = {
+    "from measurements to a corrected machine": {
+        "fit": ("fit", "fit a machine to measurements"),
+        "compare": ("fit", "what the error of a machine's model depends on"),
+        "diagnose": ("diagnose", "which physical effect a machine's model misses"),
+        "emit": (
+            "emit",
+            "a fitted machine as C, C++, MATLAB, NumPy or JAX code, URDF, DH or TPOINT model, or tables of its errors",
+        ),
+        "report": ("report", "the diagnosis of a machine as one page"),
+    },
+    "the same, on a page": {"open": ("open", "a page on which effects are added and the error falls")},
+    "many machines": {"fleet": ("fleet", "many machines: which effects are common, which machines odd")},
+    "a machine file to begin with": {
+        "new": ("new", "a machine file with comments to begin with"),
+        "import": ("imports", "make a machine file of other files"),
+    },
+    "more about a machine": {
+        "check": ("check", "whether a machine file and its data can be right"),
+        "plan": ("plan", "what to measure next"),
+        "predict": ("predict", "positions of a fitted machine at other commands, with uncertainty"),
+        "watch": ("watch", "readings as they come: has the machine changed?"),
+        "add": ("edit", "add effects to a machine, and see the error fall"),
+        "remove": ("edit", "remove an effect from a machine"),
+        "set": ("edit", "say what is known of a parameter, or tie it to others"),
+        "exclude": ("edit", "exclude rows of measurements, or let them count again"),
+        "simulate": ("simulate", "simulated measurements with a hidden effect"),
+        "effects": ("effects", "the catalogue of effects"),
+    },
+    "functions of arrays, on tables": {
+        "apply": ("apply", "a function on the rows of a table"),
+        "fit-axis": ("axis", "one axis from pairs of points, or from poses"),
+        "mechanism": ("mechanism", "forward and reverse analysis of robots and loops"),
+    },
+    "equations": {
+        "derive": ("derivations", "run a derivation and print its report"),
+        "kernels": ("derivations", "generate code from a derivation"),
+    },
+    "the installation": {
+        "doctor": ("doctor", "what rodgen runs on here, and what is broken"),
+        "completion": ("doctor", "let the shell complete commands and options"),
+    },
 }
-"""The commands that each module adds: where one of them is called, no other module is imported."""
+"""Commands by subject, as ``rodgen --help`` shows them: the module that adds each, and what it does.
 
-_GROUPS = {
-    "from measurements to a corrected machine": ("fit", "compare", "diagnose", "emit", "report"),
-    "the same, on a page": ("open",),
-    "many machines": ("fleet",),
-    "a machine file to begin with": ("new", "import"),
-    "more about a machine": (
-        "check",
-        "plan",
-        "predict",
-        "watch",
-        "add",
-        "remove",
-        "set",
-        "exclude",
-        "simulate",
-        "effects",
-    ),
-    "functions of arrays, on tables": ("apply", "fit-axis", "mechanism"),
-    "equations": ("derive", "kernels"),
-    "the installation": ("doctor", "completion"),
-}
-"""Commands by subject, as ``rodgen --help`` shows them; the first group has the steps of ``make demo``."""
+The first group has the steps of ``make demo``. A module is imported only where one of its commands is called.
+"""
+_COMMANDS = {name: of for group in _GROUPS.values() for name, of in group.items()}
 
 _ENDING = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
 
@@ -299,8 +301,8 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser(called: str = "") -> argparse.ArgumentParser:
-    """Return the parser of the command that is called, or of all where none is."""
+def _parser(called: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of the command that is called, or of all where None is; of others it has the names alone."""
     parser = _GroupedParser(
         prog="rodgen",
         description="Kinematics and calibration of machines: proved equations, generated code, and diagnosis of errors "
@@ -311,11 +313,15 @@ def _parser(called: str = "") -> argparse.ArgumentParser:
     parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
     parser.add_argument(DEBUG, action="store_true", help="after an error in rodgen itself, show where it was")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-
-    command = adder(commands)
-    needed = [module for module, names in _COMMANDS.items() if called in names] or _COMMANDS
-    for module in needed:
-        import_module(f"rodgen.cli.{module}").add_to(command)
+    command = adder(commands, {name: summary for name, (_, summary) in _COMMANDS.items()})
+    if called is None or called == "completion":
+        for module in dict.fromkeys(module for module, _ in _COMMANDS.values()):
+            import_module(f"rodgen.cli.{module}").add_to(command)
+    elif called in _COMMANDS:
+        import_module(f"rodgen.cli.{_COMMANDS[called][0]}").add_to(command)
+    else:  # --help, or no command
+        for name, (_, summary) in _COMMANDS.items():
+            commands.add_parser(name, help=summary)
     parser.set_defaults(parser=parser)  # rodgen completion describes it
     return parser
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from rodgen.cli._console import OK, Command, show
+from rodgen.cli._console import OK, Command, argument, flag, option, show
 from rodgen.cli._machine import FILES
 from rodgen.cli._values import InputFile, whole
 from rodgen.errors import InputFileError
@@ -18,21 +18,25 @@ Ctrl-C. A session that was saved (.rodgen) opens with everything that was done.
 
 {FILES}
   rodgen open mount.toml stars.csv
-  rodgen open mount.rodgen
-  rodgen open
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    opened = command("open", _run, "a page on which effects are added and the error falls", _OPEN)
-    about = "the machine file, or a session; left out, the page offers examples and files"
-    opened.add_argument("machine", metavar="MACHINE", type=InputFile, nargs="?", help=about)
-    about = "the measurements; a session knows its own"
-    opened.add_argument("data", metavar="DATA", type=InputFile, nargs="?", help=about)
-    opened.add_argument("--no-browser", action="store_true", help="print the address only")
-    about = "default: any that is free"
-    opened.add_argument("--port", metavar="N", type=whole(1, 65535), default=0, help=about)
+    command(
+        "open",
+        _run,
+        _OPEN,
+        argument(
+            "MACHINE",
+            "the machine file, or a session; left out, the page offers examples and files",
+            InputFile,
+            nargs="?",
+        ),
+        argument("DATA", "the measurements; a session knows its own", InputFile, nargs="?"),
+        flag("--no-browser", "print the address only"),
+        option("--port N", "default: any that is free", whole(1, 65535), default=0),
+    )
 
 
 def _run(options: argparse.Namespace) -> int:

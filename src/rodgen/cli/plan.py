@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import OK, Command, notify, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, diagnosed, fitted
+from rodgen.cli._console import OK, Command, notify, option, repeated, show_result
+from rodgen.cli._machine import DATA, FILES, JSON, LOSS, MACHINE, diagnosed, fitted
 from rodgen.cli._values import InputFile, OutputFile, whole
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
@@ -22,52 +22,44 @@ readings: measure them in this order, and add them to the data.
 
 {FILES}
   rodgen plan mount.toml stars.csv -n 12 -o next.csv
-  rodgen plan gantry.toml balls.csv --for C.axis --for C.backlash --constraints limits.toml
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    plan = command("plan", _run, "what to measure next", _PLAN)
-    add_files(plan)
-    plan.add_argument(
-        "-n",
-        dest="count",
-        type=whole(1, 500),
-        default=12,
-        metavar="N",
-        help="readings at most, 12 when left out; fewer where they are enough to tell effects apart",
+    command(
+        "plan",
+        _run,
+        _PLAN,
+        MACHINE,
+        DATA,
+        option(
+            "-n N",
+            "readings at most, 12 when left out; fewer where they are enough to tell effects apart",
+            whole(1, 500),
+            dest="count",
+            default=12,
+        ),
+        option("-o --output PLAN.csv", "write the rows, if any, as a measurement file", OutputFile),
+        repeated(
+            "--for KEY",
+            "sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
+            "need not have yet; may be repeated; no diagnosis is made then",
+            dest="wanted",
+        ),
+        option(
+            "--constraints LIMITS.toml",
+            "where readings can be taken: limits of joints, regions, boxes to keep out of, balls of an artefact",
+            InputFile,
+        ),
+        option(
+            "--poses POSES.csv",
+            "choose readings from this list, a measurement file without readings",
+            InputFile,
+        ),
+        LOSS,
+        JSON,
     )
-    plan.add_argument(
-        "-o",
-        "--output",
-        metavar="PLAN.csv",
-        type=OutputFile,
-        help="write the rows, if any, as a measurement file",
-    )
-    plan.add_argument(
-        "--for",
-        dest="wanted",
-        action="append",
-        default=[],
-        metavar="KEY",
-        help="sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
-        "need not have yet; may be repeated; no diagnosis is made then",
-    )
-    plan.add_argument(
-        "--constraints",
-        metavar="LIMITS.toml",
-        type=InputFile,
-        help="where readings can be taken: limits of joints, regions, boxes to keep out of, balls of an artefact",
-    )
-    plan.add_argument(
-        "--poses",
-        metavar="POSES.csv",
-        type=InputFile,
-        help="choose readings from this list, a measurement file without readings",
-    )
-    add_loss(plan)
-    add_json(plan)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import Command, after_fits, conclude, notify
-from rodgen.cli._machine import add_files, add_loss, add_scheduler, fitted, load_data
-from rodgen.cli._tables import add_output
+from rodgen.cli._console import Command, after_fits, argument, conclude, flag, notify, option
+from rodgen.cli._machine import DATA, LOSS, MACHINE, SCHEDULER, fitted, load_data
+from rodgen.cli._tables import OUTPUT
 from rodgen.cli._values import InputFile, number
 from rodgen.errors import InputFileError, counted, shown
 
@@ -31,21 +31,23 @@ Where DESIGN are many Parquet files, a pattern, a folder or an address, the outp
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    predict = command(
-        "predict", _run, "positions of a fitted machine at other commands, with uncertainty", _PREDICT
+    command(
+        "predict",
+        _run,
+        _PREDICT,
+        MACHINE,
+        DATA,
+        argument("DESIGN", "what is commanded", InputFile),
+        LOSS,
+        option(
+            "--coverage K",
+            "write expanded uncertainties, K times the standard ones",
+            number("a coverage factor: a number above 0, such as 2", lambda k: k > 0),
+        ),
+        flag("--all-digits", "do not round by the uncertainty"),
+        SCHEDULER,
+        OUTPUT,
     )
-    add_files(predict)
-    predict.add_argument("design", metavar="DESIGN", type=InputFile, help="what is commanded")
-    add_loss(predict)
-    predict.add_argument(
-        "--coverage",
-        metavar="K",
-        type=number("a coverage factor: a number above 0, such as 2", lambda k: k > 0),
-        help="write expanded uncertainties, K times the standard ones",
-    )
-    predict.add_argument("--all-digits", action="store_true", help="do not round by the uncertainty")
-    add_scheduler(predict)
-    add_output(predict)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -7,8 +7,8 @@ import contextlib
 import math
 import os
 
-from rodgen.cli._console import OK, Command, after_fits, refused, show
-from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
+from rodgen.cli._console import OK, Command, after_fits, option, refused, repeated, show
+from rodgen.cli._machine import DATA_OR_NONE, FILES, MACHINE, TEST, diagnosed
 from rodgen.cli._values import OutputFile, OutputFolder
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import is_device
@@ -20,7 +20,6 @@ model, the residuals before and after, the candidates, what the numbers mean in 
 figures can be zoomed, and saved as PNG and SVG. --images needs Chrome or Chromium.
 
 {FILES}
-  rodgen report mount.toml stars.csv -o report.html
   rodgen report table.toml balls.csv -o report.html --radius C=40mm
 
 Of the results of a fleet, a folder in the place of both, the page shows what 'rodgen fleet' says:
@@ -31,23 +30,21 @@ Of the results of a fleet, a folder in the place of both, the page shows what 'r
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    report = command("report", _run, "the diagnosis of a machine as one page", _REPORT)
-    add_files(report, needed=False)
-    about = "the page"
-    report.add_argument("-o", "--output", metavar="PAGE.html", type=OutputFile, required=True, help=about)
-    add_test(report)
-    report.add_argument(
-        "--images",
-        metavar="FOLDER",
-        type=OutputFolder,
-        help="write the page's figures into this folder, too, as PNG and SVG",
-    )
-    report.add_argument(
-        "--radius",
-        metavar="JOINT=LENGTH",
-        action="append",
-        default=[],
-        help="radius of a joint's scale, such as C=40mm: an eccentricity is then given in micrometres",
+    command(
+        "report",
+        _run,
+        _REPORT,
+        MACHINE,
+        DATA_OR_NONE,
+        option("-o --output PAGE.html", "the page", OutputFile, required=True),
+        TEST,
+        option(
+            "--images FOLDER", "write the page's figures into this folder, too, as PNG and SVG", OutputFolder
+        ),
+        repeated(
+            "--radius JOINT=LENGTH",
+            "radius of a joint's scale, such as C=40mm: an eccentricity is then given in micrometres",
+        ),
     )
 
 

@@ -7,8 +7,20 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rodgen.cli._console import OK, Command, UsageError, conclude, refused, show_json, show_result
-from rodgen.cli._machine import add_json, load_data
+from rodgen.cli._console import (
+    OK,
+    Command,
+    UsageError,
+    argument,
+    conclude,
+    flag,
+    option,
+    refused,
+    repeated,
+    show_json,
+    show_result,
+)
+from rodgen.cli._machine import JSON, load_data
 from rodgen.cli._values import InputFile, OutputFile, OutputTable, whole
 from rodgen.errors import InputFileError, counted
 from rodgen.files import write_file
@@ -17,8 +29,6 @@ _SIMULATE = """\
 Simulate measurements of a machine with effects that its file does not have, to test the tools:
 
   rodgen simulate machine.toml design.csv --hidden -o data.csv --truth truth.json
-  rodgen compare machine.toml data.csv
-  rodgen simulate --open truth.json
 
 DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
 T_..., load, run). The output is the same table with readings: order, other columns and text are kept. The truth goes
@@ -32,37 +42,24 @@ parameters gets a size that is visible in the data.
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    simulate = command("simulate", _run, "simulated measurements with a hidden effect", _SIMULATE)
-    simulate.add_argument("machine", metavar="MACHINE", type=InputFile, nargs="?", help="the machine file")
-    simulate.add_argument("design", metavar="DESIGN", type=InputFile, nargs="?", help="what is commanded")
-    simulate.add_argument(
-        "--effect",
-        metavar="EFFECT",
-        action="append",
-        default=[],
-        help="an effect that is in the data; may be given several times",
+    command(
+        "simulate",
+        _run,
+        _SIMULATE,
+        argument("MACHINE", "the machine file", InputFile, nargs="?"),
+        argument("DESIGN", "what is commanded", InputFile, nargs="?"),
+        repeated("--effect EFFECT", "an effect that is in the data; may be given several times"),
+        flag("--hidden", "draw an effect of the catalogue that shows in this design"),
+        option(
+            "--noise SIZE",
+            "standard deviation of a reading, such as 2um or 0.5arcsec; default: what DESIGN or MACHINE state",
+        ),
+        option("--seed N", "the same number gives the same data", whole(0)),
+        option("-o --output DATA", ".csv, .csv.gz or .parquet; default: CSV on standard output", OutputTable),
+        option("--truth TRUTH.json", "what is hidden; needed with --hidden", OutputFile),
+        option("--open TRUTH.json", "print what was hidden; takes no other files", InputFile),
+        JSON,
     )
-    simulate.add_argument(
-        "--hidden", action="store_true", help="draw an effect of the catalogue that shows in this design"
-    )
-    simulate.add_argument(
-        "--noise",
-        metavar="SIZE",
-        help="standard deviation of a reading, such as 2um or 0.5arcsec; default: what DESIGN or MACHINE state",
-    )
-    simulate.add_argument("--seed", type=whole(0), metavar="N", help="the same number gives the same data")
-    simulate.add_argument(
-        "-o",
-        "--output",
-        metavar="DATA",
-        type=OutputTable,
-        help=".csv, .csv.gz or .parquet; default: CSV on standard output",
-    )
-    about = "what is hidden; needed with --hidden"
-    simulate.add_argument("--truth", metavar="TRUTH.json", type=OutputFile, help=about)
-    about = "print what was hidden; takes no other files"
-    simulate.add_argument("--open", metavar="TRUTH.json", type=InputFile, help=about)
-    add_json(simulate)
 
 
 def _usage(found: str, expected: str) -> UsageError:

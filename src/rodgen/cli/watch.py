@@ -11,8 +11,20 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import FAILED, OK, Command, notify, refused, show, show_json
-from rodgen.cli._machine import add_json, load_data, remark_on_rows
+from rodgen.cli._console import (
+    FAILED,
+    OK,
+    Command,
+    argument,
+    choice,
+    flag,
+    notify,
+    option,
+    refused,
+    show,
+    show_json,
+)
+from rodgen.cli._machine import JSON, MACHINE, load_data, remark_on_rows
 from rodgen.cli._values import InputFile, StateFile, frequency, whole
 from rodgen.errors import InputFileError, counted
 from rodgen.files import publish_outputs, write_file, written_at_once
@@ -27,6 +39,7 @@ LEARNED = 200
 """Rows at the beginning that are the reference where none is given."""
 SAVED_EVERY = 10.0
 """Seconds between two times that the state is written, at least."""
+_GO_ON = ("go-on", "stop")
 
 _WATCH = f"""\
 Compare new readings of a machine with what it was, as they come, and report when something has changed: what it looks
@@ -35,9 +48,7 @@ rows of DATA. An alarm comes by chance no more often than --false-alarms says, h
 
 DATA is a measurement file that may grow (--follow), or '-', CSV on standard input.
 
-  rodgen watch mount.toml tonight.csv --reference stars.csv
   rodgen watch arm.toml readings.csv --reference calibration.csv --follow --state arm.watch
-  tracker | rodgen watch arm.toml - --reference calibration.csv --rate 10/s --json
 
 The exit code is 1 where there was an alarm.
 """
@@ -45,48 +56,50 @@ The exit code is 1 where there was an alarm.
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    watch = command("watch", _run, "readings as they come: has the machine changed?", _WATCH)
-    watch.add_argument("machine", metavar="MACHINE", type=InputFile, help="the machine file")
-    about = "the new readings; '-' is CSV on standard input"
-    watch.add_argument("data", metavar="DATA", type=InputFile, help=about)
-    about = "measurements of the machine as it should stay"
-    watch.add_argument("--reference", metavar="FILE", type=InputFile, help=about)
-    watch.add_argument(
-        "--learn",
-        metavar="ROWS",
-        type=whole(1),
-        default=LEARNED,
-        help=f"without --reference, rows of DATA that are the reference (default: {LEARNED})",
-    )
-    watch.add_argument(
-        "--follow", action="store_true", help="wait for more rows at the end of DATA, until Ctrl-C"
-    )
-    watch.add_argument(
-        "--rate",
-        metavar="N/TIME",
-        type=frequency,
-        help="how often readings come, such as 100/h; default: by the column t, or 100/h",
-    )
-    watch.add_argument(
-        "--false-alarms",
-        metavar="N/TIME",
-        type=frequency,
-        default="1/year",
-        help="how often an alarm may come while nothing changes (default: 1/year)",
-    )
-    for name, stop, about in (
-        ("alarm", "end after the first alarm", "after an alarm"),
-        ("bad-row", "end with an error", "at a row that cannot be read"),
-    ):
-        watch.add_argument(
-            f"--on-{name}",
-            choices=("go-on", "stop"),
+    command(
+        "watch",
+        _run,
+        _WATCH,
+        MACHINE,
+        argument("DATA", "the new readings; '-' is CSV on standard input", InputFile),
+        option("--reference FILE", "measurements of the machine as it should stay", InputFile),
+        option(
+            "--learn ROWS",
+            f"without --reference, rows of DATA that are the reference (default: {LEARNED})",
+            whole(1),
+            default=LEARNED,
+        ),
+        flag("--follow", "wait for more rows at the end of DATA, until Ctrl-C"),
+        option(
+            "--rate N/TIME",
+            "how often readings come, such as 100/h; default: by the column t, or 100/h",
+            frequency,
+        ),
+        option(
+            "--false-alarms N/TIME",
+            "how often an alarm may come while nothing changes (default: 1/year)",
+            frequency,
+            default="1/year",
+        ),
+        choice(
+            "--on-alarm",
+            _GO_ON,
+            "after an alarm: say so and go on (default), or end after the first alarm",
             default="go-on",
-            help=f"{about}: say so and go on (default), or {stop}",
-        )
-    about = "keep there what was seen, with --reference; a later call goes on from it"
-    watch.add_argument("--state", metavar="FILE", type=StateFile, help=about)
-    add_json(watch)
+        ),
+        choice(
+            "--on-bad-row",
+            _GO_ON,
+            "at a row that cannot be read: say so and go on (default), or end with an error",
+            default="go-on",
+        ),
+        option(
+            "--state FILE",
+            "keep there what was seen, with --reference; a later call goes on from it",
+            StateFile,
+        ),
+        JSON,
+    )
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -22,7 +22,8 @@ Attitudes are, by --from,
 """
 
 
-def _form(text: str) -> str:
+def form(text: str) -> str:
+    """Read the form in which a table has attitudes."""
     from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 
     if text not in ("quaternion", "matrix"):
@@ -33,18 +34,6 @@ def _form(text: str) -> str:
                 f"{shown(text)} is none of quaternion, matrix and the twelve sequences, such as ZYX"
             ) from None
     return text
-
-
-def add_form(parser: argparse.ArgumentParser, usual: str = "ZYX") -> None:
-    """Add ``--from``, the form in which the table has attitudes, with its default."""
-    parser.add_argument(
-        "--from",
-        dest="form",
-        metavar="SEQUENCE|quaternion|matrix",
-        type=_form,
-        default=usual,
-        help=f"how the table writes attitudes; default: {usual}",
-    )
 
 
 def columns_of(form: str) -> Columns:

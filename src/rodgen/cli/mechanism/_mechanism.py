@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.cli._console import located
-from rodgen.cli._tables import Columns, add_table
+from rodgen.cli._console import argument, located, option
+from rodgen.cli._tables import Columns
 from rodgen.cli._values import InputFile, quantity
 from rodgen.errors import InputFileError
 
@@ -58,22 +58,13 @@ class Chain:
         return Chain(self.file, self.mechanism.in_unit(unit), placement)
 
 
-def add_files(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add MECHANISM, the input table and the output."""
-    about = "link table, machine file, or robot"
-    parser.add_argument("mechanism", metavar="MECHANISM", type=InputFile, help=about)
-    add_table(parser, name)
-
-
-def add_tool(parser: argparse.ArgumentParser) -> None:
-    """Add --tool."""
-    parser.add_argument(
-        "--tool",
-        metavar="X,Y,Z",
-        type=quantity("--tool", "2,3,5cm", 3),
-        help="point of the last link, in its frame (x along the next link, z along the last joint), such as 2,3,5cm; "
-        "of a machine file in machine axes at zero; default: the frame's origin",
-    )
+MECHANISM = argument("MECHANISM", "link table, machine file, or robot", InputFile)
+TOOL = option(
+    "--tool X,Y,Z",
+    "point of the last link, in its frame (x along the next link, z along the last joint), such as 2,3,5cm; "
+    "of a machine file in machine axes at zero; default: the frame's origin",
+    quantity("--tool", "2,3,5cm", 3),
+)
 
 
 def tool_of(options: argparse.Namespace, chain: Chain) -> Any:

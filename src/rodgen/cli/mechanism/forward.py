@@ -6,12 +6,12 @@ import argparse
 from typing import Any
 
 from rodgen.cli._console import Command, located
-from rodgen.cli._tables import map_rows
+from rodgen.cli._tables import OUTPUT, map_rows, table
 from rodgen.cli.mechanism._attitude import QUATERNION
 from rodgen.cli.mechanism._mechanism import (
+    MECHANISM,
     MECHANISM_TEXT,
-    add_files,
-    add_tool,
+    TOOL,
     chain_of,
     column_name,
     place,
@@ -39,9 +39,7 @@ machine file in machine axes. A column of the table that has such a name is kept
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    parser = command("forward", _run, "poses of a robot from its joint coordinates", _TEXT)
-    add_files(parser, "COORDINATES")
-    add_tool(parser)
+    command("forward", _run, _TEXT, MECHANISM, table("COORDINATES"), OUTPUT, TOOL)
 
 
 def _run(options: argparse.Namespace) -> int:

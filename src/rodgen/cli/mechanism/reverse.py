@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.cli._console import Command, located, refused
-from rodgen.cli._tables import Columns, map_rows, named, rows_of
-from rodgen.cli.mechanism._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
+from rodgen.cli._console import Command, located, option, refused
+from rodgen.cli._tables import OUTPUT, Columns, map_rows, named, rows_of, table
+from rodgen.cli.mechanism._attitude import ATTITUDE_TEXT, columns_of, form, matrices
 from rodgen.cli.mechanism._mechanism import (
+    MECHANISM,
     MECHANISM_TEXT,
+    TOOL,
     Chain,
-    add_files,
-    add_tool,
     chain_of,
     column_name,
     quantity_of,
@@ -68,15 +68,21 @@ A column of the table that has such a name, a joint's say, is kept as 'given R1'
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    parser = command("reverse", _run, "all joint coordinates of poses, or of a loop's input", _TEXT)
-    add_files(parser, "POSES")
-    add_form(parser, _USUAL)
-    parser.set_defaults(form=None)  # a loop has no poses: there the option must not be given
-    add_tool(parser)
-    parser.add_argument(
-        "--given",
-        metavar="NAMES",
-        help="of a loop: the columns that are its inputs, such as R1 or C2.theta,C2.S",
+    command(
+        "reverse",
+        _run,
+        _TEXT,
+        MECHANISM,
+        table("POSES"),
+        OUTPUT,
+        option(
+            "--from SEQUENCE|quaternion|matrix",
+            f"how the table writes attitudes; default: {_USUAL}",
+            form,
+            dest="form",
+        ),
+        TOOL,
+        option("--given NAMES", "of a loop: the columns that are its inputs, such as R1 or C2.theta,C2.S"),
     )
 
 
@@ -89,7 +95,7 @@ def _run(options: argparse.Namespace) -> int:
 def _robot(options: argparse.Namespace, chain: Chain) -> int:
     if options.given is not None:
         raise refused("--given", "for an open chain", "a closed loop, or no --given")
-    form = options.form or _USUAL
+    form = options.form or _USUAL  # a loop has no poses: there the option must not be given
     columns = [*named("length", "x y z"), *columns_of(form)]
 
     def prepare(unit: str) -> Any:
@@ -113,9 +119,9 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 def _loop(options: argparse.Namespace, chain: Chain) -> int:
     from rodgen.kinematics import spatial
 
-    for option, value in (("--tool", options.tool), ("--from", options.form)):
+    for name, value in (("--tool", options.tool), ("--from", options.form)):
         if value is not None:
-            raise refused(option, "for a closed loop", f"an open chain, or no {option}")
+            raise refused(name, "for a closed loop", f"an open chain, or no {name}")
     mechanism = chain.mechanism
     names = [column_name(mechanism, v) for v in range(len(mechanism.variables))]
     wanted = _given(options, names)
