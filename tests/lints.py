@@ -148,7 +148,7 @@ def test_files_are_written_by_the_set_of_outputs_alone() -> None:
         if isinstance(node, ast.Call) and writes(node)
     ]
     assert wrong == []
-    at_once = {"rodgen.cli.open", "rodgen.cli.watch"}  # what is saved on a page, and the state of a watch
+    at_once = {"rodgen.cli.open"}  # what is saved on a page
     for module, file in MODULES.items():
         names = {name.rpartition(".")[2] for name in Imports(file).names if name.startswith("rodgen.files.")}
         if module.startswith("rodgen.cli"):

@@ -74,7 +74,7 @@ def test_units_of_positions_and_of_deviations_are_one_option(tmp_path, rodgen_co
     )
     code, _, err = rodgen_command(*command, files["without"], "-d", tmp_path / "c.csv", "--units", "cm,deg,s")
     assert code == 2
-    assert "'cm,deg,s' is not a unit of length and one of angle" in err
+    assert "--units: 'cm,deg,s'; expected a unit of length and one of angle" in err
 
 
 @pytest.mark.parametrize("column", ["radius [mm]", "deviation [um]"])
@@ -108,7 +108,7 @@ def test_a_ballbar_s_circle_is_the_squareness_it_was_made_of(column, tmp_path, r
 @pytest.mark.parametrize(
     ("header", "option", "expected"),
     [
-        ("angle [deg],length [um]", "XX=150mm", "'XX=150mm' is not two axes and a radius, such as XY=150mm"),
+        ("angle [deg],length [um]", "XX=150mm", "'XX=150mm'; expected two axes and a radius, such as XY=150mm"),
         (
             "angle [deg],height [um]",
             "XY=150mm",

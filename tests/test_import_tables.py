@@ -449,7 +449,7 @@ def test_what_is_wrong_with_the_map_is_said_in_one_sentence(entry, expected, tmp
         (["m.toml", "t.csv", "-d", "d.csv", "--column", "C"], "--column: 'C'; expected NAME=THEIRS, such as"),
         (
             ["m.toml", "t.csv", "-d", "d.csv", "--units", "deg,mm"],
-            "'deg,mm' is not a unit of length and one of angle",
+            "--units: 'deg,mm'; expected a unit of length and one of angle",
         ),
         (["m.toml", "t.csv", "-d", "t.csv"], "t.csv: file: the input file itself; expected another name"),
     ],

@@ -13,6 +13,7 @@ from rodgen import facade as _facade  # noqa: F401
 if _TYPE_CHECKING:
     from rodgen.calibration.simulate import simulate as simulate
     from rodgen.calibration.watch import Watch as Watch
+    from rodgen.calibration.watch.file import watch as watch
     from rodgen.data.measurements import Measurements as Measurements
     from rodgen.errors import RodgenError
     from rodgen.facade import Fit as Fit
@@ -51,6 +52,7 @@ if _TYPE_CHECKING:
         rodrigues_vector_from_quaternion,
         rotate,
     )
+    from rodgen.machines.imports.files import import_files as import_files
     from rodgen.machines.machine import Joint as Joint
     from rodgen.machines.machine import Measured as Measured
     from rodgen.machines.machine import Target as Target
@@ -77,7 +79,9 @@ _LATER = {
     "write_report": "rodgen.output.report",
     "Target": "rodgen.machines.machine",
     "Watch": "rodgen.calibration.watch",
+    "import_files": "rodgen.machines.imports.files",
     "simulate": "rodgen.calibration.simulate",
+    "watch": "rodgen.calibration.watch.file",
 }
 _SUBJECTS = {
     "figures": "rodgen.output.figures",

@@ -17,6 +17,7 @@ __all__ = [
     "NotConvergedError",
     "RodgenError",
     "UnexpectedError",
+    "UnfitArgumentError",
     "counted",
     "joined",
     "listed",
@@ -62,6 +63,17 @@ class UnexpectedError(RodgenError):
 
     def __str__(self) -> str:
         return f"{self.found}; expected {self.expected}"
+
+
+class UnfitArgumentError(UnexpectedError):
+    """An argument that cannot be used, or does not go with others; `key` is its name."""
+
+    def __init__(self, key: str, found: str, expected: str) -> None:
+        super().__init__(found, expected)
+        self.args, self.key = (key, found, expected), key
+
+    def __str__(self) -> str:
+        return f"{self.key}: {super().__str__()}"
 
 
 class InputFileError(RodgenError):

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
-from rodgen.errors import InputFileError, RodgenError, nearest_hint
+from rodgen.errors import InputFileError, RodgenError, UnfitArgumentError, nearest_hint
 from rodgen.files import publish_outputs, unwritable
 from rodgen.stages import stage
 
@@ -66,6 +66,15 @@ def after_fits(converged: bool) -> int:
 def refused(option: str, found: str, expected: str) -> InputFileError:
     """Return the error of an option: what was found, and what was expected."""
     return InputFileError("command line", option, found, expected)
+
+
+@contextlib.contextmanager
+def arguments_as_options() -> Iterator[None]:
+    """Name the option of an argument that a function refuses in the block."""
+    try:
+        yield
+    except UnfitArgumentError as error:
+        raise refused(f"--{error.key}", error.found, error.expected) from None
 
 
 class UsageError(Exception):

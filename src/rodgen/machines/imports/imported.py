@@ -34,6 +34,8 @@ class Imported:
         The file of the readings, or the files.
     places : sequence of str
         Of the rows of `columns` in that file, such as ``"line 17"``, where they are known.
+    is_given : bool
+        Whether the machine is that of a machine file, with readings in another form.
     """
 
     machine: Machine
@@ -41,6 +43,7 @@ class Imported:
     columns: Mapping[str, Any] = field(default_factory=dict)
     source: str = ""
     places: Sequence[str] = ()
+    is_given: bool = False
 
     __repr__ = brief
     _repr_html_ = html_of

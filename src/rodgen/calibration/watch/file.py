@@ -1,0 +1,238 @@
+"""Watch a file of readings, or standard input, as it grows: what is learned, bad rows, and going on later."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rodgen.calibration.fit import fit
+from rodgen.calibration.watch.events import Event
+from rodgen.calibration.watch.watch import Watch
+from rodgen.data.measurements import Measurements
+from rodgen.data.tables.parts import is_many
+from rodgen.data.tail import Lines, Tail
+from rodgen.errors import InputFileError, UnfitArgumentError, counted
+from rodgen.files import read_start, write_file, written_at_once
+from rodgen.machines.machine import Machine
+
+__all__ = ["LEARNED", "BadRow", "watch"]
+
+LEARNED = 200
+"""Rows at the beginning that are the reference where none is given."""
+SAVED_EVERY = 10.0
+"""Seconds between two times that the state is written, at least."""
+
+
+@dataclass(frozen=True)
+class BadRow:
+    """A row that cannot be read, and is left out: `text` says why."""
+
+    error: InputFileError
+    is_alarm: ClassVar[bool] = False
+
+    @property
+    def text(self) -> str:
+        """It as a sentence."""
+        return f"{self.error}; the row is left out"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"event": "bad_row", "place": self.error.place, "found": self.error.found}
+
+
+def watch(
+    machine: Machine,
+    data: str,
+    *,
+    reference: str | Measurements | None = None,
+    learn: int = LEARNED,
+    follow: bool = False,
+    rate: str | float | None = None,
+    false_alarms: str | float = "1/year",
+    state: str | None = None,
+    until_alarm: bool = False,
+    until_bad_row: bool = False,
+    remark: Callable[[str], object] = lambda text: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Iterator[Event | BadRow]:
+    """Compare the rows of a file with what the machine was, as they come, and yield what they show.
+
+    Parameters
+    ----------
+    machine : Machine
+    data : str
+        A measurement file, which may grow; ``"-"`` is CSV on standard input.
+    reference : str or Measurements, optional
+        Readings of the machine as it should stay; else the first `learn` rows of `data`.
+    follow : bool
+        Whether to wait for more rows at the end.
+    rate, false_alarms
+        As of `Watch`.
+    state : str, optional
+        A file that keeps what was seen; a later watch goes on from there. It needs a `reference`.
+    until_alarm, until_bad_row : bool
+        Whether to end after the first alarm, and with an error at a row that cannot be read.
+    remark : callable, optional
+        Is called with sentences about what is watched, and at the end about how many rows were.
+    stopped : callable, optional
+        Returns whether to end, after a whole row; asked again and again.
+
+    Yields
+    ------
+    Changed, OutlierSeen or BadRow
+        With `text`, `to_dict`, and `is_alarm`.
+
+    Raises
+    ------
+    UnfitArgumentError
+        When arguments do not go together.
+    InputFileError
+        When a file cannot be used, or has too few rows to learn from.
+    """
+    options = {"rate": rate, "false_alarms": false_alarms}
+    watching = _Watching(machine, learn, options, until_alarm, until_bad_row, remark)
+    place = None
+    if reference is not None:
+        watching.begin(_read(reference) if isinstance(reference, str) else reference)
+        if state and os.path.exists(state):
+            place = watching.known.restore(state)
+            remark(f"{state}: goes on after {watching.known.rows} rows")
+    elif state:
+        raise UnfitArgumentError("state", "given without --reference", "--reference with it")
+
+    def save() -> float:
+        if state and watching.watch is not None:
+            write_file(state, watching.watch.state(place))
+        return time.monotonic()
+
+    name = "standard input" if data == "-" else data
+    if _is_table(data):
+        for option, given in (("follow", follow), ("state", state)):
+            if given:
+                found = f"given with {data}, which is not read as it grows"
+                raise UnfitArgumentError(option, found, "a plain CSV file with it")
+        yield from watching.take(_read(data))
+    else:
+        saved = time.monotonic()
+        tail = Tail(data, follow=follow, place=place, stopped=lambda: stopped() or watching.ended)
+        with contextlib.closing(tail):
+            for lines in tail:
+                if lines.notice:
+                    remark(f"{name} {lines.notice}")
+                if lines.text:
+                    yield from watching.read(lines, name)
+                place = tail.place
+                if time.monotonic() - saved > SAVED_EVERY:
+                    with written_at_once():
+                        saved = save()
+    if not stopped():
+        if watching.watch is None:
+            rows = 0 if watching.learned is None else watching.learned.rows
+            raise InputFileError(name, "file", f"{rows} rows", f"{learn} to learn from, or --reference")
+        if not state and not watching.ended:
+            yield from watching.shown(watching.watch.finish())
+        alarms = counted(watching.alarms, "alarm") if watching.alarms else "no alarm"
+        remark(f"{name}: {counted(watching.watch.rows, 'row')} watched, {alarms}")
+    save()
+
+
+class _Watching:
+    """A watch, the rows that it learns from before it begins, and what it has shown."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        learn: int,
+        options: Mapping[str, Any],
+        until_alarm: bool,
+        until_bad_row: bool,
+        remark: Callable[[str], object],
+    ) -> None:
+        self.machine, self.learn, self.options, self.remark = machine, learn, options, remark
+        self.until_alarm, self.until_bad_row = until_alarm, until_bad_row
+        self.watch: Watch | None = None
+        self.learned: Measurements | None = None
+        self.alarms, self.ended = 0, False
+
+    @property
+    def known(self) -> Watch:
+        """The watch, which has begun."""
+        assert self.watch is not None
+        return self.watch
+
+    def begin(self, reference: Measurements) -> None:
+        """Begin to watch."""
+        found = fit(self.machine, reference, loss="huber")
+        self.watch = Watch(found, **self.options)
+        for sentence in [*found.observations.on_rows, self.watch.text]:
+            self.remark(sentence)
+
+    def read(self, lines: Lines, file: str) -> Iterator[Event | BadRow]:
+        """Take lines in, all at once; one by one where one of them cannot be read."""
+        try:
+            data = Measurements.from_lines(lines.header, lines.text, lines.first, name=file)
+        except InputFileError as error:
+            if not error.place.startswith("line") or error.place.partition(",")[0] == "line 1":
+                raise
+        else:
+            yield from self.take(data)
+            return
+        for number, line in enumerate(lines.text.splitlines(keepends=True), lines.first):
+            try:
+                data = Measurements.from_lines(lines.header, line, number, name=file)
+            except InputFileError as error:
+                yield self._bad(error)
+            else:
+                yield from self.take(data)
+
+    def _bad(self, error: InputFileError) -> BadRow:
+        if self.until_bad_row:
+            raise error
+        return BadRow(error)
+
+    def take(self, data: Measurements) -> Iterator[Event | BadRow]:
+        """Give rows to the watch, or to the reference as long as it is not complete."""
+        if self.ended:
+            return
+        if self.watch is None:
+            self.learned = data if self.learned is None else data.after(self.learned)
+            if self.learned.rows < self.learn:
+                return
+            data = self.learned.take(slice(self.learn, None))
+            self.learned = self.learned.take(slice(0, self.learn))
+            self.begin(self.learned)
+        try:
+            events = self.known.update(data)
+        except InputFileError as error:
+            place = error.place.partition(",")[0]
+            if not place.startswith(data.counted) or place == data.header_place:
+                raise
+            if data.rows == 1:
+                yield self._bad(error)
+                return
+            for row in range(data.rows):
+                yield from self.take(data.take(slice(row, row + 1)))
+        else:
+            yield from self.shown(events)
+
+    def shown(self, events: list[Event]) -> Iterator[Event]:
+        """Yield events, up to the first alarm where that is wanted."""
+        for event in events:
+            self.alarms += event.is_alarm
+            self.ended = self.until_alarm and event.is_alarm
+            yield event
+            if self.ended:
+                return
+
+
+def _read(file: str) -> Any:
+    return Measurements.scan(file) if is_many(file) else Measurements.load(file)
+
+
+def _is_table(file: str) -> bool:
+    """Return whether a file is no plain CSV, which is read as it grows: Parquet, or packed."""
+    return file != "-" and read_start(file, "CSV or Parquet", 4).startswith((b"PAR1", b"\x1f\x8b"))
