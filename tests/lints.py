@@ -156,6 +156,15 @@ def test_files_are_written_by_the_set_of_outputs_alone() -> None:
             assert ("written_at_once" in names) == (module in at_once), module
 
 
+def test_the_page_of_the_command_line_has_the_commands_that_there_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    make_command_line = importlib.import_module("make_command_line")
+    page = make_command_line.PAGE.read_text(encoding="utf-8")
+    assert page == make_command_line.made(page), "python docs/make_command_line.py"
+
+
 def test_modules_import_each_other_in_no_circle() -> None:
     graph = {
         module: {target for name in imported_names(file) if (target := module_of(name)) not in (None, module)}

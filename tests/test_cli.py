@@ -15,8 +15,8 @@ import pytest
 from browser import needs_browser
 from commands import run, run_process
 
-from rodgen.cli import derivations
 from rodgen.cli import main as cli
+from rodgen.codegen import scripts
 from rodgen.codegen.build_cache import source_hash
 
 HEADER = "rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]"
@@ -464,21 +464,21 @@ derivation.kernel(k.build())
 
 @pytest.mark.thorough
 def test_kernels_are_derived_again_only_where_a_source_has_changed(monkeypatch, tmp_path):
-    derived, found, sources = [], derivations.load_derivation, {}
+    derived, found, sources = [], scripts.load_derivation, {}
     monkeypatch.setenv("RODGEN_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(derivations, "load_derivation", lambda name: derived.append(name) or found(name))
+    monkeypatch.setattr(scripts, "load_derivation", lambda name: derived.append(name) or found(name))
     for name in ("instantaneous_euler", "rotations"):  # the first imports the second
         sources[name] = tmp_path / f"{name}.py"
-        sources[name].write_text(derivations.script_path(name).read_text())
-    path = derivations.script_path
-    monkeypatch.setattr(derivations, "script_path", lambda name: sources.get(name) or path(name))
-    first = derivations.kept_kernels("instantaneous_euler")
+        sources[name].write_text(scripts.script_path(name).read_text())
+    path = scripts.script_path
+    monkeypatch.setattr(scripts, "script_path", lambda name: sources.get(name) or path(name))
+    first = scripts.kept_kernels("instantaneous_euler")
     assert "c/instantaneous_euler.c" in first.files
-    assert derivations.kept_kernels("instantaneous_euler") == first
+    assert scripts.kept_kernels("instantaneous_euler") == first
     assert derived == ["instantaneous_euler"]
     sources["rotations"].write_text(sources["rotations"].read_text() + "# changed\n")
     source_hash.cache_clear()
-    assert derivations.kept_kernels("instantaneous_euler") == first
+    assert scripts.kept_kernels("instantaneous_euler") == first
     assert derived == ["instantaneous_euler"] * 2
 
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from conftest import group_of
-from rodgen.cli.derivations import load_derivation, packaged_derivations
+from rodgen.codegen.scripts import load_derivation, packaged_derivations
 from rodgen.symbolic._latex import rendered_width
 from rodgen.symbolic.display import LINES, WIDTH
 

@@ -108,7 +108,11 @@ def test_a_ballbar_s_circle_is_the_squareness_it_was_made_of(column, tmp_path, r
 @pytest.mark.parametrize(
     ("header", "option", "expected"),
     [
-        ("angle [deg],length [um]", "XX=150mm", "'XX=150mm'; expected two axes and a radius, such as XY=150mm"),
+        (
+            "angle [deg],length [um]",
+            "XX=150mm",
+            "'XX=150mm'; expected two axes and a radius, such as XY=150mm",
+        ),
         (
             "angle [deg],height [um]",
             "XY=150mm",

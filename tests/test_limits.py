@@ -12,8 +12,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from rodgen.calibration.effort import why_long
 from rodgen.cli._console import notify, show
-from rodgen.cli._machine import why_long
 from rodgen.cli.main import main
 from rodgen.codegen import build_cache
 from rodgen.data.measurements import Measurements

@@ -51,6 +51,7 @@ TEXTS = {
     ),
     *("--scheduler", "--set", "--target", "--tip", "--where", "--why", "--effect"),
     *("EFFECT", "KEY", "NAME", "KIND"),
+    *("--units", "--ballbar", "import --latitude"),  # read with the files
     "FUNCTION",
     "--help",
 }

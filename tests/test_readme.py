@@ -18,8 +18,8 @@ import pytest
 
 import rodgen
 from rodgen.cli import main as cli
-from rodgen.cli.derivations import packaged_derivations
 from rodgen.cli.main import _parser
+from rodgen.codegen.scripts import packaged_derivations
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
 

@@ -19,7 +19,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from rodgen.cli.derivations import packaged_derivations, run_notebook, script_path
+from rodgen.codegen.scripts import packaged_derivations, run_notebook, script_path
 
 __all__ = ["EXAMPLES", "FOLDER", "execute_all", "record"]
 

@@ -18,6 +18,7 @@ __all__ = [
     "RodgenError",
     "UnexpectedError",
     "UnfitArgumentError",
+    "UnprovedError",
     "counted",
     "joined",
     "listed",
@@ -112,6 +113,10 @@ class NotConvergedError(InputFileError):
     """A fit that did not converge, where its end is needed."""
 
     reason = "the fit did not converge"
+
+
+class UnprovedError(RodgenError):
+    """A statement of a derivation is false or not proved."""
 
 
 @contextlib.contextmanager

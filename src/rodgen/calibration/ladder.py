@@ -24,7 +24,7 @@ from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.steps import StepOdds, odds_of_steps
 from rodgen.calibration.words import UNWEIGHED, odds_text
-from rodgen.document import Document, Documented, Paragraph
+from rodgen.document import Document, Documented, Paragraph, Table
 from rodgen.errors import RodgenError, counted
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import LACK_OF_FIT
@@ -32,7 +32,7 @@ from rodgen.views import Result, plain
 
 
 @dataclass(frozen=True, repr=False)
-class Rung(Result):
+class Rung(Documented, Result):
     """A model on the ladder.
 
     Attributes
@@ -76,6 +76,29 @@ class Rung(Result):
         if self.effect is None:
             return {}
         return {key: e for key, e in self.fit.estimates.items() if self.effect.owns(key)}
+
+    def document(self) -> Document:
+        """Return what the effect is worth, its parameters with those that change with it, and its meaning."""
+        effect, fit = self.effect, self.fit
+        if effect is None:
+            return Document([])
+        needed = self.step is not None and self.step.needed
+        if effect not in fit.machine.effects:
+            keep = "Without it the model is worse than it can be: keep it."
+            return Document([Paragraph(text, "line") for text in (self.verdict, keep)[: 1 + needed]])
+        own = self.parameters
+        waiting = {p.key for p in fit.parameters if p.optional}  # estimated only when the data call for it
+        shown = [*own, *(p.key for p in fit.parameters if p.effect is not None and p.key not in own)]
+        rows = [
+            (e.key, e.text)
+            for e in (fit.estimates[key] for key in shown)
+            if not e.held or e.value or (e.key in own and e.key not in waiting)
+        ]
+        about = effect.definition.paragraphs("Meaning", "Usual size", *(["Remedy"] if needed else []))
+        table = [Table((), rows)] if rows else []
+        return Document(
+            [Paragraph(self.verdict, "line"), *table, *(Paragraph(each, "line") for each in about)]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -14,8 +14,6 @@ from rodgen.stages import stage
 if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Diagnosis
     from rodgen.calibration.fitted import Fit
-    from rodgen.data.measurements import Measurements, Scan
-    from rodgen.machines.machine import Machine
     from rodgen.machines.observations import Observations
 
 
@@ -68,13 +66,14 @@ def load_data(file: str, scheduler: str | None = None) -> Any:
 def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
     """Return the fit of MACHINE to DATA; where no answer shows what it says of wrong readings, a remark names these."""
     with stage("starting"):
+        from rodgen.calibration.effort import why_long
         from rodgen.calibration.fit import fit
         from rodgen.machines.machine import Machine
 
     with stage("reading"):
         machine = Machine.load(options.machine)
     data = load_data(options.data, getattr(options, "scheduler", None))
-    _remark_on_time(machine, data)
+    _remark(why_long(machine, data))
     found = fit(machine, data, loss=options.loss)
     if not shown:
         remark_on_rows(found.observations)
@@ -82,10 +81,9 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
     return found
 
 
-def _remark_on_time(machine: Machine, data: Measurements | Scan, *, diagnosis: bool = False) -> None:
-    """Say on standard error what will take long, before it begins."""
-    if why := why_long(machine, data, diagnosis=diagnosis):
-        notify(why)
+def _remark(text: str) -> None:
+    if text:
+        notify(text)
 
 
 def remark_on_rows(observations: Observations) -> None:
@@ -98,8 +96,7 @@ def remark_on_readings(fit: Fit) -> None:
     """Name readings that are grossly wrong, on standard error."""
     from rodgen.calibration.gross_readings import on_gross_readings
 
-    if gross := on_gross_readings(fit):
-        notify(gross)
+    _remark(on_gross_readings(fit))
 
 
 def wrong_file(fit: Fit, options: argparse.Namespace) -> str:
@@ -122,6 +119,7 @@ def diagnosed(
     """
     with stage("starting"):
         from rodgen.calibration.diagnose import diagnose
+        from rodgen.calibration.effort import why_long
         from rodgen.machines.machine import Machine
 
     with stage("reading"):
@@ -132,58 +130,11 @@ def diagnosed(
         except RodgenError as error:
             raise RodgenError(f"command line: --prefer {name}@{place}: {error}") from None
     data = load_data(options.data, getattr(options, "scheduler", None))
-    _remark_on_time(machine, data, diagnosis=True)
+    _remark(why_long(machine, data, diagnosis=True))
     found = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
     if not shown:
         remark_on_rows(found.base.observations)
     return found
-
-
-# What makes a fit or a diagnosis take long, known before it begins.
-
-
-MULTIPLICATIONS = 5e9
-"""Of the normal equations; a fit does as many some ten times, a diagnosis a hundred times: half a minute and more."""
-IN_A_DIAGNOSIS = MULTIPLICATIONS / 10
-"""That a diagnosis takes more than ten seconds."""
-JOINTS = 15
-"""With more a diagnosis takes more than five seconds."""
-TARGETS = 20
-"""Up to as many are not why a model has many parameters."""
-COLUMNS = 2000
-"""Columns of the file; each is tried in some twenty functions at every sensitivity."""
-
-
-def why_long(machine: Machine, data: Measurements | Scan, *, diagnosis: bool = False) -> str:
-    """Return one sentence on what will take long, and how to spend less; empty where nothing does.
-
-    Parameters
-    ----------
-    diagnosis : bool
-        Whether effects and forms are looked for, too.
-    """
-    targets = [t for t in machine.targets if {"target", f"target.{t.name}"} & set(machine.estimate)]
-    parameters = 3 * len(targets) + 4 * len(machine.joints)
-    work = 3 * data.rows * parameters**2
-    if work > (IN_A_DIAGNOSIS if diagnosis else MULTIPLICATIONS):
-        how_long = "minutes" if work > MULTIPLICATIONS else "a while"
-        if len(targets) <= TARGETS:
-            return f"This takes {how_long}: there are {data.rows} rows, and some {parameters} parameters."
-        return (
-            f"This takes {how_long}: {len(targets)} targets of unknown position make some {parameters} parameters for "
-            f"{data.rows} rows. Targets that [estimate] does not name keep the positions of the machine file."
-        )
-    if diagnosis and len(data.columns) > COLUMNS:
-        return (
-            f"This takes a while: each of {len(data.columns)} columns is tried as a cause. Leave out those that "
-            "cannot be one."
-        )
-    if diagnosis and len(machine.joints) > JOINTS:
-        return (
-            f"This takes a while: the effects of {len(machine.joints)} joints are tried, alone and together. "
-            "'rodgen add' tries a single one."
-        )
-    return ""
 
 
 def figures_for(path: str | None) -> Any:

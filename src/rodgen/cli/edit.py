@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import (
     OK,
@@ -33,13 +32,10 @@ from rodgen.cli._machine import (
     remark_on_rows,
 )
 from rodgen.cli._values import EditedMachine, InputFile
-from rodgen.document import Document, Table
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.files import write_file
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Estimate
-    from rodgen.calibration.ladder import Ladder, Rung
     from rodgen.machines.machine import Effect, Machine
 
 
@@ -153,7 +149,6 @@ def add_to(command: Command) -> None:
 
 
 def _add(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
     from rodgen.machines.rules import UnfitEffectError
     from rodgen.machines.typed_effects import assignments, effect_with, holding
@@ -172,10 +167,8 @@ def _add(options: argparse.Namespace) -> int:
     except UnfitEffectError as error:
         place = " ".join(["--hold", *error.key.split(".")[1:]])
         raise refused(place, error.found, error.expected) from None
-    machines = (machine, machine.with_effect(effect))
     words = (effect.name, effect.place or "")
-    change = Change(machines, effect, edited_text(options.machine, machines[1]), words)
-    return _done(options, carry_out(options, change))
+    return _done(options, (machine, machine.with_effect(effect)), effect, words)
 
 
 def _own(options: argparse.Namespace, machine: Machine, hold: Mapping[str, float]) -> Effect:
@@ -206,26 +199,14 @@ def _parameter(text: str) -> tuple[str, str]:
 
 
 def _remove(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
 
     machine = Machine.load(options.machine)
     place = options.joint or options.target
     changed = machine.without_effect(options.effect, place)
     effect = next(e for e in machine.effects if e.identity == (options.effect, place))
-    change = Change(
-        (machine, changed),
-        effect,
-        edited_text(options.machine, changed),
-        ("without", effect.name, effect.place or ""),
-        added=False,
-    )
-    return _done(options, carry_out(options, change))
-
-
-def _done(options: argparse.Namespace, written: Written) -> int:
-    show_result(options, written.to_dict, lambda: str(written))
-    return after_fits(written.converged)
+    words = ("without", effect.name, effect.place or "")
+    return _done(options, (machine, changed), effect, words)
 
 
 def _exclude(options: argparse.Namespace) -> int:
@@ -291,72 +272,38 @@ def _end(text: str) -> str | float:
         return text.strip()
 
 
-# the change, with its fits -----------------------------------------------------------------------------------------
+# the new file, and the fits ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Change:
-    """The change of a machine."""
+def _done(
+    options: argparse.Namespace, machines: tuple[Machine, Machine], effect: Effect, words: Sequence[str]
+) -> int:
+    """Write the new machine file, fit both machines when there are measurements, and show what there is to say."""
+    from rodgen.machines.files.edit import edited_text
+    from rodgen.views import plain
 
-    machines: tuple[Machine, Machine]  # as it was, and after the change
-    effect: Effect  # that is added or removed
-    text: str  # content of the new machine file
-    words: tuple[str, ...]  # for the name of the new file, when none is given
-    added: bool = True
-
-
-@dataclass(frozen=True)
-class Written:
-    """The new machine file, and the fits."""
-
-    change: Change
-    machine: str  # name of the file as it was
-    output: str  # name of the new file
-    ladder: Ladder | None  # the fits; None without measurements
-
-    @property
-    def converged(self) -> bool:
-        """Whether all fits converged."""
-        return self.ladder is None or all(rung.fit.solution.converged for rung in self.ladder.rungs)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the change as plain data."""
-        ladder = self.ladder.to_dict() if self.ladder else None
-        return {"file": self.output, **_described(self.change.effect), "ladder": ladder}
-
-    def __str__(self) -> str:
-        return "\n".join(self._lines())
-
-    def _lines(self) -> Iterator[str]:
-        effect, added = self.change.effect, self.change.added
-        yield f"{self.output}: {self.machine} {'with' if added else 'without'} {effect.title}"
-        if self.ladder is None:
-            if added:
-                yield ""
-                yield effect.definition.describe()
-            return
-        yield ""
-        yield str(self.ladder)
-        (rung,) = self.ladder.rungs[1:]
-        yield ""
-        yield rung.verdict
-        if added:
-            yield from _listed(_parameters(rung))
-        yield from _advice(effect, rung, added=added)
-
-
-def carry_out(options: argparse.Namespace, change: Change) -> Written:
-    """Write the new machine file, and fit all machines when there are measurements."""
-    output = write_machine(options, change.text, change.words)
-    ladder = None
+    output = write_machine(options, edited_text(options.machine, machines[1]), words)
+    added = effect in machines[1].effects
+    ladder, parts = None, [effect.definition.describe()] if added else []
     if options.data:
         from rodgen.calibration.ladder import ladder_of
 
-        data = load_data(options.data)
-        ladder = ladder_of(change.machines, data, loss=options.loss)
-        remark_on_rows(ladder.rungs[-1].fit.observations)
-        remark_on_readings(ladder.rungs[-1].fit)
-    return Written(change, options.machine, output, ladder)
+        ladder = ladder_of(machines, load_data(options.data), loss=options.loss)
+        rung = ladder.rungs[-1]
+        remark_on_rows(rung.fit.observations)
+        remark_on_readings(rung.fit)
+        parts = [str(ladder), str(rung)]
+    about = "effect=name place " + " ".join(f"{name}=definition.{name}" for name in _ABOUT)
+    title = f"{output}: {options.machine} {'with' if added else 'without'} {effect.title}"
+    show_result(
+        options,
+        lambda: {"file": output, **plain(effect, about), "ladder": ladder.to_dict() if ladder else None},
+        lambda: "\n\n".join([title, *parts]),
+    )
+    return after_fits(ladder is None or all(rung.fit.solution.converged for rung in ladder.rungs))
+
+
+_ABOUT = ("meaning", "usual_size", "remedy")
 
 
 def write_machine(options: argparse.Namespace, text: str, words: Sequence[str]) -> str:
@@ -374,37 +321,3 @@ def new_name(machine: str, words: Sequence[str]) -> str:
     while os.path.lexists(found):
         found, number = name_with(machine, (*words, str(number))), number + 1
     return found
-
-
-# words ------------------------------------------------------------------------------------------------
-
-
-def _described(effect: Effect) -> dict[str, Any]:
-    from rodgen.views import plain
-
-    about = ("meaning", "usual_size", "remedy")
-    return plain(effect, "effect=name place " + " ".join(f"{name}=definition.{name}" for name in about))
-
-
-def _parameters(rung: Rung) -> list[Estimate]:
-    """Return the parameters of the effect, then those of effects that were there, which change with it."""
-    fit = rung.fit
-    own = rung.parameters
-    others = [p.key for p in fit.parameters if p.effect is not None and p.key not in own]
-    found = [fit.estimates[key] for key in [*own, *others]]
-    waiting = {p.key for p in fit.parameters if p.optional}  # estimated only when the data call for it
-    return [e for e in found if not e.held or e.value or (e.key in own and e.key not in waiting)]
-
-
-def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
-    yield from [str(Document([Table((), [(e.key, e.text) for e in estimates])]))] * bool(estimates)
-
-
-def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:
-    """Describe the effect, and its remedy when the readings need it."""
-    definition = effect.definition
-    real = rung.step is not None and rung.step.needed
-    if added:
-        yield from definition.paragraphs("Meaning", "Usual size", *(["Remedy"] if real else []))
-    elif real:
-        yield "Without it the model is worse than it can be: keep it."

@@ -132,7 +132,7 @@ OPTIONS = (
     argument("SOURCE", "the file, or files", InputFile, nargs="+", dest="sources"),
     option("-o --output MACHINE.toml", "the machine file, unless a SOURCE is one", OutputFile),
     option("-d --data DATA", "the measurements: .csv, .csv.gz or .parquet", OutputFile),
-    plot("the machine's axes and targets, and the first readings, in space,"),
+    plot("the machine's axes and targets, and the first readings, in space"),
     repeated(
         "--column NAME=THEIRS",
         "of a table: what a column is, with sign, unit and offset, such as A='-A_axis [deg] + 90'",

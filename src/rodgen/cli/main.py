@@ -39,7 +39,7 @@ from rodgen.cli._console import (
 )
 from rodgen.cli._progress import Display, display
 from rodgen.cli._values import EditedMachine, InputFile, OutputFile, OutputFolder, OutputTable, StateFile
-from rodgen.errors import MOST_NAMES, InputFileError, NotConvergedError, RodgenError
+from rodgen.errors import MOST_NAMES, InputFileError, NotConvergedError, RodgenError, UnprovedError
 from rodgen.files import OutputSet
 from rodgen.stages import listening
 
@@ -154,8 +154,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         notify(str(refused(called, found, expected)))
         return BAD_INPUT
     except RodgenError as error:
-        from rodgen.cli.derivations import UnprovedError
-
         notify("; ".join(filter(None, [str(error), _of_other_form(error, options), _complete(completed)])))
         if isinstance(error, InputFileError) and error.file == "standard output":
             # Closed here, because the interpreter would try, and complain, once more at the exit.
