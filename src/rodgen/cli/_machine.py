@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 
 FILES = """\
-MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement, with a
-unit in brackets after each column's name:
+MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement:
 
   X [mm],C [deg],target,x [mm],y [mm],z [mm],t [s],T_C [degC],load [N],run
 """
@@ -31,17 +30,14 @@ DATA_OR_NONE = argument("DATA", "the measurements; '-' is CSV on standard input"
 LOSS = choice(
     "--loss",
     ("linear", "huber"),
-    "linear is least squares (default); huber finds outliers, reports them and sets them aside",
+    "linear is least squares (default); huber sets outliers aside",
     default="linear",
 )
 JSON = flag("--json", "print JSON, and nothing else, on standard output")
 SCHEDULER = option(
-    "--scheduler WHERE",
-    "where tasks run: threads (default), processes, either with =N, or a Dask scheduler: tcp://HOST:PORT",
+    "--scheduler WHERE", "threads (default), processes, either with =N, or Dask: tcp://HOST:PORT"
 )
-TEST = option(
-    "--test FILE", "further measurements, on which the error before and after is reported", InputFile
-)
+TEST = option("--test FILE", "further measurements: the error on them before and after", InputFile)
 PLACE = OneOf(
     option("--joint J", "the joint that the effect is at"),
     option("--target T", "the target that the effect is at"),

@@ -146,21 +146,16 @@ _BY_ORDER = ("instantaneous_euler.trajectory", "three_sps_s.follow")
 _UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]"}
 
 _TEXT = """\
-Call a function of rodgen on every row of a table, and write the table with the results added.
+Call a function of rodgen on every row of a table, CSV (gzip or not) or Parquet, and write it with the results added.
+'rodgen apply FUNCTION --help' shows what one does, the columns it reads and adds, and what --set sets. Each column has
+its unit in brackets, such as angle [deg]. Lengths are written in the unit of the first length column, angles in that of
+the first angle column. A column with the name of a result becomes 'given NAME'.
 
-  rodgen apply --list                      the functions
-  rodgen apply FUNCTION --help             what one does, the columns it reads and adds, and what --set sets
+--set gives an argument one value for all rows, with its unit: R=330mm, q=0,0,50mm or sequence=ZYZ. It also replaces
+columns: angle=90deg. NAME=column reads an argument that has a default. Where a row has several solutions, each has a
+row of its own, and column 'solution' says which of the function's slots it is, from 1; 0 where there is none.
 
-The table is CSV (gzip or not) or Parquet. Each column that is read has its unit in brackets, such as rho_x [mm] or
-angle [deg]: any unit of length or angle. Lengths are computed and written in the unit of the first length column,
-angles in that of the first angle column. Every column is kept; one with the name of a result becomes 'given NAME'.
-
-  --set NAME=VALUE gives an argument one value for all rows: numbers with commas between them and their units, such as
-  R=330mm, q=0,0,50mm or sequence=ZYZ. It also replaces columns, as angle=90deg does. NAME=column reads an argument
-  that has a default from the table.
-
-A status is written by its name. Where a row has several solutions, each has a row of its own, and column 'solution'
-says which of the function's slots it is, from 1; 0 where there is none.
+  rodgen apply tricept.pose points.csv --set R=330mm --set r=140mm -o rods.csv
 """
 
 

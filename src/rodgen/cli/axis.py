@@ -19,23 +19,15 @@ if TYPE_CHECKING:
 
 _FIT = """\
 Fit one axis to all rows of a table: its direction, a point on it, their uncertainties, and what the data do
-not determine. The exit code is 3 where they determine no single line.
-
-The table, CSV (gzip or not) or Parquet, has one of these headers, with a unit in brackets after a column's name; it
-may have further columns:
+not determine. The exit code is 3 where they determine no single line. The table, CSV (gzip or not) or Parquet, has
 
   rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]
-  rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],move
+             a pair of points a row, before and after a rotation by a known angle
+  the same with move in the place of angle
+             the angle is not known; rows of one label, three points or more, are one motion
   x [mm],y [mm],z [mm],qw,qx,qy,qz
-
-First: a pair of points a row, seen before and after a rotation by a known angle. Second: the angle is not known; three
-points or more of a body make a motion, whose rows have one label in the column move (without it, all rows are one
-motion). Third: a pose a row, of a body that turns and slides along one axis; an attitude may also be r11 ... r33,
-rx,ry,rz (axis times angle) or roll,pitch,yaw. Angle and slide of each motion are fitted with the axis.
-
-With --instantaneous, poses with their time, a column t [s]: the helical axis of the velocity at each of them.
-
-Any units of length and angle will do, also different ones in one table: um, m, inch, rad, arcsec, mrad, ...
+             a pose a row, of a body that turns and slides along one axis; also r11 ... r33, rx,ry,rz (axis times
+             angle) or roll,pitch,yaw; with --instantaneous and a column t [s]: the helical axis at each instant
 """
 
 
@@ -47,32 +39,22 @@ def add_to(command: Command) -> None:
         _FIT,
         argument("PAIRS", "the table; '-' is CSV on standard input", InputFile),
         option(
-            "--point free|origin|X,Y,Z",
-            "the point on the axis, where angles are known: fitted too (default), the origin, or this one, in the "
-            "unit of rho_x",
-            _point,
+            "--point free|origin|X,Y,Z", "a point on the axis, where angles are known; default: free", _point
         ),
-        option(
-            "--near X,Y,Z",
-            "give the point of the axis that is nearest to this one; default: nearest to the middle of the readings",
-            _coordinates,
-        ),
+        option("--near X,Y,Z", "give the point nearest to this one; default: to the middle", _coordinates),
         choice(
             "--loss",
             ("linear", "huber"),
-            "what a large residual costs, where angles are known: linear is least squares (default), huber resists "
-            "outliers",
+            "where angles are known: linear (default), or huber, which resists outliers",
         ),
         option(
             "--sigma LENGTH",
-            "standard uncertainty of one coordinate of one reading, with its unit, such as 0.01mm; "
-            "default: estimated from the residuals",
+            "standard uncertainty of a coordinate; default: by the residuals",
             quantity("--sigma", "0.01mm", positive=True),
         ),
         option(
             "--sigma-angle ANGLE",
-            "standard uncertainty of an attitude, or of a reading of the angle, which is then one that all rows of a "
-            "move share; goes with --sigma",
+            "standard uncertainty of an attitude or an angle; with --sigma",
             quantity("--sigma-angle", "0.01deg", dimension="angle", positive=True),
         ),
         flag("--instantaneous", "the axis at each instant of a trajectory, from poses with their time"),

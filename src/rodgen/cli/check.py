@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from rodgen.calibration.repairs import Repair
 
 _CHECK = f"""\
-Check whether a machine file and its measurements can belong together, before anything is explained by them. Where they
-cannot, what people get wrong is tried: signs and directions of axes, the order of joints and of columns, the
-handedness of the readings, degrees and radians, units of length, ratios, base and tool exchanged, the direction of
+Check whether a machine file and its measurements can belong together. Where they cannot, what people get wrong is
+tried: signs and directions of axes, the order of joints and of columns, handedness, units, ratios, base and tool,
 gravity, a target mounted anew in each run, rows shifted. The smallest change that puts the files right is named, with
 others that are equally probable. The exit code is 1 where something is wrong.
 
@@ -36,8 +35,8 @@ def add_to(command: Command) -> None:
         _CHECK,
         MACHINE,
         DATA,
-        option("-o --output REPAIRED.toml", "write the repaired machine file, with its comments", OutputFile),
-        option("--repaired-data FILE", "write the repaired data: .csv, .csv.gz or .parquet", OutputFile),
+        option("-o --output REPAIRED.toml", "write the repaired machine file", OutputFile),
+        option("--repaired-data FILE", "write the repaired data", OutputFile),
         JSON,
     )
 

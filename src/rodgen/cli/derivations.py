@@ -34,10 +34,7 @@ if TYPE_CHECKING:
 
 _DERIVE = """\
 Run a derivation, prove every statement in it, and print each formula with its verdict, the argument, and the time
-taken; what was found wrong in the source is refuted.
-
-The script is plain Python (jupytext percent format when it is to become a notebook) that leaves a
-rodgen.symbolic.Derivation in the module-level name 'derivation'.
+taken. A script is plain Python that leaves a rodgen.symbolic.Derivation in the module-level name 'derivation'.
 """
 
 _KERNELS = """\
@@ -66,7 +63,7 @@ def add_to(command: Command) -> None:
         choice(
             "--target",
             ("numpy", "c", "cpp", "matlab"),
-            "language, may be repeated: NumPy, C99, a C++17 header, MATLAB and GNU Octave (default: numpy and c)",
+            "language, may be repeated; default: numpy and c",
             action="append",
         ),
         flag("--check", "compare with what is there instead of writing"),

@@ -16,12 +16,9 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnosis import Diagnosis
 
 _DIAGNOSE = f"""\
-Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
-joint; the most probable set of them is named, each with its odds, and with the effects that these data cannot
-distinguish from it. What such machines most often have is more probable, unless --prefer says otherwise. An error
-that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data cannot tell"
-are possible answers. Outliers are left out, which -o notes in the new machine file, and the correlation of readings is
-estimated.
+Fit a machine, and find the physical effects that its model lacks: the most probable set of those of the catalogue, each
+with its odds, and with those that these data cannot distinguish from it. An error that none explains is given as a
+formula. "Nothing is missing" and "these data cannot tell" are possible answers. Outliers are left out.
 
 {FILES}
   rodgen diagnose mount.toml stars.csv -o better.toml
@@ -38,19 +35,14 @@ def add_to(command: Command) -> None:
         DATA,
         TEST,
         repeated(
-            "--prefer EFFECT[@PLACE]",
-            "name this effect first among what the data cannot tell apart; may be repeated",
-            _preferred,
+            "--prefer EFFECT[@PLACE]", "name this effect first among equals; may be repeated", _preferred
         ),
         option(
             "-o --output BETTER.toml",
-            "write the machine file with the effects that were found, and the outliers set aside, to be fitted, "
-            "added to or emitted",
+            "write the machine file with what was found, and outliers set aside",
             OutputFile,
         ),
-        repeated(
-            "--only N", "with -o: only this effect, counted from 1, forms last; may be repeated", whole(1)
-        ),
+        repeated("--only N", "with -o: only this effect, counted from 1; may be repeated", whole(1)),
         JSON,
         SCHEDULER,
     )

@@ -18,12 +18,9 @@ from rodgen.cli._machine import JSON
 from rodgen.document import Document, Facts, Paragraph, Part
 
 _DOCTOR = """\
-Show what this installation runs on: versions, the kernels and their instruction set, the C compiler for models that
-are made at run time, the cache in which these are kept, threads, and the browser that draws images. Attach the output
-to a report of a fault.
-
-The exit code is 1 if something is broken: the compiled kernels do not load, the compiler fails, or the cache cannot be
-used. Without compiled kernels or without a compiler rodgen runs on NumPy; that is slower, and not a fault.
+Show what this installation runs on, for a report of a fault: versions, kernels, the C compiler for models that are made
+at run time, their cache, threads, and the browser that draws images. The exit code is 1 if the compiled kernels do not
+load, the compiler fails, or the cache cannot be used. Without compiled kernels or a compiler rodgen runs on NumPy.
 """
 
 _VARIABLES = (

@@ -40,10 +40,9 @@ if TYPE_CHECKING:
 
 
 _ADD = f"""\
-Copy a machine file and add an effect of the catalogue or of your own formula; the rest of the file, including comments,
-is unchanged. What a diagnosis found is added by 'rodgen diagnose -o'. With DATA the machine is fitted without and with
-the effect: the error on the poses of the fit and on poses left out, compared with the noise, how many
-times as probable the readings are with the effect as without it, given all others, and its remedy.
+Copy a machine file and add an effect of the catalogue, or of your own formula; the rest of the file is unchanged. What
+a diagnosis found is added by 'rodgen diagnose -o'. With DATA the machine is fitted without and with it: the error on
+the poses of the fit and on poses left out, compared with the noise, the odds of the effect, and its remedy.
 
 {FILES}
   rodgen add mount.toml sag stars.csv --joint EL --formula "k*cos(2*q)" --parameter k=arcsec
@@ -56,9 +55,9 @@ error is shown with and without the effect.
 {FILES}"""
 
 _EXCLUDE = f"""\
-Copy a machine file and note in it rows of measurements that do not count: every command leaves them out, and says so.
---undo lets rows count again. DATA is not changed, and may grow; where the lines hold other measurements than now, it is
-an error. Which rows, and why, is under set_aside in [measured]; the rest of the file is unchanged.
+Copy a machine file and note in it, under set_aside in [measured], rows of measurements that do not count: every command
+leaves them out, and says so. --undo lets rows count again. DATA is not changed, and may grow; where the lines hold
+other measurements than now, it is an error.
 
 {FILES}
   rodgen exclude mount.toml stars.csv --rows 12,40-43 --why clouds -o mount.toml
@@ -73,9 +72,7 @@ uses it. The rest of the file, including comments, is unchanged. KEY is as 'rodg
 
 
 OUTPUT = option(
-    "-o --output NEW.toml",
-    "may be MACHINE itself; default: a new name in the same folder, which is printed",
-    EditedMachine,
+    "-o --output NEW.toml", "may be MACHINE itself; default: a new name, which is printed", EditedMachine
 )
 _EFFECT = argument("EFFECT", "its name; 'rodgen effects' lists them")
 _BEFORE_AND_AFTER = argument(
@@ -96,11 +93,7 @@ def add_to(command: Command) -> None:
                 "--rows N,N-N", "lines of a CSV file from 1, else rows from 0, such as 12,40-43", default=""
             ),
             option("--run NAME", "a run, as the column run names it", dest="of_run", default=""),
-            option(
-                "--where RULE",
-                "rows in which a column is <, <=, >, >=, = or != a value: 'EL < 20 deg'; several are joined by 'and'",
-                default="",
-            ),
+            option("--where RULE", "such as 'EL < 20 deg'; <, <=, >, >=, =, !=, joined by 'and'", default=""),
             flag("--all", "with --undo: all rows of DATA"),
             required=True,
         ),
@@ -131,16 +124,11 @@ def add_to(command: Command) -> None:
         _BEFORE_AND_AFTER,
         PLACE,
         repeated(
-            "--hold NAME=VALUE",
-            "a parameter that is not estimated, in the units of the machine file or with its own: k2=0, b=12arcsec; "
-            "may be given several times",
+            "--hold NAME=VALUE", "a parameter that is not estimated, such as b=12arcsec; may be repeated"
         ),
-        option("--formula FORMULA", "of an effect of your own, which gets the name EFFECT: 'k*cos(q)'"),
-        option(
-            "--component WHAT",
-            "what a formula changes: the reading (default) of the joint, or tx, ty, tz, rx, ry or rz",
-        ),
-        repeated("--parameter NAME=UNIT", "of a formula, such as k=arcsec; may be given several times"),
+        option("--formula FORMULA", "of an effect of your own, named EFFECT: 'k*cos(q)'"),
+        option("--component WHAT", "what it changes: the reading (default), tx, ty, tz, rx, ry or rz"),
+        repeated("--parameter NAME=UNIT", "of a formula, such as k=arcsec; may be repeated"),
         OUTPUT,
         LOSS,
         JSON,

@@ -37,17 +37,10 @@ def add_to(command: Command) -> None:
         _EMIT,
         MACHINE,
         DATA_OR_NONE,
-        choice(
-            "--lang",
-            FORMS,
-            "C99, C++17, MATLAB and GNU Octave, Python with NumPy or JAX, or one of the forms above",
-            required=True,
-        ),
+        choice("--lang", FORMS, "the language, or one of the forms above", required=True),
         option("-o --output FOLDER", "default: %(default)s", OutputFolder, default="build"),
         option(
-            "--into ROBOT.urdf",
-            "with --lang urdf: the URDF that was imported; it is written with corrected origins, and else as it is",
-            InputFile,
+            "--into ROBOT.urdf", "with --lang urdf: the URDF that was imported, to be corrected", InputFile
         ),
         LOSS,
         flag("--force", "write code for a machine that cannot be right, too, and over files of others"),

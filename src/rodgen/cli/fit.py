@@ -19,9 +19,8 @@ what the measurements do not determine.
 
 
 _COMPARE = f"""\
-Fit a machine, and compare the residuals with everything that was recorded: each joint, direction of approach, time,
-run, temperatures, load, further columns, and the position in the workspace. Shows where the model is worst, and how
-much of the error each of them explains.
+Fit a machine, and compare the residuals with everything that was recorded: where the model is worst, and how much of
+the error each joint, approach, time, run, temperature, load, column, and place in the workspace explains.
 
 {FILES}"""
 
@@ -34,17 +33,9 @@ def add_to(command: Command) -> None:
         _FIT,
         MACHINE,
         DATA,
-        option(
-            "-o --output FITTED.toml",
-            "write the machine with the fitted values, and nothing to estimate",
-            OutputFile,
-        ),
+        option("-o --output FITTED.toml", "write the machine with the fitted values", OutputFile),
         LOSS,
-        option(
-            "--residuals FILE",
-            ".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
-            OutputFile,
-        ),
+        option("--residuals FILE", "write the table, with predictions and residuals added", OutputFile),
         JSON,
         SCHEDULER,
     )
@@ -55,11 +46,7 @@ def add_to(command: Command) -> None:
         MACHINE,
         DATA,
         LOSS,
-        option(
-            "--plot PLACE",
-            "draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
-            _place,
-        ),
+        option("--plot PLACE", "draw the residuals: an HTML page, or a folder for PNG and SVG", _place),
         JSON,
         SCHEDULER,
     )

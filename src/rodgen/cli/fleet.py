@@ -21,11 +21,11 @@ from rodgen.cli._values import InputFile, OutputFolder, frequency, whole
 
 _FLEET = """\
 Diagnose every machine of a fleet, and say which effects are common, which machines are odd, and what changes from night
-to night. MACHINES and DATA are folders, in which a machine file (NAME.toml) and its measurements (NAME.csv) have the
-same name; one machine file for all measurements will do.
+to night. In the folders MACHINES and DATA a machine file (NAME.toml) and its measurements (NAME.csv) have the same
+name; one machine file for all measurements will do.
 
-RESULTS gets one file for each machine. What is there, from the same files, is not diagnosed again, so that a run that
-was ended goes on where it was. A machine that cannot be diagnosed is named, and the others go on.
+RESULTS gets one file for each machine. What is there, from the same files, is not diagnosed again. A machine that
+cannot be diagnosed is named, and the others go on.
 
   rodgen fleet robot.toml tonight/ -o results-26/ --history results-24/ --history results-25/
 """
@@ -40,23 +40,16 @@ def add_to(command: Command) -> None:
         argument("MACHINES", "a folder of machine files, or one file", InputFile),
         argument("DATA", "a folder of measurements", InputFile),
         option("-o --output RESULTS", "the folder of results", OutputFolder, required=True),
-        repeated(
-            "--history RESULTS",
-            "the folder of earlier results, to compare the nights; may be given several times",
-            InputFile,
-        ),
+        repeated("--history RESULTS", "earlier results, to compare the nights; may be repeated", InputFile),
         option("--date YYYY-MM-DD", "when the machines were measured; default: today"),
         option(
             "--false-alarms N/TIME",
-            "how often an alarm of the whole fleet may come by chance; default: 1/year",
+            "alarms of the whole fleet by chance; default: 1/year",
             frequency,
             default="1/year",
         ),
-        option("--jobs N", "processes of this computer; default: one for each processor", whole(1)),
-        option(
-            "--scheduler WHERE",
-            "a Dask scheduler instead of --jobs, tcp://HOST:PORT, whose workers read files by the same names",
-        ),
+        option("--jobs N", "processes; default: one for each processor", whole(1)),
+        option("--scheduler WHERE", "a Dask scheduler in the place of --jobs: tcp://HOST:PORT"),
         JSON,
     )
 

@@ -30,21 +30,16 @@ if TYPE_CHECKING:
 
 _IMPORT = """\
 Make a machine file of a file in another form, and measurements where it has readings; say what was taken for what, and
-check the two files.
+check the two files. SOURCE is
+
+  a robot in URDF, from the link --base to the link --tip; or a Denavit-Hartenberg table: CSV or TOML
+  a pointing run of TPOINT, formats 1 to 4, or the log of the MMT's mount; a model of TPOINT, alone or with a run
+  the printer.cfg of a delta printer (Klipper); the probe log of Klipper, Marlin or RepRapFirmware, with that or a
+  machine file
+  a machine file, or one of these, with tables of readings: CSV or other text, .xlsx or .mat; one, or one a target or
+  run. Columns are known by their names, by --column, or by [columns] of the machine file.
 
   rodgen import machine.toml readings.xlsx -d data.csv --column A="-A_axis [deg]" --units mm,deg
-
-SOURCE is
-  a robot in URDF: the chain of joints from the link --base to the link --tip. Lengths become mm, limits travels;
-  fixed joints are part of what they join.
-  a pointing run of TPOINT: alt-azimuth or equatorial, formats 1 to 4; or the log of the MMT's mount.
-  a Denavit-Hartenberg table, CSV with the columns theta, d, a and alpha; or TOML.
-  a model of TPOINT, alone or with a run: its terms become effects with held parameters.
-  the printer.cfg of a delta printer (Klipper), with the heights that DELTA_CALIBRATE saved, or with a probe log: of
-  Klipper (PROBE), Marlin (G30) or RepRapFirmware (heightmap.csv). A log goes with a machine file, too.
-  a machine file, or one of these, with tables of readings: CSV or other text, .xlsx or .mat; one file, or one a target
-  or a run. Columns are known by their names, by --column, or by [columns] of the machine file: joints; x y z, or
-  x1 y1 z1 x2 … of several targets; roll pitch yaw, rx ry rz or qw qx qy qz; az el or ha dec; target, run, t, T_air, …
 """
 
 
@@ -133,34 +128,20 @@ OPTIONS = (
     option("-o --output MACHINE.toml", "the machine file, unless a SOURCE is one", OutputFile),
     option("-d --data DATA", "the measurements: .csv, .csv.gz or .parquet", OutputFile),
     plot("the machine's axes and targets, and the first readings, in space"),
-    repeated(
-        "--column NAME=THEIRS",
-        "of a table: what a column is, with sign, unit and offset, such as A='-A_axis [deg] + 90'",
-    ),
-    option(
-        "--joints FIRST",
-        "of a table: the column of the machine's first joint, such as q1; q2, q3 … are the others in their order",
-    ),
+    repeated("--column NAME=THEIRS", "of a table: what a column is, such as A='-A_axis [deg] + 90'"),
+    option("--joints FIRST", "of a table: the column of the first joint, such as q1, then q2, q3 …"),
     option(
         "--units LENGTH,ANGLE[,DEVIATION]",
-        "of a table: units of columns without, such as mm,deg; of a table of deviations also theirs: mm,deg,um",
+        "of a table: units of columns without, such as mm,deg or mm,deg,um",
     ),
-    option(
-        "--ballbar PLANE=RADIUS",
-        "of a table with angle and radius, or its deviation: the circle, such as XY=150mm",
-    ),
+    option("--ballbar PLANE=RADIUS", "of a table with angle and radius: the circle, such as XY=150mm"),
     option("--base LINK", "of a URDF: the link that stands still; default: the root"),
     option("--tip LINK", "of a URDF: the link that is measured; default: the only leaf"),
-    choice(
-        "--convention",
-        ("standard", "modified"),
-        "of a Denavit-Hartenberg table that does not tell: the link after each joint, or before it",
-    ),
+    choice("--convention", ("standard", "modified"), "of a Denavit-Hartenberg table that does not tell"),
     choice(
         "--estimate",
         ("target", "geometry"),
-        "of a URDF or a Denavit-Hartenberg table: what a fit adjusts; geometry is axes and points of all joints, "
-        "too, to calibrate the robot itself",
+        "of a robot: what a fit adjusts; geometry is axes and points, too",
         default="target",
     ),
     choice(
@@ -170,10 +151,7 @@ OPTIONS = (
         default="south",
     ),
     choice(
-        "--format",
-        (1, 2, 3, 4),
-        "of a pointing run: TPOINT's format of its lines, where their numbers could be of two",
-        type=int,
+        "--format", (1, 2, 3, 4), "of a pointing run: TPOINT's format, where it could be of two", type=int
     ),
     option("--latitude ANGLE", "of an equatorial mount, where no run gives it, such as 31.7deg"),
 )

@@ -77,7 +77,7 @@ _GROUPS: dict[str, dict[str, tuple[str, str]]] = {
     "functions of arrays, on tables": {
         "apply": ("apply", "a function on the rows of a table"),
         "fit-axis": ("axis", "one axis from pairs of points, or from poses"),
-        "mechanism": ("mechanism", "forward and reverse analysis of robots and loops"),
+        "mechanism": ("mechanisms", "forward and reverse analysis of robots and loops"),
     },
     "equations": {
         "derive": ("derivations", "run a derivation and print its report"),

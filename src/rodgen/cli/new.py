@@ -11,14 +11,11 @@ from rodgen.errors import in_file
 from rodgen.files import write_file
 
 _NEW = """\
-Write a machine file with comments, to be changed to your machine.
+Write a machine file with comments, to be changed to your machine. Without KIND the kinds are listed. CODE is that of
+ISO 10791: the axes in order from the workpiece w over the bed b to the tool t. Of a machine tool the tool is measured,
+in the workpiece's axes; with --balls, balls on its table as the spindle probes them; with --ballbar, distances.
 
   rodgen new table-table --code "[w C B b X Y Z t]" --balls 3 -o machine.toml
-
-Without KIND the kinds are listed. CODE is that of ISO 10791: the axes in order from the
-workpiece w over the bed b to the tool t. With --balls the measurements are the places of balls on its table, as the
-spindle probes them, in the linear axes; with --ballbar distances of the tool from a ball on it; else they are those of
-the tool, in the workpiece's axes.
 """
 
 
@@ -28,7 +25,7 @@ def add_to(command: Command) -> None:
         "new",
         _run,
         _NEW,
-        argument("KIND", "what kind of machine; left out, the kinds are listed", nargs="?"),
+        argument("KIND", "of machine; left out, the kinds are listed", nargs="?"),
         option("-o --output MACHINE.toml", "default: standard output", OutputFile),
         option("--code CODE", "of a machine tool, such as '[w C A b X Y Z t]'"),
         option(
@@ -36,11 +33,7 @@ def add_to(command: Command) -> None:
             "of an equatorial mount, such as 31.7deg",
             quantity("--latitude", "31.7deg", dimension="angle"),
         ),
-        option(
-            "--balls N",
-            "of a machine tool: N balls on the table are measured, by a probe in the spindle",
-            whole(1, 1000),
-        ),
+        option("--balls N", "of a machine tool: balls on the table are probed", whole(1, 1000)),
         flag("--ballbar", "of a machine tool: the distance from a ball on the table is measured"),
     )
 

@@ -28,10 +28,7 @@ def add_to(command: Command) -> None:
         _run,
         _OPEN,
         argument(
-            "MACHINE",
-            "the machine file, or a session; left out, the page offers examples and files",
-            InputFile,
-            nargs="?",
+            "MACHINE", "the machine file, or a session; left out, examples and files", InputFile, nargs="?"
         ),
         argument("DATA", "the measurements; a session knows its own", InputFile, nargs="?"),
         flag("--no-browser", "print the address only"),

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 
 _PLAN = f"""\
 Plan what to measure next: readings within the machine's travel that distinguish the effects which the data cannot tell
-apart, or that determine what is undetermined; with --for, those that sharpen chosen parameters. The plan says what they
-decide, how well, what no reading in reach can, and what limits it. The rows are a measurement file that lacks only the
-readings: measure them in this order, and add them to the data.
+apart, or that determine what is undetermined; with --for, those that sharpen chosen parameters. The plan says how well
+they decide, and what no reading in reach can. Measure its rows in their order, and add them to the data.
 
 {FILES}
   rodgen plan mount.toml stars.csv -n 12 -o next.csv
@@ -33,30 +32,15 @@ def add_to(command: Command) -> None:
         _PLAN,
         MACHINE,
         DATA,
-        option(
-            "-n N",
-            "readings at most, 12 when left out; fewer where they are enough to tell effects apart",
-            whole(1, 500),
-            dest="count",
-            default=12,
-        ),
+        option("-n N", "readings at most; default: 12", whole(1, 500), dest="count", default=12),
         option("-o --output PLAN.csv", "write the rows, if any, as a measurement file", OutputFile),
         repeated(
-            "--for KEY",
-            "sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
-            "need not have yet; may be repeated; no diagnosis is made then",
-            dest="wanted",
+            "--for KEY", "sharpen C.axis.a, or an effect, such as C.backlash; may be repeated", dest="wanted"
         ),
         option(
-            "--constraints LIMITS.toml",
-            "where readings can be taken: limits of joints, regions, boxes to keep out of, balls of an artefact",
-            InputFile,
+            "--constraints LIMITS.toml", "limits of joints, regions, boxes to keep out of, balls", InputFile
         ),
-        option(
-            "--poses POSES.csv",
-            "choose readings from this list, a measurement file without readings",
-            InputFile,
-        ),
+        option("--poses POSES.csv", "choose readings from this measurement file", InputFile),
         LOSS,
         JSON,
     )

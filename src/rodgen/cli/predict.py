@@ -16,16 +16,12 @@ if TYPE_CHECKING:
 
 _PREDICT = """\
 Fit a machine to measurements, and predict its positions at other commands, with their standard uncertainty from the
-fit: U_y = J U_x J^T, with the covariance U_x of the fitted parameters. Where successive poses, or the readings of one
-pose, share errors, U_x allows for that.
+fit: U_y = J U_x J^T. It does not include what the model lacks.
 
 DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
 T_..., load, run). The output is the same table with the predicted places, their model_u_..., and "determined": 0 where
-the measurements do not determine the position. The uncertainty does not include what the model lacks. It has two
-significant digits, and the place as many decimals. For a certificate, --coverage 2 writes expanded uncertainties
-model_U_..., k = 2 times the standard ones.
-
-Where DESIGN are many Parquet files, a pattern, a folder or an address, the output is a new folder of such.
+the measurements do not determine the position. Where DESIGN are many Parquet files, a pattern, a folder or an address,
+the output is a new folder of such.
 """
 
 

@@ -15,16 +15,12 @@ from rodgen.files import is_device
 from rodgen.stages import stage
 
 _REPORT = f"""\
-Diagnose a machine, plan what to measure next, and write both as one HTML page: the verdict, the error from model to
-model, the residuals before and after, the candidates, what the numbers mean in hardware. The page needs no network; its
-figures can be zoomed, and saved as PNG and SVG. --images needs Chrome or Chromium.
+Diagnose a machine, plan what to measure next, and write both as one HTML page, which needs no network; its figures can
+be zoomed, and saved as PNG and SVG. Of the results of a fleet, a folder in the place of both files, it shows what
+'rodgen fleet' says. --images needs Chrome or Chromium.
 
 {FILES}
   rodgen report table.toml balls.csv -o report.html --radius C=40mm
-
-Of the results of a fleet, a folder in the place of both, the page shows what 'rodgen fleet' says:
-
-  rodgen report results/ -o fleet.html
 """
 
 
@@ -38,13 +34,8 @@ def add_to(command: Command) -> None:
         DATA_OR_NONE,
         option("-o --output PAGE.html", "the page", OutputFile, required=True),
         TEST,
-        option(
-            "--images FOLDER", "write the page's figures into this folder, too, as PNG and SVG", OutputFolder
-        ),
-        repeated(
-            "--radius JOINT=LENGTH",
-            "radius of a joint's scale, such as C=40mm: an eccentricity is then given in micrometres",
-        ),
+        option("--images FOLDER", "write the page's figures there, too, as PNG and SVG", OutputFolder),
+        repeated("--radius JOINT=LENGTH", "of a joint's scale, such as C=40mm; may be repeated"),
     )
 
 

@@ -26,17 +26,14 @@ from rodgen.errors import InputFileError, counted
 from rodgen.files import write_file
 
 _SIMULATE = """\
-Simulate measurements of a machine with effects that its file does not have, to test the tools:
-
-  rodgen simulate machine.toml design.csv --hidden -o data.csv --truth truth.json
-
-DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
-T_..., load, run). The output is the same table with readings: order, other columns and text are kept. The truth goes
-to a JSON file of its own; --open prints it.
+Simulate measurements of a machine with effects that its file does not have, to test the tools. DESIGN is a measurement
+file that needs no readings: what is commanded, and what else the effects depend on (target, t, T_..., load, run). The
+output is the same table with readings. The truth goes to a JSON file of its own; --open prints it.
 
 An effect is NAME@JOINT:a=12arcsec,b=3arcsec, or NAME@TARGET:..., or NAME:... for one of the whole machine. Numbers
-without a unit are in the units of the machine file, and parameters that are not given are zero. NAME@JOINT without
-parameters gets a size that is visible in the data.
+without a unit are in the units of the machine file. Without parameters it gets a size that is visible in the data.
+
+  rodgen simulate machine.toml design.csv --hidden -o data.csv --truth truth.json
 """
 
 
@@ -50,12 +47,9 @@ def add_to(command: Command) -> None:
         argument("DESIGN", "what is commanded", InputFile, nargs="?"),
         repeated("--effect EFFECT", "an effect that is in the data; may be given several times"),
         flag("--hidden", "draw an effect of the catalogue that shows in this design"),
-        option(
-            "--noise SIZE",
-            "standard deviation of a reading, such as 2um or 0.5arcsec; default: what DESIGN or MACHINE state",
-        ),
+        option("--noise SIZE", "standard deviation of a reading; default: what the files state"),
         option("--seed N", "the same number gives the same data", whole(0)),
-        option("-o --output DATA", ".csv, .csv.gz or .parquet; default: CSV on standard output", OutputTable),
+        option("-o --output DATA", "default: CSV on standard output", OutputTable),
         option("--truth TRUTH.json", "what is hidden; needed with --hidden", OutputFile),
         option("--open TRUTH.json", "print what was hidden; takes no other files", InputFile),
         JSON,

@@ -34,15 +34,11 @@ LEARNED = 200
 _GO_ON = ("go-on", "stop")
 
 _WATCH = f"""\
-Compare new readings of a machine with what it was, as they come, and report when something has changed: what it looks
-like, by how much, and since when. The reference is a fit to the measurements of --reference, or to the first {LEARNED}
-rows of DATA. An alarm comes by chance no more often than --false-alarms says, however long the watch is.
-
-DATA is a measurement file that may grow (--follow), or '-', CSV on standard input.
+Compare new readings of a machine with what it was, as they come, and report what has changed, by how much, and since
+when. The reference is a fit to --reference, or to the first {LEARNED} rows of DATA, a measurement file that may grow
+(--follow), or '-', CSV on standard input. The exit code is 1 where there was an alarm.
 
   rodgen watch arm.toml readings.csv --reference calibration.csv --follow --state arm.watch
-
-The exit code is 1 where there was an alarm.
 """
 
 
@@ -57,39 +53,21 @@ def add_to(command: Command) -> None:
         option("--reference FILE", "measurements of the machine as it should stay", InputFile),
         option(
             "--learn ROWS",
-            f"without --reference, rows of DATA that are the reference (default: {LEARNED})",
+            "rows of DATA that are the reference where there is none; default: 200",
             whole(1),
             default=LEARNED,
         ),
         flag("--follow", "wait for more rows at the end of DATA, until Ctrl-C"),
-        option(
-            "--rate N/TIME",
-            "how often readings come, such as 100/h; default: by the column t, or 100/h",
-            frequency,
-        ),
+        option("--rate N/TIME", "how often readings come; default: by the column t, or 100/h", frequency),
         option(
             "--false-alarms N/TIME",
-            "how often an alarm may come while nothing changes (default: 1/year)",
+            "alarms while nothing changes; default: 1/year",
             frequency,
             default="1/year",
         ),
-        choice(
-            "--on-alarm",
-            _GO_ON,
-            "after an alarm: say so and go on (default), or end after the first alarm",
-            default="go-on",
-        ),
-        choice(
-            "--on-bad-row",
-            _GO_ON,
-            "at a row that cannot be read: say so and go on (default), or end with an error",
-            default="go-on",
-        ),
-        option(
-            "--state FILE",
-            "keep there what was seen, with --reference; a later call goes on from it",
-            StateFile,
-        ),
+        choice("--on-alarm", _GO_ON, "after an alarm; default: go on", default="go-on"),
+        choice("--on-bad-row", _GO_ON, "at a row that cannot be read; default: go on", default="go-on"),
+        option("--state FILE", "keep there what was seen, for a later call; needs --reference", StateFile),
         JSON,
     )
 
