@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from rodgen.cli import main as cli
-from rodgen.cli.derivations import load_derivation
+from rodgen.codegen.scripts import load_derivation
 
 HERE = Path(os.path.relpath(Path(__file__).resolve().parent))
 MOUNT = HERE / "machines/mount"

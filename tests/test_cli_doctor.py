@@ -17,8 +17,8 @@ from pathlib import Path
 import pytest
 
 import rodgen
-from rodgen.cli._console import EXTRAS
 from rodgen.codegen import build_cache
+from rodgen.installation import EXTRAS
 
 PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
 Run = Callable[..., tuple[int, str, str]]

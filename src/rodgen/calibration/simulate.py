@@ -10,7 +10,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -514,3 +515,37 @@ def read_truth(path: str | os.PathLike[str]) -> dict[str, Any]:
     except (ValueError, TypeError, KeyError, RecursionError):
         raise InputFileError(file, "file", "no truth of a simulation", TRUTH_FILE) from None
     return dict(truth)
+
+
+def truth_as_text(truth: Mapping[str, Any], file: str) -> str:
+    """Return a truth that was read from a file as sentences.
+
+    Raises
+    ------
+    InputFileError
+        When a part of it is not there.
+    """
+    try:
+        return "\n".join(_lines(truth))
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise InputFileError(file, "file", "no whole truth of a simulation", TRUTH_FILE) from None
+
+
+def _lines(truth: Mapping[str, Any]) -> Iterator[str]:
+    noise, change = truth["noise"], truth["change"]
+    said = f"noise {noise['rms']:.3g} {noise['unit']}"
+    yield f"{truth['machine']} through {truth['design']}, seed {truth['seed']}, {said}"
+    if not truth["effects"]:
+        yield "Nothing is hidden: noise alone."
+    for effect in truth["effects"]:
+        at = f" at {effect['place']}" if effect["place"] else ""
+        yield f"{effect['effect']}{at}"
+        for key, number in effect["parameters"].items():
+            unit = "" if number["unit"] == "1" else f" {number['unit']}"
+            yield f"  {key}  {number['value']:.6g}{unit}"
+        yield from textwrap.wrap(effect["meaning"], 100, initial_indent="  ", subsequent_indent="  ")
+    if truth["effects"]:
+        yield (
+            f"A reading changes by {change['rms']:.3g} {change['unit']} (rms), of which a fit of the machine without "
+            f"it leaves {change['left_by_a_fit']:.3g}."
+        )

@@ -33,24 +33,6 @@ exit codes:
 # control characters but tab and line feed, and those that turn the direction of writing
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
-EXTRAS = {
-    "sympy": "derive",
-    "jinja2": "derive",
-    "pint": "tables",
-    "pyarrow": "tables",
-    "scipy": "machines",
-    "threadpoolctl": "machines",
-    "plotly": "plot",
-    "kaleido": "plot",
-    "choreographer": "plot",
-    "shtab": "completion",
-    "erfa": "import",
-    "openpyxl": "import",
-    "nicegui": "app",
-    "uvicorn": "app",
-}
-"""Modules that only some commands need, and the extra that installs them."""
-
 
 def after_fits(converged: bool) -> int:
     """Return the exit code of a command that fits, and say so where a fit did not converge."""

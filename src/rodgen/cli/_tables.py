@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -58,7 +57,7 @@ def map_rows(
     int
         The exit code.
     """
-    from rodgen.data.tables import Column, Result, map_table
+    from rodgen.data.tables import Column, Result, map_files, map_table
     from rodgen.data.tables.parts import is_many
 
     def prepared(unit: str) -> Any:
@@ -71,43 +70,13 @@ def map_rows(
             raise InputFileError(
                 options.table, "file", "many files", "one: results depend on the rows before"
             )
-        summary = _map_files(
+        summary = map_files(
             options.table, options.output, lambda file, to: map_table(file, to, given, prepared)
         )
-        conclude(_counted(options.table, summary))
-        return OK
-    conclude(_counted(options.table, map_table(options.table, options.output, given, prepared)))
+    else:
+        summary = map_table(options.table, options.output, given, prepared)
+    conclude(_counted(options.table, summary))
     return OK
-
-
-def _map_files(table: str, output: str | None, map_one: Callable[[str, str], MapSummary]) -> MapSummary:
-    """Add results to many files, each where it is read, and write them into a new folder; count all of them.
-
-    Parameters
-    ----------
-    map_one : callable
-        Does it for one file, given its name and that of the output.
-    """
-    from rodgen.data.tables.mapped import MapSummary
-    from rodgen.data.tables.parts import parts_of
-    from rodgen.files import new_folder
-    from rodgen.schedulers import workers
-
-    if output in {None, "-"}:
-        raise InputFileError(table, "file", "standard output for many files", "a new folder: -o FOLDER")
-    parts, _ = parts_of(table)
-    if parts[0].filesystem is not None:
-        raise InputFileError(table, "file", "an address", "files of this computer")
-    total = MapSummary()
-    with new_folder(str(output)) as into, workers() as some:
-        files = list(dict.fromkeys(part.path for part in parts))
-        outputs = [str(into / f"{k:05d}-{os.path.basename(file)}") for k, file in enumerate(files)]
-        pairs = list(zip(files, outputs, strict=True))
-        for _, found in some.each("files", lambda pair: map_one(*pair), pairs):
-            total.rows += found.rows
-            for name, count in found.counts.items():
-                total.counts[name] = total.counts.get(name, 0) + count
-    return total
 
 
 def _counted(table: str, summary: MapSummary) -> str:

@@ -5,17 +5,27 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import NOT_CONVERGED, OK, Command, argument, choice, flag, option, show, show_json
+from rodgen.cli._console import (
+    NOT_CONVERGED,
+    OK,
+    Command,
+    argument,
+    arguments_as_options,
+    choice,
+    flag,
+    option,
+    refused,
+    show,
+    show_json,
+)
 from rodgen.cli._machine import figures_for, plot
 from rodgen.cli._values import InputFile, OutputFile, quantity
-from rodgen.errors import InputFileError, RodgenError, joined, shown
+from rodgen.errors import shown
 
 if TYPE_CHECKING:
-    from rodgen.array_types import Array
-    from rodgen.data.tables import Pairs, Poses
-    from rodgen.kinematics.axis_fit import AxisFit, InstantaneousAxes
+    pass
 
 _FIT = """\
 Fit one axis to all rows of a table: its direction, a point on it, their uncertainties, and what the data do
@@ -83,26 +93,28 @@ def _point(text: str) -> str | tuple[float, ...]:
 
 
 def _fit_axis(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import Pairs, read_motions
+    from rodgen.calibration.axis_of_table import fit_axis_of
+    from rodgen.data.tables import read_motions, write_columns
     from rodgen.kinematics.axis_fit import AxisFitStatus
 
     figures = figures_for(options.plot)
     table = read_motions(options.pairs)
-    sigma = options.sigma.to(table.unit)[0] if options.sigma else None
-    if options.instantaneous and (isinstance(table, Pairs) or table.time is None):
-        raise InputFileError(table.file, "columns", "no poses with their time", "poses and t [s]")
-    exact = isinstance(table, Pairs) and table.angle is not None and not options.sigma_angle
-    _check_options(options, exact)
-    try:
-        fit: Any = _fit(table, options, sigma)
-        if options.output:
-            from rodgen.data.tables import write_columns
-
-            write_columns(options.output, fit.columns(table.unit))
-    except InputFileError:
-        raise
-    except RodgenError as error:
-        raise RodgenError(f"{options.pairs}: {error}") from None
+    if options.plot and options.instantaneous:
+        raise refused("--plot", "--instantaneous", "it with one axis of all rows")
+    if options.output and not options.instantaneous:
+        raise refused("--output", "no --instantaneous", "both, for the table of all instants")
+    with arguments_as_options():
+        fit: Any = fit_axis_of(
+            table,
+            point=options.point,
+            near=options.near,
+            loss=options.loss,
+            sigma=options.sigma.to(table.unit)[0] if options.sigma else None,
+            sigma_angle=options.sigma_angle.to("rad")[0] if options.sigma_angle else None,
+            instantaneous=options.instantaneous,
+        )
+    if options.output:
+        write_columns(options.output, fit.columns(table.unit))
     if figures:
         figures.save_figure(figures.axis_fit(fit, table), options.plot)
     if options.json:
@@ -111,49 +123,3 @@ def _fit_axis(options: argparse.Namespace) -> int:
         show(f"{options.pairs}, lengths in {table.unit}")
         show(fit.summary() if options.instantaneous else fit.summary(table.places))
     return OK if options.instantaneous or fit.status < AxisFitStatus.TWO_AXES else NOT_CONVERGED
-
-
-def _check_options(options: argparse.Namespace, exact: bool) -> None:
-    for name in () if exact else ("point", "loss"):
-        if getattr(options, name) is not None:
-            raise InputFileError(
-                "command line", f"--{name}", "a table without known angles",
-                "it with pairs of points and a column angle",
-            )  # fmt: skip
-    if options.near is not None and options.point not in (None, "free"):
-        raise InputFileError("command line", "--near", "a known point", "it with a point that is fitted")
-    if options.plot and options.instantaneous:
-        raise InputFileError("command line", "--plot", "--instantaneous", "it with one axis of all rows")
-    if options.output and not options.instantaneous:
-        raise InputFileError(
-            "command line", "--output", "no --instantaneous", "both, for the table of all instants"
-        )
-
-
-def _fit(
-    table: Pairs | Poses, options: argparse.Namespace, sigma: float | None
-) -> AxisFit | InstantaneousAxes:
-    from rodgen.calibration.problem.attitudes import UnfitAttitudeError, matrices
-    from rodgen.data.notations import NOTATIONS
-    from rodgen.data.tables import Pairs
-    from rodgen.kinematics.axis_fit import fit_axis, fit_pose_axis, instantaneous_axes
-
-    noise = {
-        "sigma": sigma,
-        "sigma_angle": options.sigma_angle.to("rad")[0] if options.sigma_angle else None,
-        "origin": options.near,
-    }
-    if isinstance(table, Pairs):
-        point = "free" if options.point is None else options.point
-        loss = options.loss or "linear"
-        return fit_axis(
-            table.rho, table.rho_prime, table.angle, move=table.move, point=point, loss=loss, **noise
-        )
-    try:
-        attitudes = matrices(table.notation, table.attitude)
-    except UnfitAttitudeError as error:
-        place = f"{table.places([error.row])}, columns {joined(NOTATIONS[table.notation])}"
-        raise InputFileError(table.file, place, error.found, error.expected) from None
-    if options.instantaneous:
-        return instantaneous_axes(cast("Array", table.time), table.position, attitudes, **noise)
-    return fit_pose_axis(table.position, attitudes, **noise)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -296,16 +295,8 @@ _ABOUT = ("meaning", "usual_size", "remedy")
 
 def write_machine(options: argparse.Namespace, text: str, words: Sequence[str]) -> str:
     """Write the new machine file, without --output under a name with these words; return its name."""
-    output: str = options.output or new_name(options.machine, words)
+    from rodgen.machines.files.edit import unused_name
+
+    output: str = options.output or unused_name(options.machine, words)
     write_file(output, text.encode())
     return output
-
-
-def new_name(machine: str, words: Sequence[str]) -> str:
-    """Return an unused file name in the folder of the machine file."""
-    from rodgen.machines.files.edit import name_with
-
-    found, number = name_with(machine, words), 2
-    while os.path.lexists(found):
-        found, number = name_with(machine, (*words, str(number))), number + 1
-    return found

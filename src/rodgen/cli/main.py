@@ -16,13 +16,12 @@ import warnings
 from collections.abc import Iterator, Sequence
 from glob import glob
 from importlib import import_module
-from typing import IO, Any, NoReturn
+from typing import Any, NoReturn
 
 from rodgen.cli._console import (
     BAD_INPUT,
     DEBUG,
     EXIT_CODES,
-    EXTRAS,
     FAILED,
     INTERNAL,
     INTERRUPTED,
@@ -147,6 +146,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         notify(f"rodgen: {how}; {_complete(completed) or 'no file was written'}")
         return TERMINATED if terminated else INTERRUPTED
     except ModuleNotFoundError as error:
+        from rodgen.installation import EXTRAS
+
         extra = EXTRAS.get((error.name or "").partition(".")[0])
         if extra is None:
             return _internal_error(error, called, options.debug, completed)
@@ -245,14 +246,7 @@ def _one_line_warnings(progress: Display | None) -> Iterator[None]:
     """
     reported: set[str] = set()
 
-    def shown(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: IO[str] | None = None,
-        line: str | None = None,
-    ) -> None:
+    def shown(message: Warning | str, *_: Any, **__: Any) -> None:
         text = " ".join(str(message).split())
         if text not in reported:
             reported.add(text)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from rodgen.cli._console import (
@@ -22,7 +21,7 @@ from rodgen.cli._console import (
 )
 from rodgen.cli._machine import JSON, load_data
 from rodgen.cli._values import InputFile, OutputFile, OutputTable, whole
-from rodgen.errors import InputFileError, counted
+from rodgen.errors import counted
 from rodgen.files import write_file
 
 _SIMULATE = """\
@@ -104,34 +103,10 @@ def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
 
 
 def _open(options: argparse.Namespace) -> int:
-    from rodgen.calibration.simulate import TRUTH_FILE, read_truth
+    from rodgen.calibration.simulate import read_truth, truth_as_text
 
     if options.machine:
         raise _usage("files together with --open", "--open TRUTH.json alone")
     truth = read_truth(options.open)
-    try:
-        text = "\n".join(_lines(truth))
-    except (ValueError, TypeError, KeyError, AttributeError):
-        raise InputFileError(options.open, "file", "no whole truth of a simulation", TRUTH_FILE) from None
-    show_result(options, lambda: truth, lambda: text)
+    show_result(options, lambda: truth, lambda: truth_as_text(truth, options.open))
     return OK
-
-
-def _lines(truth: Mapping[str, Any]) -> Iterator[str]:
-    noise, change = truth["noise"], truth["change"]
-    said = f"noise {noise['rms']:.3g} {noise['unit']}"
-    yield f"{truth['machine']} through {truth['design']}, seed {truth['seed']}, {said}"
-    if not truth["effects"]:
-        yield "Nothing is hidden: noise alone."
-    for effect in truth["effects"]:
-        at = f" at {effect['place']}" if effect["place"] else ""
-        yield f"{effect['effect']}{at}"
-        for key, number in effect["parameters"].items():
-            unit = "" if number["unit"] == "1" else f" {number['unit']}"
-            yield f"  {key}  {number['value']:.6g}{unit}"
-        yield from textwrap.wrap(effect["meaning"], 100, initial_indent="  ", subsequent_indent="  ")
-    if truth["effects"]:
-        yield (
-            f"A reading changes by {change['rms']:.3g} {change['unit']} (rms), of which a fit of the machine without "
-            f"it leaves {change['left_by_a_fit']:.3g}."
-        )

@@ -29,9 +29,8 @@ _OBJECT = "a module-level name 'derivation', a rodgen.symbolic.Derivation"
 
 def packaged_derivations() -> list[str]:
     """Return the names of rodgen's own derivations, sorted."""
-    import rodgen.derivation
-
-    return sorted(m.name for m in pkgutil.iter_modules(rodgen.derivation.__path__) if not m.ispkg)
+    package = importlib.import_module("rodgen.derivation")
+    return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.ispkg)
 
 
 def script_path(name: str) -> Path:

@@ -18,7 +18,15 @@ line and column, what was found and what was expected.
 """
 
 from rodgen.data.tables.columns import Column, EveryColumn
-from rodgen.data.tables.mapped import Answer, MapSummary, Result, check_output, copy_with, map_table
+from rodgen.data.tables.mapped import (
+    Answer,
+    MapSummary,
+    Result,
+    check_output,
+    copy_with,
+    map_files,
+    map_table,
+)
 from rodgen.data.tables.reader import (
     PAIR_COLUMNS,
     Pairs,
@@ -44,6 +52,7 @@ __all__ = [
     "Table",
     "check_output",
     "copy_with",
+    "map_files",
     "map_table",
     "open_csv",
     "open_frame",

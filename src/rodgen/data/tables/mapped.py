@@ -18,11 +18,13 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import MEASUREMENTS, Column, bare_name
+from rodgen.data.tables.parts import parts_of
 from rodgen.data.tables.reader import open_table
 from rodgen.data.tables.writer import check_table_name, write_table
 from rodgen.data.units import conversion_factor
 from rodgen.errors import InputFileError, shown
-from rodgen.files import OutputSet
+from rodgen.files import OutputSet, new_folder
+from rodgen.schedulers import workers
 
 Answer: TypeAlias = tuple[Sequence[NDArray[Any]], NDArray[np.int64] | None]
 """The result columns, and the row of the table that each result belongs to; None where each row has one result."""
@@ -149,6 +151,31 @@ class _Writer:
 
 
 # columns that are known -------------------------------------------------------------------------------------
+
+
+def map_files(table: str, output: str | None, map_one: Callable[[str, str], MapSummary]) -> MapSummary:
+    """Add results to many files, each where it is read, and write them into a new folder; count all of them.
+
+    Parameters
+    ----------
+    map_one : callable
+        Does it for one file, given its name and that of the output.
+    """
+    if output in {None, "-"}:
+        raise InputFileError(table, "file", "standard output for many files", "a new folder: -o FOLDER")
+    parts, _ = parts_of(table)
+    if parts[0].filesystem is not None:
+        raise InputFileError(table, "file", "an address", "files of this computer")
+    total = MapSummary()
+    with new_folder(str(output)) as into, workers() as some:
+        files = list(dict.fromkeys(part.path for part in parts))
+        outputs = [str(into / f"{k:05d}-{os.path.basename(file)}") for k, file in enumerate(files)]
+        pairs = list(zip(files, outputs, strict=True))
+        for _, found in some.each("files", lambda pair: map_one(*pair), pairs):
+            total.rows += found.rows
+            for name, count in found.counts.items():
+                total.counts[name] = total.counts.get(name, 0) + count
+    return total
 
 
 def check_output(source: str, output: str | os.PathLike[str] | None) -> None:

@@ -8,6 +8,7 @@ that are TOML by themselves; and the result must read as the intended machine.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import tomllib
@@ -22,7 +23,7 @@ from rodgen.machines.files.toml import read_text
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Machine
 
-__all__ = ["edited_text", "name_with"]
+__all__ = ["edited_text", "unused_name"]
 
 Source: TypeAlias = str | os.PathLike[str]
 
@@ -39,16 +40,18 @@ _FORMS = {
 """What is said of tables that cannot be edited; where others cannot, the file is written anew."""
 
 
-def name_with(file: str, words: Sequence[str]) -> str:
-    """Return the name of a machine file's copy that words tell from it.
+def unused_name(file: str, words: Sequence[str]) -> str:
+    """Return a name that no file has, for a copy of a machine file which words tell from it.
 
     Examples
     --------
-    >>> name_with("mount.toml", ("backlash", "AZ"))
+    >>> unused_name("mount.toml", ("backlash", "AZ"))
     'mount_backlash_AZ.toml'
     """
     stem, ending = os.path.splitext(file)
-    return stem + "".join("_" + re.sub(r"\W", "_", word) for word in words if word) + ending
+    stem += "".join("_" + re.sub(r"\W", "_", word) for word in words if word)
+    names = itertools.chain([stem + ending], (f"{stem}_{number}{ending}" for number in itertools.count(2)))
+    return next(name for name in names if not os.path.lexists(name))
 
 
 def edited_text(source: Source, machine: Machine, text: str | None = None) -> str:
