@@ -17,7 +17,7 @@ PYTEST     := -m pytest -n $(JOBS) --dist loadgroup -m
 FAST_TESTS := $(PYTEST) "not slow and not thorough"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo open test test-processors test-thorough test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c check-messages notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo open test test-processors test-thorough test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -53,7 +53,7 @@ kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels
 	@echo "generated/ is up to date."
 
-check: check-kernels check-style check-types check-imports check-c check-messages ## check that generated files are fresh, lint, types, imports, messages, and that the C compiles without warnings
+check: check-kernels check-style check-types check-imports check-c ## check that generated files are fresh, lint, types, imports, and that the C compiles without warnings
 
 check-kernels: .venv/all
 	$(BIN)/rodgen kernels --check
@@ -70,10 +70,6 @@ check-types: .venv/dev
 check-imports: .venv/dev ## check that no import leads upward and none is circular, and what else tests/lints.py says of the whole
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m pytest -q tests/lints.py
-
-# The tests state the place of a fault, these the words.
-check-messages: .venv/test ## check that messages about malformed files are as frozen
-	$(BIN)/python answers/run.py -j $(JOBS) --only messages
 
 # With each installed compiler: the C for users as strict C99, the NumPy extension as C11. Of its three variants one is
 # compiled, with what a compiler sees when it optimises; the others, the same lines with other types, are only read.

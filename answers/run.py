@@ -2,7 +2,7 @@
 
     make answers                    # compare; exit code 1 where an answer is another one
     make answers ACCEPT=1           # write the answers of today
-    make answers ONLY=diagnoses     # one part: diagnoses, transcripts, kernels, machines or messages
+    make answers ONLY=diagnoses     # one part: diagnoses, transcripts, kernels or machines
     make answers CASE="real .* 3"   # cases whose name matches this
     make answers ALL=1              # every difference, not the first of each kind
 
@@ -35,7 +35,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 FROZEN = HERE / "frozen"
-PARTS = ("diagnoses", "transcripts", "machines", "messages", "kernels")
+PARTS = ("diagnoses", "transcripts", "machines", "kernels")
 ENVIRONMENT = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")},
     "OPENBLAS_CORETYPE": "Haswell",

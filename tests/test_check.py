@@ -20,7 +20,6 @@ from rodgen.calibration.check import Check, check
 from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.files.edit import edited_text
 from rodgen.machines.machine import Machine
 
@@ -213,16 +212,14 @@ def test_a_number_that_no_machine_has_is_not_emitted(
 
 
 @pytest.mark.thorough
-def test_python_emits_no_more_than_the_command(tmp_path: Path) -> None:
+def test_python_emits_no_more_than_the_command(refuses, tmp_path: Path) -> None:
     machine = Machine.load(machine_of_a_table_that_turns_the_other_way(tmp_path))
-    with pytest.raises(InputFileError, match=r"C\.scale\.k = -2, which no machine has.*force=True"):
-        machine.emit("numpy", tmp_path / "code")
+    refuses(machine.emit, "numpy", tmp_path / "code")
     files = damaged_trunnion(tmp_path)
     turned = fit(Machine.load(files[0]), Measurements.load(files[1]))
     assert pickle.loads(pickle.dumps(turned.machine)) == turned.machine
     for wrong in (turned.machine, turned.diagnose().machine):
-        with pytest.raises(InputFileError, match="A turns the other way"):
-            wrong.emit("numpy", tmp_path / "code")
+        refuses(wrong.emit, "numpy", tmp_path / "code")
     assert not (tmp_path / "code").exists()
 
 

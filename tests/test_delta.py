@@ -36,7 +36,6 @@ from rodgen.calibration.fit import fit
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.problem.problem import Problem
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError, RodgenError
 from rodgen.kinematics.delta import DeltaStatus
 from rodgen.machines.emit import emit
 from rodgen.machines.files.read import machine_of
@@ -120,22 +119,19 @@ def test_near_a_flat_position_the_residual_stays_small():
 
 
 @pytest.mark.parametrize(
-    ("family", "numbers", "least"),
-    [("linear-delta", {"L": 130.0}, "140"), ("rotary-delta", {"R": 900.0, "A": 100.0, "L": 790.0}, "800")],
+    ("family", "numbers"),
+    [("linear-delta", {"L": 130.0}), ("rotary-delta", {"R": 900.0, "A": 100.0, "L": 790.0})],
 )
-def test_rods_that_do_not_reach_the_middle_are_named(family, numbers, least):
+def test_rods_that_do_not_reach_the_middle_are_named(refuses, family, numbers):
     """By Pythagoras: an arm drawn in begins R - A from the middle, a tower R."""
     file = machine_file(family, kind="point")
     file["geometry"] |= numbers
-    with pytest.raises(InputFileError, match=rf"machine.toml: \[geometry\], L: .* above {least}$"):
-        machine_of(toml(file), "machine.toml")
+    refuses(machine_of, toml(file), "machine.toml")
 
 
-def test_dimensions_that_are_none_are_named():
-    with pytest.raises(RodgenError, match="rod = -1; expected one positive number, or three"):
-        delta.LinearGeometry(R, -1)
-    with pytest.raises(RodgenError, match="arm = nan"):
-        delta.RotaryGeometry(R, float("nan"), ROD)
+def test_dimensions_that_are_none_are_named(refuses):
+    refuses(delta.LinearGeometry, R, -1)
+    refuses(delta.RotaryGeometry, R, float("nan"), ROD)
 
 
 # the model -------------------------------------------------------------------------------------------------------
@@ -351,11 +347,10 @@ def test_a_file_comes_back_as_it_was():
         assert machine_of(machine_text(built), "machine.toml") == built
 
 
-def test_carriages_that_no_position_has_name_the_row():
+def test_carriages_that_no_position_has_name_the_row(refuses):
     rows = probed(3)
     rows["A [mm]"][1] += 2 * L
-    with pytest.raises(InputFileError, match="close in no pose of this linear-delta"):
-        bind(printer(), Measurements.from_frame(rows))
+    refuses(bind, printer(), Measurements.from_frame(rows))
 
 
 @pytest.mark.thorough
@@ -423,6 +418,5 @@ def test_firmware_with_the_emitted_numbers_prints_on_the_plate(tmp_path: Path):
     assert down.max() < 1e-4
 
 
-def test_a_robot_has_no_numbers_for_a_printer(tmp_path: Path):
-    with pytest.raises(InputFileError, match="a rotary delta; expected a linear-delta"):
-        emit(machine("rotary-delta", kind="point"), "printer", tmp_path)
+def test_a_robot_has_no_numbers_for_a_printer(refuses, tmp_path: Path):
+    refuses(emit, machine("rotary-delta", kind="point"), "printer", tmp_path)

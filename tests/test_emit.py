@@ -50,7 +50,6 @@ from scipy.io import loadmat, savemat
 from conftest import CPP_WARNINGS
 from rodgen.calibration.fit import fit
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import write_files
 from rodgen.machines.emit import emit
 from rodgen.machines.emit._content import Content, _even, content_of
@@ -878,7 +877,7 @@ def test_own_test_fails_where_another_machine_is_emitted_than_the_fit_predicts(f
             own.test_places_are_the_references()
 
 
-def test_what_is_tied_to_an_error_of_the_instrument_keeps_its_value(tmp_path):
+def test_what_is_tied_to_an_error_of_the_instrument_keeps_its_value(refuses, tmp_path):
     machine = table(joints=(prismatic("X", X, travel=(0.0, 100.0)),))
     machine = (
         machine.add("scale", joint="X").add("instrument_scale").tying("X.scale.k", "2*instrument_scale.k")
@@ -886,8 +885,7 @@ def test_what_is_tied_to_an_error_of_the_instrument_keeps_its_value(tmp_path):
     machine = replace(machine, values={"instrument_scale.k": 1e-3})
     emit_both(machine, tmp_path)
     assert loaded(tmp_path).forward([50.0]) == pytest.approx([150.1, 0, 0], abs=1e-12)
-    with pytest.raises(InputFileError, match=r"instrument_scale\.k: no value yet"):
-        emit(replace(machine, values={}), "c", tmp_path)
+    refuses(emit, replace(machine, values={}), "c", tmp_path)
 
 
 # names, bytes, errors ---------------------------------------------------------------------------------------------
@@ -1066,11 +1064,10 @@ def test_what_programs_read_of_other_forms_is_that_of_plain_names(form, examples
 
 
 @pytest.mark.parametrize("name", ["=1+1", "../x", "a\nb", "-2", "@x", "a,b"])
-def test_names_that_no_machine_file_has_are_in_no_table(name, tmp_path):
+def test_names_that_no_machine_file_has_are_in_no_table(refuses, name, tmp_path):
     machine = table(targets=(Target(name, (100.0, 0.0, 0.0)),))
     for form in ("urdf", "dh", "iso230", "screw", "linuxcnc", "tpoint"):
-        with pytest.raises(InputFileError, match=r"target: .*; expected a name of letters"):
-            emit(machine, form, tmp_path)
+        refuses(emit, machine, form, tmp_path)
     assert os.listdir(tmp_path) == []
 
 
@@ -1111,29 +1108,24 @@ def test_names_come_from_the_machine_or_the_caller(tmp_path):
     "name",
     ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "jax", "class", "namespace", "end", "../up", "a\nb"],
 )
-def test_bad_names_are_an_error(name, tmp_path):
-    with pytest.raises(RodgenError, match="expected"):
-        emit(table(), "c", tmp_path / "out", name=name)
+def test_bad_names_are_an_error(refuses, name, tmp_path):
+    refuses(emit, table(), "c", tmp_path / "out", name=name)
     assert not (tmp_path / "out").exists()
 
 
-def test_other_languages_are_an_error(tmp_path):
-    languages = "c, cpp, matlab, numpy, jax, urdf, dh, tpoint, iso230, screw, linuxcnc"
-    with pytest.raises(RodgenError, match=f"no language 'rust'; expected one of {languages}"):
-        emit(table(), "rust", tmp_path)
+def test_other_languages_are_an_error(refuses, tmp_path):
+    refuses(emit, table(), "rust", tmp_path)
 
 
-def test_nothing_is_left_of_files_that_cannot_all_be_written(tmp_path):
+def test_nothing_is_left_of_files_that_cannot_all_be_written(refuses, tmp_path):
     """One of the two MATLAB files is in a folder of its own."""
     (tmp_path / "t1_test.m").mkdir()
-    with pytest.raises(InputFileError, match="a folder; expected the name of a file"):
-        emit(table(), "matlab", tmp_path, name="t1")
+    refuses(emit, table(), "matlab", tmp_path, name="t1")
     assert [path.name for path in tmp_path.iterdir()] == ["t1_test.m"]
     (tmp_path / "t1_test.m").rmdir()
     (tmp_path / "+rodgen").mkdir()
     (tmp_path / "+rodgen" / "t1.m").write_text("mine")
-    with pytest.raises(InputFileError, match="rodgen did not write it"):
-        emit(table(), "matlab", tmp_path, name="t1")
+    refuses(emit, table(), "matlab", tmp_path, name="t1")
     assert [path.name for path in tmp_path.iterdir()] == ["+rodgen"]
     emit(table(), "matlab", tmp_path, name="t1", force=True)
     assert emit(table(), "matlab", tmp_path, name="t1") == [
@@ -1142,18 +1134,15 @@ def test_nothing_is_left_of_files_that_cannot_all_be_written(tmp_path):
     ]
 
 
-def test_machine_without_its_numbers_is_an_error(tmp_path):
+def test_machine_without_its_numbers_is_an_error(refuses, tmp_path):
     machine = table(estimate=("C.axis",))
-    with pytest.raises(InputFileError, match=r"C\.axis\.a: no value yet; expected a fitted machine"):
-        emit(machine, "c", tmp_path / "out")
-    with pytest.raises(InputFileError, match=r"C\.axis\.b: nan; expected"):
-        emit(replace(machine, values={"C.axis.a": 0.0, "C.axis.b": np.nan}), "c", tmp_path / "out")
+    refuses(emit, machine, "c", tmp_path / "out")
+    refuses(emit, replace(machine, values={"C.axis.a": 0.0, "C.axis.b": np.nan}), "c", tmp_path / "out")
     slide = table(joints=(prismatic("X", X),))
     slide = slide.with_effect(slide.effect("straightness", "X", hold=dict.fromkeys(
         ("u_2", "u_3", "u_4", "v_2", "v_3", "v_4"), 0.1
     )))  # fmt: skip
-    with pytest.raises(InputFileError, match=r"joint 'X': no travel; expected travel = "):
-        emit(slide, "c", tmp_path / "out")
+    refuses(emit, slide, "c", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     assert emit(slide, "c", tmp_path / "out", travel=[[0, 100]])
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rodgen.errors import InputFileError
 from rodgen.machines.imports.denavit_hartenberg import machine_from_table
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
@@ -127,14 +126,10 @@ CRAIG = "theta [deg],d [mm],a [mm],alpha [deg]\n0,400,0,0\n0,0,25,-90\n0,0,455,0
         (CRAIG + "0,90,0,0\n", None),
     ],
 )
-def test_a_table_tells_its_convention_by_the_end_without_a_link(text, convention, tmp_path):
+def test_a_table_tells_its_convention_by_the_end_without_a_link(refuses, text, convention, tmp_path):
     (tmp_path / "t.csv").write_text(text)
     if convention is None:
-        expected = (
-            "--convention: none, and the table does not tell it: a and alpha of the first row and of the last"
-        )
-        with pytest.raises(InputFileError, match=expected):
-            machine_from_table(tmp_path / "t.csv")
+        refuses(machine_from_table, tmp_path / "t.csv")
         return
     imported = machine_from_table(tmp_path / "t.csv")
     assert imported.machine.joints == machine_from_table(tmp_path / "t.csv", convention).machine.joints
@@ -158,36 +153,32 @@ def test_a_rough_geometry_is_estimated_but_for_the_first_joint(tmp_path, rodgen_
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "expected"),
+    ("old", "new"),
     [
-        ("d [mm]", "d [deg]", "line 1, column 'd [deg]': unit 'deg', which is not a unit of length"),
-        ("d [mm]", "d", "line 1, column 'd': no numbers with a unit; expected a header such as theta [deg]"),
-        ("A2,1,0", "A2,2,0", "line 3, column sign: '2'; expected '1' or '-1'"),
-        ("low [deg]", "lowest [deg]", "line 1, column 'lowest [deg]': unknown column; expected"),
-        ("-190,45", "45,-190", "line 3, column 'low': from 0.785398 to -3.31613 rad; expected low and high"),
+        ("d [mm]", "d [deg]"),
+        ("d [mm]", "d"),
+        ("A2,1,0", "A2,2,0"),
+        ("low [deg]", "lowest [deg]"),
+        ("-190,45", "45,-190"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(old, new, expected, tmp_path):
+def test_what_is_wrong_is_said_in_one_sentence(refuses, old, new, tmp_path):
     assert old in KUKA
     (tmp_path / "t.csv").write_text(KUKA.replace(old, new))
-    with pytest.raises(InputFileError) as error:
-        machine_from_table(tmp_path / "t.csv", "standard")
-    assert expected in str(error.value)
+    refuses(machine_from_table, tmp_path / "t.csv", "standard")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "expected"),
+    ("old", "new"),
     [
-        ("a = 230", "a = '230'", "[[joint]] 3, a: the text '230'; expected a number"),
-        ('"modified"', '"craig"', "convention: 'craig'; expected 'standard' or 'modified'"),
-        ("d = 295", "d = 295\nsign = 0", "[[joint]] 1, sign: 0; expected '+1' or '-1'"),
-        ("theta = -90", "gamma = -90", "[[joint]] 2, gamma: unknown key; expected"),
-        ('"deg"', '"mm"', "[units], angle: 'mm', which measures length; expected a unit of angle"),
+        ("a = 230", "a = '230'"),
+        ('"modified"', '"craig"'),
+        ("d = 295", "d = 295\nsign = 0"),
+        ("theta = -90", "gamma = -90"),
+        ('"deg"', '"mm"'),
     ],
 )
-def test_what_is_wrong_in_toml_is_said_in_one_sentence(old, new, expected, tmp_path):
+def test_what_is_wrong_in_toml_is_said_in_one_sentence(refuses, old, new, tmp_path):
     assert old in MITSUBISHI
     (tmp_path / "t.toml").write_text(MITSUBISHI.replace(old, new, 1))
-    with pytest.raises(InputFileError) as error:
-        machine_from_table(tmp_path / "t.toml")
-    assert expected in str(error.value)
+    refuses(machine_from_table, tmp_path / "t.toml")

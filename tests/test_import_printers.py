@@ -11,7 +11,6 @@ from delta_cases import PRINTER, L, R, commanded, hung, probed, spiral
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit
-from rodgen.errors import InputFileError
 from rodgen.machines.imports.imported import Imported
 from rodgen.machines.imports.printers import is_printer, is_probe_log, machine_from_klipper, with_probe_log
 from rodgen.machines.machine import Machine
@@ -134,29 +133,24 @@ def test_a_height_map_is_read_by_rows(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    "change",
     [
-        (
-            ("delta_radius: 140.0", "delta_radius: wide"),
-            r"\[printer\], delta_radius: 'wide'; expected a number",
-        ),
-        (("arm_length: 290.0", ""), r"\[stepper_a\], arm_length: missing"),
-        (("arm_length: 290.0", "arm_length: 100"), "rods that are longer than the radius"),
-        (("rotation_distance = 40", ""), r"\[stepper_a\], rotation_distance: missing"),
-        (("gear_ratio: 80:16", "gear_ratio: 80:0"), r"gear_ratio: '80:0'"),
-        (("# a comment", "a line alone"), "no section"),
+        ("delta_radius: 140.0", "delta_radius: wide"),
+        ("arm_length: 290.0", ""),
+        ("arm_length: 290.0", "arm_length: 100"),
+        ("rotation_distance = 40", ""),
+        ("gear_ratio: 80:16", "gear_ratio: 80:0"),
+        ("# a comment", "a line alone"),
     ],
 )
-def test_a_wrong_printer_file_is_one_clear_line(change, message, tmp_path: Path):
+def test_a_wrong_printer_file_is_one_clear_line(refuses, change, tmp_path: Path):
     path = file(tmp_path, "printer.cfg", CONFIG.replace(*change, 1) + saved(carriages(3)))
-    with pytest.raises(InputFileError, match=message):
-        machine_from_klipper(path)
+    refuses(machine_from_klipper, path)
 
 
-def test_a_touch_out_of_reach_has_its_line(tmp_path: Path):
+def test_a_touch_out_of_reach_has_its_line(refuses, tmp_path: Path):
     log = file(tmp_path, "probe.log", "probe at 0,0 is z=0.1\nprobe at 900,0 is z=0.1\n")
-    with pytest.raises(InputFileError, match=r"line 2: x = 900, y = 0, which the rods do not reach"):
-        with_probe_log(machine_from_klipper(file(tmp_path, "p.cfg", CONFIG)), log)
+    refuses(with_probe_log, machine_from_klipper(file(tmp_path, "p.cfg", CONFIG)), log)
 
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "delta_printer"

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables.foreign import read_foreign
-from rodgen.errors import InputFileError
 from rodgen.machines.files.read import column_source
 from rodgen.machines.imports.tables import measurements_of
 from rodgen.machines.machine import Machine
@@ -125,18 +124,11 @@ def test_labels_of_targets_are_known_and_those_of_poses_are_left(
     assert any(note.startswith(start) for note in notes)
 
 
-@pytest.mark.parametrize(
-    ("machine", "labels", "expected"),
-    [
-        ("three", "1 4 1 4", "line 2, column 'ball': '1'; expected one of the machine's targets, ball_1, "),
-        ("one", "a b a b", "line 2, column 'ball': 'a'; expected the machine's target, ball_1"),
-    ],
-)
-def test_labels_of_no_targets_are_refused_where_they_stand(machine, labels, expected, tmp_path):
+@pytest.mark.parametrize(("machine", "labels"), [("three", "1 4 1 4"), ("one", "a b a b")])
+def test_labels_of_no_targets_are_refused_where_they_stand(refuses, machine, labels, tmp_path):
     rows = [f"{label},{angle},1,2,3" for label, angle in zip(labels.split(), (0, 0, 9, 9), strict=True)]
     (tmp_path / "t.csv").write_text("\n".join(["ball,C [deg],x [mm],y [mm],z [mm]", *rows]) + "\n")
-    with pytest.raises(InputFileError, match=re.escape(f"t.csv: {expected}")):
-        columns_of(MACHINES[machine], tmp_path / "t.csv")
+    refuses(columns_of, MACHINES[machine], tmp_path / "t.csv")
 
 
 def test_messages_are_about_files_that_the_user_has(tmp_path, rodgen_command: Run):
@@ -203,7 +195,7 @@ def test_files_of_other_programs_are_referred_to_the_import(
     assert err.endswith("; 'rodgen import' reads files of other programs\n") == hinted
 
 
-def test_a_quoted_cell_may_hold_ends_of_lines(tmp_path):
+def test_a_quoted_cell_may_hold_ends_of_lines(refuses, tmp_path):
     """Excel writes them so; places of rows after it are those that an editor shows."""
     text = 'remark;"x\n[mm]";"C\r\n(deg)"\r\n"a\nb; ""c""";1,5;2\r\n\r\n"5"" ball";2,5;3\r\n5";x;4\r\n'
     (tmp_path / "t.csv").write_text(text, newline="")
@@ -211,15 +203,13 @@ def test_a_quoted_cell_may_hold_ends_of_lines(tmp_path):
     assert [(c.name, c.unit) for c in table.columns] == [("remark", ""), ("x", "mm"), ("C", "deg")]
     assert table.columns[0].cells == ('a\nb; "c"', '5" ball', '5"')
     assert table.places == ("line 4", "line 7", "line 8")
-    with pytest.raises(InputFileError, match="line 8, column 'x \\[mm\\]': 'x'; expected a number"):
-        table.numbers(table.columns[1])
+    refuses(table.numbers, table.columns[1])
 
 
-def test_a_quotation_mark_without_a_second_is_named(tmp_path):
+def test_a_quotation_mark_without_a_second_is_named(refuses, tmp_path):
     for later in ("", '"second;4\n'):
         (tmp_path / "t.csv").write_text(f'remark;x [mm]\n;1\n"open;2\n;3\n{later}')
-        with pytest.raises(InputFileError, match="line 3: a quotation mark without a second"):
-            read_foreign(tmp_path / "t.csv")
+        refuses(read_foreign, tmp_path / "t.csv")
 
 
 def test_balls_that_a_machinist_probed_become_measurements(tmp_path):
@@ -381,56 +371,32 @@ GOOD = "C [deg],x [mm],y [mm],z [mm],target\n0,150,0,30,ball_1\n90,0,150,30,ball
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "stated", "expected"),
+    ("old", "new", "stated"),
     [
-        ("C [deg]", "C", {}, "column 'C': no unit; expected --units such as mm,deg"),
-        (
-            "C [deg]",
-            "Table [deg]",
-            {},
-            "line 1: no column of joint C; expected --column C=THEIRS, where THEIRS is 'Ta",
-        ),
-        ("C [deg]", "C [mm]", {}, "column 'C [mm]': a unit of length; expected one of angle, for C"),
-        ("x [mm]", "q [mm]", {}, "line 1: no column of x; expected --column x=THEIRS"),
-        ("x [mm]", "q [mm]", {"x": "p"}, "line 1: no column 'p' for x; expected 'C [deg]', 'q [mm]'"),
-        ("90,0,150", "9O,0,150", {}, "line 3, column 'C [deg]': '9O'; expected a number"),
-        (
-            "90,0,150,30,ball_1",
-            "90,0,150,30,ball_1,7",
-            {},
-            "line 3: 6 cells under 5 columns; expected a cell for each",
-        ),
-        (
-            GOOD[GOOD.index(",target") :],
-            ",who\n0,150,0,30,P1\n90,0,150,30,P2\n",
-            {},
-            "file: no targets; expected a column target (--column target=THEIRS), x1, y1, z1, x2 …, or a file for each",
-        ),
-        (GOOD[GOOD.index("0,150") :], "", {}, "no rows; expected rows under the header"),
-        (GOOD[: GOOD.index("0,150")], "", {}, "file: no header of names; expected a line with the names"),
+        ("C [deg]", "C", {}),
+        ("C [deg]", "Table [deg]", {}),
+        ("C [deg]", "C [mm]", {}),
+        ("x [mm]", "q [mm]", {}),
+        ("x [mm]", "q [mm]", {"x": "p"}),
+        ("90,0,150", "9O,0,150", {}),
+        ("90,0,150,30,ball_1", "90,0,150,30,ball_1,7", {}),
+        (GOOD[GOOD.index(",target") :], ",who\n0,150,0,30,P1\n90,0,150,30,P2\n", {}),
+        (GOOD[GOOD.index("0,150") :], "", {}),
+        (GOOD[: GOOD.index("0,150")], "", {}),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(old, new, stated, expected, tmp_path):
+def test_what_is_wrong_is_said_in_one_sentence(refuses, old, new, stated, tmp_path):
     (tmp_path / "t.csv").write_text(GOOD.replace(old, new))
-    with pytest.raises(InputFileError) as error:
-        columns_of(TURNTABLE, tmp_path / "t.csv", stated=stated)
-    assert expected in str(error.value)
+    refuses(columns_of, TURNTABLE, tmp_path / "t.csv", stated=stated)
 
 
 @pytest.mark.parametrize(
-    ("entry", "expected"),
-    [
-        ('C = { from = "A", sign = 2 }', "[columns], C, sign: 2; expected 1 or -1"),
-        ('C = { unit = "deg" }', "[columns], C, from: missing; expected a text in quotes"),
-        ("C = 3", '[columns], C: no text and no table; expected a text such as "-A_axis [deg] + 90"'),
-        ('C = { from = "A", factor = 2 }', "[columns], C, factor: unknown key; expected"),
-    ],
+    "entry",
+    ['C = { from = "A", sign = 2 }', 'C = { unit = "deg" }', "C = 3", 'C = { from = "A", factor = 2 }'],
 )
-def test_what_is_wrong_with_the_map_is_said_in_one_sentence(entry, expected, tmp_path):
+def test_what_is_wrong_with_the_map_is_said_in_one_sentence(refuses, entry, tmp_path):
     (tmp_path / "m.toml").write_text(f"{TURNTABLE}\n[columns]\n{entry}\n")
-    with pytest.raises(InputFileError) as error:
-        Machine.load(tmp_path / "m.toml")
-    assert expected in str(error.value)
+    refuses(Machine.load, tmp_path / "m.toml")
 
 
 @pytest.mark.parametrize(
@@ -468,18 +434,17 @@ def test_sources_that_do_not_go_together_are_refused(
 
 
 @pytest.mark.parametrize(("name", "content"), [("a.xlsx", b"no zip"), ("a.mat", b"no matlab" * 30)])
-def test_a_damaged_file_is_named(name, content, tmp_path):
+def test_a_damaged_file_is_named(refuses, name, content, tmp_path):
     if name.endswith("xlsx"):
         pytest.importorskip("openpyxl")
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputFileError, match=f"{name}: file: no "):
-        read_foreign(tmp_path / name)
+    refuses(read_foreign, tmp_path / name)
 
 
 # as the software of instruments writes them ------------------------------------------------------------
 
 
-def test_commands_and_readings_may_be_in_two_files(tmp_path):
+def test_commands_and_readings_may_be_in_two_files(refuses, tmp_path):
     """The robot's program has the angles, the tracker the points, by names, and one of them was lost."""
     (tmp_path / "program.csv").write_text("Point Name;C [deg]\nball_3;30\nball_2;90\nball_1;0\n")
     (tmp_path / "sa.csv").write_text(
@@ -502,10 +467,7 @@ def test_commands_and_readings_may_be_in_two_files(tmp_path):
     assert columns["C [deg]"].tolist() == [30, 90]
     assert any(note.endswith("belong to those of sa.csv in their order.") for note in notes)
     (tmp_path / "program.csv").write_text("No;C [deg]\n1;30\n2;90\n3;0\n")
-    with pytest.raises(
-        InputFileError, match=r"sa.csv: file: 2 rows, and 3 of commands in .*; expected a row for"
-    ):
-        columns_of(TURNTABLE, tmp_path / "program.csv", tmp_path / "sa.csv")
+    refuses(columns_of, TURNTABLE, tmp_path / "program.csv", tmp_path / "sa.csv")
 
 
 @pytest.mark.parametrize(
@@ -516,7 +478,7 @@ def test_commands_and_readings_may_be_in_two_files(tmp_path):
         (("3/1/2026 12:00 PM", "3/1/2026 12:01 PM"), None),
     ],
 )
-def test_times_are_read_where_they_have_one_meaning(cells, seconds, tmp_path):
+def test_times_are_read_where_they_have_one_meaning(refuses, cells, seconds, tmp_path):
     lines = [f"{cell}\t{k}\tball_1\t1\t2\t3" for k, cell in enumerate(cells)]
     (tmp_path / "t.txt").write_text(
         "\n".join(["Date Time\tC [deg]\tID\tx [mm]\ty [mm]\tz [mm]", *lines]) + "\n"
@@ -530,19 +492,15 @@ def test_times_are_read_where_they_have_one_meaning(cells, seconds, tmp_path):
             "'Date Time' is no time: '3/1/2026 12:00 PM'; expected a time such as 2026-03-01T12:30:00."
             in notes
         )
-        with pytest.raises(InputFileError, match="expected a time such as"):
-            columns_of(TURNTABLE, tmp_path / "t.txt", stated={"t": "Date Time"})
+        refuses(columns_of, TURNTABLE, tmp_path / "t.txt", stated={"t": "Date Time"})
 
 
 @pytest.mark.parametrize("cell", ["1e400", "-inf", "2,5,1"])
-def test_a_cell_that_is_no_finite_number_is_named(cell, tmp_path):
+def test_a_cell_that_is_no_finite_number_is_named(refuses, cell, tmp_path):
     (tmp_path / "t.csv").write_text(
         f"C [deg];target;x [mm];y [mm];z [mm]\n0;ball_1;1;2;3\n0;ball_1;1;{cell};3\n"
     )
-    with pytest.raises(
-        InputFileError, match=re.escape(f"line 3, column 'y [mm]': '{cell}'; expected a number")
-    ):
-        columns_of(TURNTABLE, tmp_path / "t.csv")
+    refuses(columns_of, TURNTABLE, tmp_path / "t.csv")
 
 
 @pytest.mark.parametrize(
@@ -586,12 +544,9 @@ def changed_sheet(path, more):
 
 
 BOMBS = {
-    "packed": (b" " * 101_000_000, "a.xlsx: file: more than 100 MB when unpacked"),
-    "a row far off": (b'<row r="999999999999"><c r="A1"><v>1</v></c></row>', "more than 12,500,000 cells"),
-    "cells far off": (
-        b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (n, n) for n in range(3, 900)),
-        "a.xlsx: row .*: more than 12,500,000 cells",
-    ),
+    "packed": b" " * 101_000_000,
+    "a row far off": b'<row r="999999999999"><c r="A1"><v>1</v></c></row>',
+    "cells far off": b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (n, n) for n in range(3, 900)),
 }
 
 
@@ -600,21 +555,18 @@ BOMBS = {
     "name",
     [*(pytest.param(name, marks=pytest.mark.slow) for name in ("packed", "a row far off")), "cells far off"],
 )
-def test_a_small_workbook_takes_no_gigabytes(name, tmp_path):
-    more, expected = BOMBS[name]
-    changed_sheet(tmp_path / "a.xlsx", more)
+def test_a_small_workbook_takes_no_gigabytes(refuses, name, tmp_path):
+    changed_sheet(tmp_path / "a.xlsx", BOMBS[name])
     assert (tmp_path / "a.xlsx").stat().st_size < 1_000_000
-    with pytest.raises(InputFileError, match=expected):
-        read_foreign(tmp_path / "a.xlsx")
+    refuses(read_foreign, tmp_path / "a.xlsx")
 
 
 @pytest.mark.parametrize("ending", ["xlsx", "mat"])
-def test_a_table_without_an_end_is_not_read_to_it(ending, tmp_path):
+def test_a_table_without_an_end_is_not_read_to_it(refuses, ending, tmp_path):
     if ending == "xlsx":
         pytest.importorskip("openpyxl")
     (tmp_path / f"a.{ending}").symlink_to("/dev/zero")
-    with pytest.raises(InputFileError, match="more than 100 MB"):
-        read_foreign(tmp_path / f"a.{ending}")
+    refuses(read_foreign, tmp_path / f"a.{ending}")
 
 
 def matlab(rows, columns, payload):
@@ -671,25 +623,18 @@ def test_numbered_columns_are_the_joints_in_their_order(tmp_path, rodgen_command
         assert expected in err
 
 
-def test_a_matlab_matrix_alone_has_more_readings_than_columns(tmp_path):
+def test_a_matlab_matrix_alone_has_more_readings_than_columns(refuses, tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"p": np.arange(12.0).reshape(3, 4)})
     columns = {c.name: c.cells for c in read_foreign(tmp_path / "a.mat").columns}
     assert columns == {"p_x": (0, 1, 2, 3), "p_y": (4, 5, 6, 7), "p_z": (8, 9, 10, 11)}
     scipy.io.savemat(tmp_path / "a.mat", {"t": np.ones(2), "q": np.ones((2, 30_000)), "u": np.ones(2)})
-    with pytest.raises(InputFileError, match="30000 columns in 'q'; expected at most 20000"):
-        read_foreign(tmp_path / "a.mat")
+    refuses(read_foreign, tmp_path / "a.mat")
 
 
 @pytest.mark.parametrize(
-    ("array", "expected"),
-    [
-        pytest.param(
-            (1, 13_000_000, bytes(104_000_000)), "more than 100 MB when unpacked", marks=pytest.mark.slow
-        ),
-        ((0, 2_000_000_000, b""), "no arrays of numbers"),
-    ],
+    "array",
+    [pytest.param((1, 13_000_000, bytes(104_000_000)), marks=pytest.mark.slow), (0, 2_000_000_000, b"")],
 )
-def test_a_small_matlab_file_takes_no_gigabytes(array, expected, tmp_path):
+def test_a_small_matlab_file_takes_no_gigabytes(refuses, array, tmp_path):
     (tmp_path / "a.mat").write_bytes(matlab(*array))
-    with pytest.raises(InputFileError, match=expected):
-        read_foreign(tmp_path / "a.mat")
+    refuses(read_foreign, tmp_path / "a.mat")

@@ -14,7 +14,6 @@ from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.imports.tpoint_data import read_pointings
 from rodgen.machines.imports.tpoint_model import (
@@ -249,22 +248,18 @@ def test_each_format_gives_the_same_run(form, tmp_path):
         ("3 30.0 1 2 3", None, 2, 3),  # 2000 is no equinox here
     ],
 )
-def test_a_format_is_known_by_what_numbers_can_be(extra, given, form, auxiliary, tmp_path):
+def test_a_format_is_known_by_what_numbers_can_be(refuses, extra, given, form, auxiliary, tmp_path):
     lines = RUN.replace("  3 30.0", f" {extra}").replace("  3 40.0", f" {extra}")
     (tmp_path / "run.dat").write_text(lines)
     run = read_pointings(tmp_path / "run.dat", form=given)
     assert any(note.startswith(f"Observations are of format {form}:") for note in run.notes)
     assert run.auxiliary.shape == (2, auxiliary)
-    count = 12 + len(extra.split())
     assert any("--format says otherwise" in note for note in run.notes) == (given is None)
     hours = np.array([2.0, 5.0]) if form == 3 else 3.5 - np.array([2.0, 5.0])
     np.testing.assert_allclose(
         run.seen, EQUATORIAL.direction(*np.radians([15 * hours, [10, -0.5]])), atol=1e-9
     )
-    with pytest.raises(
-        InputFileError, match=f"line 6: {count} numbers of an observation; expected 4, and up to 3"
-    ):
-        read_pointings(tmp_path / "run.dat", form=4)
+    refuses(read_pointings, tmp_path / "run.dat", form=4)
 
 
 def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):
@@ -295,14 +290,11 @@ def test_azimuths_may_be_from_north(date, tmp_path, rodgen_command: Run):
     assert "Azimuths of the file run from north through east." in out
 
 
-def test_a_mean_place_needs_the_date(tmp_path):
+def test_a_mean_place_needs_the_date(refuses, tmp_path):
     star = "2 0 0.0 +10 0 0 0 0 2000.0 1 59 50.0 +10 0 20.0 3 30.0"
     (tmp_path / "a.dat").write_text(f"Run\n:EQUAT\n31 41 19.6\n{star}\nEND\n")
     pytest.importorskip("erfa")
-    with pytest.raises(
-        InputFileError, match="line 4: the mean place of a star, and no date with the latitude"
-    ):
-        read_pointings(tmp_path / "a.dat")
+    refuses(read_pointings, tmp_path / "a.dat")
 
 
 def test_refraction_is_that_of_an_independent_formula(tmp_path):
@@ -369,74 +361,61 @@ def test_a_model_and_a_run_make_one_machine(tmp_path, rodgen_command: Run):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "expected"),
+    ("old", "new"),
     [
-        (": EQUAT\n", "", "file: no mount; expected :ALTAZ or :EQUAT"),
-        ("+31 41 19.6 2021 8 21", "31.7", "line 5: 1 numbers of the site; expected latitude (deg"),
-        ("2021 8 21", "8 21 2021", "line 5: '+31 41 19.6 8 21 2021'; expected a latitude"),
-        ("-0 30 0", "-O 30 0", "line 7: '-O'; expected numbers between blanks"),
-        ("  3 40.0", "", "line 7: 12 numbers of an observation; expected 14, as above"),
-        ("3 40.0", "3 40.0 5", "line 7: 15 numbers of an observation; expected 14, as above"),
-        ("-0 30 0 ", "-95 30 0 ", "line 7: a declination of -95.5; expected at most 90"),
-        (RUN[RUN.index("2 0 0.0") :], "", "file: no observations; expected the record of the site"),
+        (": EQUAT\n", ""),
+        ("+31 41 19.6 2021 8 21", "31.7"),
+        ("2021 8 21", "8 21 2021"),
+        ("-0 30 0", "-O 30 0"),
+        ("  3 40.0", ""),
+        ("3 40.0", "3 40.0 5"),
+        ("-0 30 0 ", "-95 30 0 "),
+        (RUN[RUN.index("2 0 0.0") :], ""),
     ],
 )
-def test_what_is_wrong_with_a_run_is_said_in_one_sentence(old, new, expected, tmp_path):
+def test_what_is_wrong_with_a_run_is_said_in_one_sentence(refuses, old, new, tmp_path):
     assert old in RUN
     (tmp_path / "run.dat").write_text(RUN.replace(old, new))
-    with pytest.raises(InputFileError) as error:
-        read_pointings(tmp_path / "run.dat")
-    assert expected in str(error.value)
+    refuses(read_pointings, tmp_path / "run.dat")
 
 
-def test_a_star_beyond_the_zenith_is_refused(tmp_path):
+def test_a_star_beyond_the_zenith_is_refused(refuses, tmp_path):
     (tmp_path / "run.dat").write_text("Mount\n:ALTAZ\n+31 41 19.6 2021 8 21\n10 20 10 20\n10 95 10 85\nEND\n")
-    with pytest.raises(InputFileError, match="line 5: a star's elevation of 95; expected from -90 to 90"):
-        read_pointings(tmp_path / "run.dat")
+    refuses(read_pointings, tmp_path / "run.dat")
 
 
 @pytest.mark.parametrize(
-    ("terms", "expected"),
+    "terms",
     [
-        (
-            "  IA 1.0\n  QQ 2.0",
-            "line 4: the term 'QQ', which is not known; expected one that 'rodgen effects TERM'",
-        ),
-        ("  IA 1.0\n  NPEA 2.0", "line 4: the term 'NPEA', which is not known; expected 'NPAE', perhaps"),
-        ("  IA 1.0\n  ME 2.0", "line 4: ME, of another mount; expected terms of an alt-azimuth mount"),
-        (
-            "  IA 1.0\n  PAA2 2.0",
-            "line 4: PAA2, a polynomial of azimuths; expected harmonics of azimuths, such as",
-        ),
-        ("  IA 1.0\n  HDSH5 2.0", "line 4: HDSH5, at an axis DEC; expected a term of this mount"),
-        ("  IA 1.0\n  IA 2.0", "line 4: a second IA; expected each term once"),
-        ("  IA 1.0\n  IE x", "line 4: '  IE x'; expected a term, its value and its sigma in arcsec, or END"),
-        ("  IH 1.0", "--latitude: missing, for an equatorial mount; expected such as --latitude 31.7deg"),
-        ("", "file: no terms; expected a model of TPOINT: a caption"),
+        "  IA 1.0\n  QQ 2.0",
+        "  IA 1.0\n  NPEA 2.0",
+        "  IA 1.0\n  ME 2.0",
+        "  IA 1.0\n  PAA2 2.0",
+        "  IA 1.0\n  HDSH5 2.0",
+        "  IA 1.0\n  IA 2.0",
+        "  IA 1.0\n  IE x",
+        "  IH 1.0",
+        "",
     ],
 )
-def test_what_is_wrong_with_a_model_is_said_in_one_sentence(terms, expected, tmp_path):
+def test_what_is_wrong_with_a_model_is_said_in_one_sentence(refuses, terms, tmp_path):
     (tmp_path / "m.mod").write_text(f"Mount\nT 10 1.0 0 0\n{terms}\nEND\n")
-    with pytest.raises(InputFileError) as error:
-        machine_from_tpoint(None, str(tmp_path / "m.mod"))
-    assert expected in str(error.value)
+    refuses(machine_from_tpoint, None, str(tmp_path / "m.mod"))
 
 
-def test_an_effect_without_a_term_has_no_model(tmp_path):
+def test_an_effect_without_a_term_has_no_model(refuses, tmp_path):
     machine = mount_machine(ALTAZ, "m", 0.0)
     found = machine.with_effect(machine.effect("scale", "EL", hold={"k": 1e-4}))
-    with pytest.raises(RodgenError, match="scale at EL: no term of TPOINT"):
-        terms_of(found, ALTAZ, 0.0)
+    refuses(terms_of, found, ALTAZ, 0.0)
 
 
-def test_an_effect_of_another_formula_is_no_term_of_that_name(tmp_path):
+def test_an_effect_of_another_formula_is_no_term_of_that_name(refuses, tmp_path):
     machine = machine_from_tpoint(None, model_file(tmp_path, {"IA": 10.0, "HASA3": 5.0})).machine
     (term,) = (effect for effect in machine.effects if effect.definition.own)
     doubled = Formula.parse(f"2*{term.definition.formula.text}", file="", place="")
     other = replace(term, definition=replace(term.definition, formula=doubled))
     machine = replace(machine, effects=tuple(other if each is term else each for each in machine.effects))
-    with pytest.raises(RodgenError, match=r"(?i)hasa3.*: no term of TPOINT"):
-        terms_of(machine, ALTAZ, 0.0)
+    refuses(terms_of, machine, ALTAZ, 0.0)
 
 
 def test_a_fit_comes_back_as_the_terms_that_were_simulated(tmp_path):

@@ -14,7 +14,6 @@ import pytest
 
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.imports.urdf import machine_from_urdf
 from rodgen.machines.machine import Machine
@@ -199,21 +198,12 @@ def test_a_slide_that_mimics_a_turn_has_a_factor_with_a_unit(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (
-            'joint="turn" multiplier="-0.5"',
-            'joint="nod"',
-            "joint nod, mimic: a circle, nod follows nod; expected",
-        ),
-        ('multiplier="-0.5"', 'multiplier="half"', "joint nod, mimic multiplier: 'half'; expected a number"),
-    ],
+    ("old", "new"),
+    [('joint="turn" multiplier="-0.5"', 'joint="nod"'), ('multiplier="-0.5"', 'multiplier="half"')],
 )
-def test_what_is_no_mimic_is_one_sentence(tmp_path, old, new, message):
+def test_what_is_no_mimic_is_one_sentence(refuses, tmp_path, old, new):
     (tmp_path / "lift.urdf").write_text(ROBOT.replace(old, new))
-    with pytest.raises(InputFileError) as error:
-        machine_from_urdf(tmp_path / "lift.urdf", tip="hand")
-    assert message in str(error.value)
+    refuses(machine_from_urdf, tmp_path / "lift.urdf", tip="hand")
 
 
 def test_a_mimic_joint_of_a_joint_elsewhere_is_one_of_its_own(tmp_path):
@@ -233,45 +223,42 @@ def test_what_a_file_says_ends_no_comment_of_the_machine_file(robot):
     assert tomllib.loads(made.text)["environment"]["gravity"] != 9
 
 
-def test_a_chain_of_thousands_of_links_is_followed_to_its_end(tmp_path):
+def test_a_chain_of_thousands_of_links_is_followed_to_its_end(refuses, tmp_path):
     parts = ["<link name='l0'/>"]
     for n in range(1, 9000):
         parts.append(
             f"<link name='l{n}'/><joint name='j{n}' type='fixed'><parent link='l{n - 1}'/><child link='l{n}'/></joint>"
         )
     (tmp_path / "chain.urdf").write_text(f"<robot name='r'>{''.join(parts)}</robot>")
-    with pytest.raises(InputFileError, match="0 moving joints from 'l0' to 'l8999'"):
-        machine_from_urdf(tmp_path / "chain.urdf")
+    refuses(machine_from_urdf, tmp_path / "chain.urdf")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "options", "expected"),
+    ("old", "new", "options"),
     [
-        ("</robot>", "", {}, "line 11: no XML (no element found); expected a robot in URDF"),
-        ("robot", "sdf", {}, "file: an element 'sdf'; expected a robot in URDF, whose element is <robot>"),
-        ("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ', {}, "--tip: 2 leaf links, and no --tip;"),
-        ("</robot>", '<x:if xmlns:x="http://ros.org/wiki/xacro"/></robot>', {}, "file: a xacro file, from which"),
-        (ROBOT, '<robot name="x"/>', {}, "link: no links; expected a robot whose links hang on one of them"),
-        ("", "", {}, "--tip: 2 leaf links, and no --tip; expected --tip LINK: 'hand' or 'lamp'"),
-        ("", "", {"tip": "hadn"}, "--tip: no link 'hadn'; expected 'hand', perhaps"),
-        ("", "", {"base": "arm", "tip": "plate"}, "--base arm: no link above 'plate'; expected 'column' or 'floor'"),
-        ("", "", {"tip": "lamp"}, "file: 0 moving joints from 'floor' to 'lamp'; expected 1 to 64"),
-        ('xyz="0 1 2"', 'xyz="0 0 0"', {"tip": "hand"}, "joint slide.1, axis xyz: no direction; expected three"),
-        ('xyz="0.4 0 0"', 'xyz="0.4 O 0"', {"tip": "hand"}, "joint nod, origin xyz: '0.4 O 0'; expected three numb"),
-        ('upper="2"', 'upper="inf"', {"tip": "hand"}, "joint nod, limit upper: 'inf'; expected a number"),
-        ("continuous", "planar", {"tip": "hand"}, "joint turn: type 'planar'; expected 'revolute', 'continuous', "),
-        ('child link="arm"', 'child link="arn"', {"tip": "hand"}, "joint turn: child 'arn', which is no link;"),
-        ('child link="lamp"', 'child link="arm"', {"tip": "hand"}, "joint turn: child 'arm', which is the child of"),
-        ('"turn" type', '"bolts" type', {"tip": "hand"}, "joint bolts: a second joint of this name; expected a name"),
-        ('name="lift"', 'name="a&#10;b = 1"', {"tip": "hand"}, "robot: the name 'a\\nb = 1'; expected one line"),
-        ('name="turn"', 'name=""', {"tip": "hand"}, "joint: the name ''; expected one line"),
+        ("</robot>", "", {}),
+        ("robot", "sdf", {}),
+        ("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ', {}),
+        ("</robot>", '<x:if xmlns:x="http://ros.org/wiki/xacro"/></robot>', {}),
+        (ROBOT, '<robot name="x"/>', {}),
+        ("", "", {}),
+        ("", "", {"tip": "hadn"}),
+        ("", "", {"base": "arm", "tip": "plate"}),
+        ("", "", {"tip": "lamp"}),
+        ('xyz="0 1 2"', 'xyz="0 0 0"', {"tip": "hand"}),
+        ('xyz="0.4 0 0"', 'xyz="0.4 O 0"', {"tip": "hand"}),
+        ('upper="2"', 'upper="inf"', {"tip": "hand"}),
+        ("continuous", "planar", {"tip": "hand"}),
+        ('child link="arm"', 'child link="arn"', {"tip": "hand"}),
+        ('child link="lamp"', 'child link="arm"', {"tip": "hand"}),
+        ('"turn" type', '"bolts" type', {"tip": "hand"}),
+        ('name="lift"', 'name="a&#10;b = 1"', {"tip": "hand"}),
+        ('name="turn"', 'name=""', {"tip": "hand"}),
     ],
-)  # fmt: skip
-def test_what_is_wrong_is_said_in_one_sentence(robot, old, new, options, expected):
+)
+def test_what_is_wrong_is_said_in_one_sentence(refuses, robot, old, new, options):
     robot.write_text(ROBOT.replace(old, new) if old else ROBOT)
-    with pytest.raises(InputFileError) as error:
-        machine_from_urdf(robot, **options)
-    assert expected in str(error.value)
+    refuses(machine_from_urdf, robot, **options)
 
 
 def test_nothing_is_written_where_the_robot_is_wrong(robot, tmp_path, rodgen_command: Run):
@@ -392,14 +379,8 @@ def test_a_users_own_urdf_keeps_each_byte_outside_of_corrected_origins(
         assert comment.startswith(name.encode())
 
 
-@pytest.mark.parametrize(
-    ("encoding", "message"),
-    [
-        ("ISO-8859-1", "line 2: bytes that are not UTF-8; expected UTF-8 text"),
-        ("UTF-16", "file: UTF-16 text"),
-    ],
-)
-def test_a_urdf_that_could_not_be_corrected_is_not_imported(robot, encoding, message):
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "UTF-16"])
+def test_a_urdf_that_could_not_be_corrected_is_not_imported(refuses, robot, encoding):
     text = f'<?xml version="1.0" encoding="{encoding}"?>\n<!-- für -->\n{robot.read_text()}'
     machine = machine_from_urdf(robot, "floor", "hand").machine
     robot.write_bytes(text.encode(encoding))
@@ -408,8 +389,7 @@ def test_a_urdf_that_could_not_be_corrected_is_not_imported(robot, encoding, mes
         lambda: machine_from_urdf(robot, "floor", "hand"),
         lambda: emit("urdf", robot.parent, into=robot),
     ):
-        with pytest.raises(InputFileError, match=message):
-            read()
+        refuses(read)
 
 
 def test_frames_of_a_corrected_urdf_move_by_the_correction_alone(robot, tmp_path):
@@ -432,7 +412,7 @@ def test_frames_of_a_corrected_urdf_move_by_the_correction_alone(robot, tmp_path
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore:Link .* is of type .fixed.")  # of ikpy, where no mask is given
-def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
+def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(refuses, tmp_path):
     """23 poses by a camera: the fitted axes and zeros, in the file that the robot came with, by another reader."""
     machine = machine_from_urdf(UR10, "base_link", "wrist_3_link").machine
     names = [joint.name for joint in machine.joints]
@@ -442,8 +422,7 @@ def test_ur10s_own_urdf_has_the_places_that_its_measurements_say(tmp_path):
         machine = machine.add("zero_offset", joint=name)
     machine = replace(machine, estimate=("target", *(f"{name}.axis" for name in names[1:5])))
     fit = machine.fit(columns)
-    with pytest.raises(InputFileError, match="the rms on poses that the fit did not see does not fall"):
-        fit.machine.emit("urdf", tmp_path, into=UR10)  # axes, of 23 poses
+    refuses(fit.machine.emit, "urdf", tmp_path, into=UR10)  # axes, of 23 poses
     (path,) = fit.machine.emit("urdf", tmp_path, into=UR10, force=True)
     text = path.read_text()
     strip = re.compile(r"<origin[^>]*>")

@@ -25,7 +25,6 @@ from rodgen.calibration.simulate import simulate
 from rodgen.calibration.solve import least_squares
 from rodgen.calibration.steps import odds_of_steps
 from rodgen.calibration.validation import validation_error
-from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.machines.parts import StatedPlausibility
 from rodgen.statistics.leave_out import deal, neighbours
@@ -288,15 +287,14 @@ def test_an_unknown_error_is_not_said_to_fall():
     assert HeldOutGeometry(known, known).text.endswith("does not fall by that: 3 um with it, 3 um without.")
 
 
-def test_number_of_folds_keeps_the_cost_bounded():
+def test_number_of_folds_keeps_the_cost_bounded(refuses):
     random = np.random.default_rng(2)
     full = fit(TABLE, turned(random.uniform(0, 360, 150), random))
     assert full.held_out().folds == 10
     assert full.held_out(folds=150).folds == 150
     assert full.held_out(folds=1000).folds == 150
     assert full.held_out().to_dict() == full.held_out().to_dict()
-    with pytest.raises(RodgenError, match="held out in 1 folds; expected 2 or more"):
-        full.held_out(folds=1)
+    refuses(full.held_out, folds=1)
 
 
 def test_a_pose_that_alone_tells_of_its_set_up_is_left_out_and_said():
@@ -592,22 +590,19 @@ def test_the_noise_is_shown_with_the_error():
     assert found.noise.text in str(found)
 
 
-def test_machines_that_differ_by_more_than_one_effect_are_no_rungs():
+def test_machines_that_differ_by_more_than_one_effect_are_no_rungs(refuses):
     machine, data = example("mount")
     other = machine.add("refraction").add("encoder_eccentricity", joint="AZ")
-    with pytest.raises(RodgenError, match="differ by more than one effect"):
-        ladder_of([machine, other], data)
+    refuses(ladder_of, [machine, other], data)
 
 
-def test_a_machine_adds_and_removes():
+def test_a_machine_adds_and_removes(refuses):
     machine, _ = example("mount")
     more = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
     assert [effect.title for effect in more.effects] == ["gravity_windup at EL"]
     assert more.remove("gravity_windup", joint="EL") == machine
-    with pytest.raises(InputFileError, match="one of the two, or neither"):
-        machine.add("backlash", joint="EL", target="boresight")
-    with pytest.raises(InputFileError, match=r"hold.k9: no parameter of gravity_windup"):
-        machine.add("gravity_windup", joint="EL", hold={"k9": 0})
+    refuses(machine.add, "backlash", joint="EL", target="boresight")
+    refuses(machine.add, "gravity_windup", joint="EL", hold={"k9": 0})
 
 
 def test_held_out_of_nothing_to_adjust_is_the_error_itself():

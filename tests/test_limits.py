@@ -18,7 +18,6 @@ from rodgen.cli.main import main
 from rodgen.codegen import build_cache
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables._arrow import ParquetTable
-from rodgen.errors import InputFileError
 from rodgen.files import write_file
 from rodgen.kinematics import tricept
 from rodgen.machines.files import toml
@@ -34,11 +33,10 @@ def error_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 
 def test_more_cells_than_the_limit_are_not_kept(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    refuses, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("rodgen.data.tables.table.CELLS", 5)
-    with pytest.raises(InputFileError, match="more than 5 cells; expected at most 5 cells"):
-        Measurements.from_frame({"C [deg]": [0, 90, 180], "d [mm]": [1, 2, 3]})
+    refuses(Measurements.from_frame, {"C [deg]": [0, 90, 180], "d [mm]": [1, 2, 3]})
     pairs = str(Path(__file__).parent.parent / "examples" / "pairs.csv")  # 30 rows of 8 cells
     monkeypatch.setattr("rodgen.data.tables.table.CELLS", 239)
     assert "more than 239 cells" in error_of(capsys, "fit-axis", pairs)
@@ -46,23 +44,18 @@ def test_more_cells_than_the_limit_are_not_kept(
     assert main(["fit-axis", pairs]) == 0
 
 
-def test_arrays_in_each_other_are_limited() -> None:
+def test_arrays_in_each_other_are_limited(refuses) -> None:
     text = "a = " + "[1, " * 49 + "]" * 49
     assert list(toml.parse(text, "m.toml")) == ["a"]
-    with pytest.raises(InputFileError, match=r"nested more than 50 deep; expected at most 50$"):
-        toml.parse(f"a = [{text[4:]}]", "m.toml")
+    refuses(toml.parse, f"a = [{text[4:]}]", "m.toml")
 
 
 @pytest.mark.parametrize("start", ["", "[", "[[", "x = {", "x = {b = 1, ", "a = 1\n  "])
 @pytest.mark.parametrize("name", ["a", '"a b"', "'a'"])
-def test_a_key_of_many_names_is_refused(start: str, name: str) -> None:
+def test_a_key_of_many_names_is_refused(refuses, start: str, name: str) -> None:
     """The TOML reader of Python takes 7.9 GB and 101 s for 200,000."""
     text = start + f"{name} . " * 200_000
-    with pytest.raises(
-        InputFileError,
-        match=rf"line {text.count(chr(10)) + 1}: a key of more names than 50; expected at most 50",
-    ):
-        toml.parse(text, "m.toml")
+    refuses(toml.parse, text, "m.toml")
 
 
 def test_dots_in_texts_are_no_key() -> None:
@@ -71,15 +64,13 @@ def test_dots_in_texts_are_no_key() -> None:
 
 
 @pytest.mark.parametrize("text", ["{", '{"a', "[" * 500 + "a.", "'a'", 'a"', "a ", "a. "])
-def test_texts_that_are_nearly_keys_are_read_soon(text: str) -> None:
-    with pytest.raises(InputFileError):
-        toml.parse(text * (900_000 // len(text)), "m.toml")
+def test_texts_that_are_nearly_keys_are_read_soon(refuses, text: str) -> None:
+    refuses(toml.parse, text * (900_000 // len(text)), "m.toml")
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no endless device")
-def test_an_endless_file_is_not_read() -> None:
-    with pytest.raises(InputFileError, match="more than 1 MB"):
-        toml.read_text("/dev/zero")
+def test_an_endless_file_is_not_read(refuses) -> None:
+    refuses(toml.read_text, "/dev/zero")
 
 
 def test_millions_of_empty_lines_are_skipped_at_once(
@@ -135,12 +126,11 @@ def test_a_full_device_tells_which_files_are_complete(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_a_file_that_is_read_only_is_not_replaced(tmp_path: Path) -> None:
+def test_a_file_that_is_read_only_is_not_replaced(refuses, tmp_path: Path) -> None:
     file = tmp_path / "x.toml"
     file.write_bytes(b"mine")
     file.chmod(0o444)
-    with pytest.raises(InputFileError, match="cannot be written"):
-        write_file(file, b"new")
+    refuses(write_file, file, b"new")
     assert file.read_bytes() == b"mine"
     assert [path.name for path in tmp_path.iterdir()] == ["x.toml"]
 

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.read import machine_of
@@ -111,8 +111,6 @@ frame = "free"
 noise = 2
 """
 
-NOISE = 'a positive number, or one with its unit, such as "2 um"'
-
 
 def load(text: str) -> Machine:
     return machine_of(text, "machine.toml")
@@ -175,10 +173,8 @@ def test_noise_may_be_a_text_with_its_unit(text: str, noise: str, expected: floa
 
 
 @pytest.mark.parametrize("noise", ["2 deg", "um", "", "-2 um", "0 um", "2 xy"])
-def test_a_noise_that_is_none_is_one_sentence(noise: str) -> None:
-    with pytest.raises(InputFileError) as caught:
-        load(GANTRY.replace("noise = 0.002", f'noise = "{noise}"'))
-    assert str(caught.value) == f"machine.toml: [measured], noise: the text '{noise}'; expected {NOISE}"
+def test_a_noise_that_is_none_is_one_sentence(refuses, noise: str) -> None:
+    refuses(load, GANTRY.replace("noise = 0.002", f'noise = "{noise}"'))
 
 
 def test_distance_has_an_origin() -> None:
@@ -252,15 +248,12 @@ def test_joint_may_say_what_is_known_of_its_hardware(tmp_path: Path) -> None:
     assert load(added).joint("C") == c
 
 
-def test_passive_joint_has_no_errors_of_a_drive() -> None:
+def test_passive_joint_has_no_errors_of_a_drive(refuses) -> None:
     machine = load(GANTRY.replace("period = 360", 'passive = true\nencoder = "axis"'))
     assert machine.joint("C").passive
     assert load(machine_text(machine)) == machine
     for name in ("backlash", "backlash_gradient", "periodic_drive_error", "gravity_windup", "load_windup"):
-        with pytest.raises(
-            InputFileError, match=f"{name} at C, an error of drives, where the joint is passive"
-        ):
-            machine.add(name, joint="C")
+        refuses(machine.add, name, joint="C")
     assert [e.title for e in machine.add("lateral_windup", joint="C").add("backlash", joint="X").effects][
         -2:
     ] == [
@@ -292,41 +285,28 @@ def test_effect_of_ones_own_may_change_several_components() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new"),
     [
-        (
-            'rx = "k*X"',
-            'component = "rx"\nrx = "k*X"',
-            "component: given together with rx; expected component and",
-        ),
-        ('rx = "k*X"', 'rx = "k*X*L"', "rx: a value in "),
-        ('ty = "k*L*X"', 'ty = "k*L*(X"', "ty: "),
-        ('ty = "k*L*X"', 'tu = "k*L*X"', "tu: unknown key"),
-        ('ty = "k*L*X"', 'ty = "k*X*X"', "parameters.L: a parameter that is not in the formula"),
-        (
-            'name = "bent_column"',
-            'name = "backlash"',
-            "parameters: given for 'backlash', which the catalogue has",
-        ),
+        ('rx = "k*X"', 'component = "rx"\nrx = "k*X"'),
+        ('rx = "k*X"', 'rx = "k*X*L"'),
+        ('ty = "k*L*X"', 'ty = "k*L*(X"'),
+        ('ty = "k*L*X"', 'tu = "k*L*X"'),
+        ('ty = "k*L*X"', 'ty = "k*X*X"'),
+        ('name = "bent_column"', 'name = "backlash"'),
     ],
 )
-def test_error_of_an_effect_of_several_components_names_the_component(
-    old: str, new: str, message: str
-) -> None:
-    with pytest.raises(InputFileError, match=re.escape(f"[[effect]] 3, {message}")):
-        load(GANTRY + SEVERAL.replace(old, new))
+def test_error_of_an_effect_of_several_components_names_the_component(refuses, old: str, new: str) -> None:
+    refuses(load, GANTRY + SEVERAL.replace(old, new))
 
 
 SKY = '\n[[effect]]\nname = "mine"\n{}component = "rx"\nformula = "a*cos(azimuth)*z"\nparameters = {{ a = "{}" }}\n'
 
 
-def test_zenith_angle_and_azimuth_are_words_where_directions_are_measured() -> None:
+def test_zenith_angle_and_azimuth_are_words_where_directions_are_measured(refuses) -> None:
     machine = load(MOUNT + SKY.format("", "arcsec"))
     assert load(machine_text(machine)) == machine
-    with pytest.raises(InputFileError, match=r"formula: a value in angle\*length; expected angle"):
-        load(MOUNT + SKY.format("", "mm"))
-    with pytest.raises(InputFileError, match="'z', the reading itself"):
-        load(GANTRY + SKY.format("", "arcsec"))
+    refuses(load, MOUNT + SKY.format("", "mm"))
+    refuses(load, GANTRY + SKY.format("", "arcsec"))
 
 
 # what is wrong with a file -------------------------------------------------------------------------------------------
@@ -354,162 +334,147 @@ def own(**keys: object) -> tuple[str, str]:
 
 FAULTS = [
     # TOML
-    ("axis   = [0, 0, 1]", "axis   = [0, 0, 1", "line 22"),
-    ('type   = "revolute"', "type   = revolute", "line 20"),
-    ("[measured]", "[units]", "line 34"),
-    ("noise = 0.002", "noise = 0.002\nnoise = 1", "line 38"),
-    ("noise = 0.002", f"noise = {'9' * 5000}", "file"),
-    ("noise = 0.002", f"noise = {'[' * 5000}", "file"),
+    ("axis   = [0, 0, 1]", "axis   = [0, 0, 1"),
+    ('type   = "revolute"', "type   = revolute"),
+    ("[measured]", "[units]"),
+    ("noise = 0.002", "noise = 0.002\nnoise = 1"),
+    ("noise = 0.002", f"noise = {'9' * 5000}"),
+    ("noise = 0.002", f"noise = {'[' * 5000}"),
     # tables and keys
-    (CUT["units"], "", "[units]"),
-    (CUT["joints"], "", "[[joint]]"),
-    (CUT["targets"], "", "[[target]]"),
-    (CUT["measured"], "", "[measured]"),
-    ('name = "Gantry with a rotary C axis"', "", "name"),
-    ('name = "Gantry with a rotary C axis"', 'name = ""', "name"),
-    ('name = "Gantry with a rotary C axis"', r'name = "a\nb"', "name"),
-    ("[environment]", "[enviroment]", "enviroment"),
-    ("gravity = ", "gravitation = ", "[environment], gravitation"),
-    ("period = 360", "periode = 360", "joint C, periode"),
-    ("period = 360", 'drive = "wrom"', "joint C, drive"),
-    ("period = 360", 'encoder = "spindle"', "joint C, encoder"),
-    ("period = 360", "drive = 3", "joint C, drive"),
-    ("period = 360", 'passive = "yes"', "joint C, passive"),
-    ("period = 360", "period = 360\npassive = true", "joint C, passive"),
-    ("period = 360", 'passive = true\nencoder = "motor"', "joint C, passive"),
-    ("noise = ", "sigma = ", "[measured], sigma"),
-    ('meaning    = ', 'meanings = ', "[[effect]] 2, meanings"),
-    (CUT["units"], "units = 3\n", "[units]"),
-    (CUT["measured"], '[[measured]]\nkind = "point"\n', "[measured]"),
-    (CUT["targets"], '[target]\nname = "a"\n', "[[target]]"),
-    (CUT["units"], 'family = "tricept"\n', "[[joint]]"),
-    ("[environment]", "[geometry]\nR = 1\n[environment]", "[geometry]"),
+    (CUT["units"], ""),
+    (CUT["joints"], ""),
+    (CUT["targets"], ""),
+    (CUT["measured"], ""),
+    ('name = "Gantry with a rotary C axis"', ""),
+    ('name = "Gantry with a rotary C axis"', 'name = ""'),
+    ('name = "Gantry with a rotary C axis"', r'name = "a\nb"'),
+    ("[environment]", "[enviroment]"),
+    ("gravity = ", "gravitation = "),
+    ("period = 360", "periode = 360"),
+    ("period = 360", 'drive = "wrom"'),
+    ("period = 360", 'encoder = "spindle"'),
+    ("period = 360", "drive = 3"),
+    ("period = 360", 'passive = "yes"'),
+    ("period = 360", "period = 360\npassive = true"),
+    ("period = 360", 'passive = true\nencoder = "motor"'),
+    ("noise = ", "sigma = "),
+    ('meaning    = ', 'meanings = '),
+    (CUT["units"], "units = 3\n"),
+    (CUT["measured"], '[[measured]]\nkind = "point"\n'),
+    (CUT["targets"], '[target]\nname = "a"\n'),
+    (CUT["units"], 'family = "tricept"\n'),
+    ("[environment]", "[geometry]\nR = 1\n[environment]"),
     # units
-    ('length = "mm"', "", "[units], length"),
-    ('length = "mm"', 'length = "milimeter"', "[units], length"),
-    ('angle  = "deg"', 'angle  = "mm"', "[units], angle"),
-    ('length = "mm"', 'length = "mm*1"', "[units], length"),
-    ('length = "mm"', "length = 1", "[units], length"),
+    ('length = "mm"', ""),
+    ('length = "mm"', 'length = "milimeter"'),
+    ('angle  = "deg"', 'angle  = "mm"'),
+    ('length = "mm"', 'length = "mm*1"'),
+    ('length = "mm"', "length = 1"),
     # numbers and vectors
-    ("gravity = [0, 0, -2]", "gravity = [0, 0, 0.0]", "[environment], gravity"),
-    ("= 21.5", '= "21.5"', "[environment], reference_temperature"),
-    ("= 21.5", "= true", "[environment], reference_temperature"),
-    ("noise = 0.002", "noise = nan", "[measured], noise"),
-    ("noise = 0.002", "noise = 1979-05-27", "[measured], noise"),
-    ("noise = 0.002", f"noise = 1{'0' * 400}", "[measured], noise"),
-    ("noise = 0.002", "noise = 0", "[measured], noise"),
-    ("point = [120, 0, 40]", "point = [120, 0, inf]", "target ball_1, point"),
-    ("point = [120, 0, 40]", "", "target ball_1, point"),
-    ("axis   = [0, 0, 1]", "axis = [0, 1]", "joint C, axis"),
-    ("axis   = [0, 0, 1]", 'axis = ["0", 0, 1]', "joint C, axis"),
-    ("axis   = [0, 0, 1]", 'axis = "z"', "joint C, axis"),
-    ("travel = [-180, 180]", "travel = [180, -180]", "joint C, travel"),
-    ("travel = [-180, 180]", "travel = [1e308, 2e308]", "joint C, travel"),
-    ("travel = [-180, 180]", "travel = 360", "joint C, travel"),
-    ("period = 360", "period = -1", "joint C, period"),
+    ("gravity = [0, 0, -2]", "gravity = [0, 0, 0.0]"),
+    ("= 21.5", '= "21.5"'),
+    ("= 21.5", "= true"),
+    ("noise = 0.002", "noise = nan"),
+    ("noise = 0.002", "noise = 1979-05-27"),
+    ("noise = 0.002", f"noise = 1{'0' * 400}"),
+    ("noise = 0.002", "noise = 0"),
+    ("point = [120, 0, 40]", "point = [120, 0, inf]"),
+    ("point = [120, 0, 40]", ""),
+    ("axis   = [0, 0, 1]", "axis = [0, 1]"),
+    ("axis   = [0, 0, 1]", 'axis = ["0", 0, 1]'),
+    ("axis   = [0, 0, 1]", 'axis = "z"'),
+    ("travel = [-180, 180]", "travel = [180, -180]"),
+    ("travel = [-180, 180]", "travel = [1e308, 2e308]"),
+    ("travel = [-180, 180]", "travel = 360"),
+    ("period = 360", "period = -1"),
     # names
-    ('name   = "C"', "", "[[joint]] 2, name"),
-    ('name   = "C"', 'name   = "X"', "[[joint]] 2, name"),
-    ('name  = "ball_2"', 'name  = "ball_1"', "[[target]] 2, name"),
-    ('name  = "ball_2"', 'name  = "C"', "[[target]] 2, name"),
-    ('name   = "C"', 'name   = "load"', "[[joint]] 2, name"),
-    ('name   = "C"', 'name   = "T_1"', "[[joint]] 2, name"),
-    ('name   = "C"', 'name   = "C [deg]"', "[[joint]] 2, name"),
-    ('name  = "ball_2"', 'name  = "a,b"', "[[target]] 2, name"),
-    ('name   = "C"', 'name   = "backlash"', "[[joint]] 2, name"),
-    ('type   = "revolute"', 'type   = "rotary"', "joint C, type"),
-    ('type   = "revolute"', "", "joint C, type"),
+    ('name   = "C"', ""),
+    ('name   = "C"', 'name   = "X"'),
+    ('name  = "ball_2"', 'name  = "ball_1"'),
+    ('name  = "ball_2"', 'name  = "C"'),
+    ('name   = "C"', 'name   = "load"'),
+    ('name   = "C"', 'name   = "T_1"'),
+    ('name   = "C"', 'name   = "C [deg]"'),
+    ('name  = "ball_2"', 'name  = "a,b"'),
+    ('name   = "C"', 'name   = "backlash"'),
+    ('type   = "revolute"', 'type   = "rotary"'),
+    ('type   = "revolute"', ""),
     # measured and estimate
-    ('kind  = "point"', 'kind  = "position"', "[measured], kind"),
-    ('frame = "machine"', "", "[measured], frame"),
-    ('kind  = "point"', 'kind  = "point"\nfrom = [0, 0, 0]', "[measured], from"),
-    ('kind  = "point"', 'kind  = "distance"', "[measured], from"),
-    ('"C.axis"', '"C.axes"', "[estimate], parameters"),
-    ('"C.axis"', '"Q.b"', "[estimate], parameters"),
-    ('"C.axis"', '"C.point"', "[estimate], parameters"),
-    ('"C.axis"', "3", "[estimate], parameters"),
+    ('kind  = "point"', 'kind  = "position"'),
+    ('frame = "machine"', ""),
+    ('kind  = "point"', 'kind  = "point"\nfrom = [0, 0, 0]'),
+    ('kind  = "point"', 'kind  = "distance"'),
+    ('"C.axis"', '"C.axes"'),
+    ('"C.axis"', '"Q.b"'),
+    ('"C.axis"', '"C.point"'),
+    ('"C.axis"', "3"),
     # effects
-    (*effect(name='"backlsh"'), "[[effect]] 3, name"),
-    (*effect(name='"squareness"', joint='"C"'), "[[effect]] 3, joint"),
-    (*effect(name='"radial_error_motion"', joint='"X"'), "[[effect]] 3, joint"),
-    (*effect(name='"backlash"'), "[[effect]] 3, joint"),
-    (*effect(name='"backlash"', joint='"Q"'), "[[effect]] 3, joint"),
-    (*effect(name='"warm_up_drift"', joint='"C"'), "[[effect]] 3, joint"),
-    (*effect(name='"target_offset"'), "[[effect]] 3, target"),
-    (*effect(name='"target_offset"', joint='"C"'), "[[effect]] 3, joint"),
-    (*effect(name='"target_offset"', target='"ball"'), "[[effect]] 3, target"),
-    (*effect(name='"backlash"', joint='"C"', target='"ball_1"'), "[[effect]] 3, target"),
-    (*effect(name='"encoder_eccentricity"', joint='"C"'), "[[effect]] 3, name"),
-    (*effect(name='"axis_tilt"', joint='"C"'), "[[effect]] 3, name"),
-    (*effect(name='"squareness"', joint='"X"'), "[[effect]] 3, name"),
-    (*effect(name='"axis_offset"', joint='"C"'), "[[effect]] 3, name"),
-    (*effect(name='"refraction"'), "[[effect]] 3, name"),
-    (*effect(name='"backlash"', joint='"C"', hold="{ c = 1 }"), "[[effect]] 3, hold.c"),
-    (*effect(name='"backlash"', joint='"C"', hold='{ b = "1" }'), "[[effect]] 3, hold.b"),
-    (*effect(name='"backlash"', joint='"C"', hold="1"), "[[effect]] 3, hold"),
-    (*effect(name='"warm_up_drift"', hold="{ tau = 0 }"), "[[effect]] 3, hold.tau"),
-    (*effect(name='"periodic_drive_error"', joint='"C"', hold="{ P = 1 }"), "[[effect]] 3, hold.P"),
+    effect(name='"backlsh"'),
+    effect(name='"squareness"', joint='"C"'),
+    effect(name='"radial_error_motion"', joint='"X"'),
+    effect(name='"backlash"'),
+    effect(name='"backlash"', joint='"Q"'),
+    effect(name='"warm_up_drift"', joint='"C"'),
+    effect(name='"target_offset"'),
+    effect(name='"target_offset"', joint='"C"'),
+    effect(name='"target_offset"', target='"ball"'),
+    effect(name='"backlash"', joint='"C"', target='"ball_1"'),
+    effect(name='"encoder_eccentricity"', joint='"C"'),
+    effect(name='"axis_tilt"', joint='"C"'),
+    effect(name='"squareness"', joint='"X"'),
+    effect(name='"axis_offset"', joint='"C"'),
+    effect(name='"refraction"'),
+    effect(name='"backlash"', joint='"C"', hold="{ c = 1 }"),
+    effect(name='"backlash"', joint='"C"', hold='{ b = "1" }'),
+    effect(name='"backlash"', joint='"C"', hold="1"),
+    effect(name='"warm_up_drift"', hold="{ tau = 0 }"),
+    effect(name='"periodic_drive_error"', joint='"C"', hold="{ P = 1 }"),
     # effects of the user
-    (*own(name='"backlash"'), "[[effect]] 3, component"),
-    (*own(name='"ball_1"', parameters='{ a = "1" }'), "[[effect]] 3, name"),
-    (*own(name='"two words"'), "[[effect]] 3, name"),
-    (*own(component='"twist"'), "[[effect]] 3, component"),
-    (TAIL, f'{TAIL}[[effect]]\nname = "mine"\ncomponent = "tx"\n', "[[effect]] 3, formula"),
-    (TAIL, f'{TAIL}[[effect]]\nname = "mine"\ncomponent = "reading"\nformula = "t"\n', "[[effect]] 3, component"),
-    (*own(formula='"a*(q"'), "[[effect]] 3, formula"),
-    (*own(formula='"__import__(q)"'), "[[effect]] 3, formula"),
-    (*own(parameters='{ a = "arcmoon" }'), "[[effect]] 3, parameters.a"),
-    (*own(parameters='{ a = 1 }'), "[[effect]] 3, parameters.a"),
-    (*own(parameters='{ a = "1", b = "1" }'), "[[effect]] 3, parameters.b"),
-    (*own(parameters='{ q = "1", a = "1" }'), "[[effect]] 3, parameters.q"),
-    (*own(parameters='{ a = "mm" }'), "[[effect]] 3, formula"),
-    (*own(formula='"a + F"', parameters='{ a = "arcsec" }'), "[[effect]] 3, formula"),
-    (*own(formula='"a*x"', parameters='{ a = "arcsec" }'), "[[effect]] 3, formula"),
-    (TAIL, f'{TAIL}[[effect]]\nname = "mine"\ncomponent = "tx"\nformula = "a*q"\nparameters = {{ a = "mm" }}\n',
-     "[[effect]] 3, formula"),
+    own(name='"backlash"'),
+    own(name='"ball_1"', parameters='{ a = "1" }'),
+    own(name='"two words"'),
+    own(component='"twist"'),
+    (TAIL, f'{TAIL}[[effect]]\nname = "mine"\ncomponent = "tx"\n'),
+    (TAIL, f'{TAIL}[[effect]]\nname = "mine"\ncomponent = "reading"\nformula = "t"\n'),
+    own(formula='"a*(q"'),
+    own(formula='"__import__(q)"'),
+    own(parameters='{ a = "arcmoon" }'),
+    own(parameters='{ a = 1 }'),
+    own(parameters='{ a = "1", b = "1" }'),
+    own(parameters='{ q = "1", a = "1" }'),
+    own(parameters='{ a = "mm" }'),
+    own(formula='"a + F"', parameters='{ a = "arcsec" }'),
+    own(formula='"a*x"', parameters='{ a = "arcsec" }'),
+    (TAIL, f'{TAIL}[[effect]]\nname = "mine"\ncomponent = "tx"\nformula = "a*q"\nparameters = {{ a = "mm" }}\n'),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("old", "new", "place"), FAULTS, ids=range(len(FAULTS)))
-def test_error_is_one_line_with_its_place(old: str, new: str, place: str) -> None:
-    """Its words are frozen among the answers."""
+@pytest.mark.parametrize(("old", "new"), FAULTS, ids=range(len(FAULTS)))
+def test_error_is_one_line_with_its_place(refuses, old: str, new: str) -> None:
     assert GANTRY.count(old) == 1
-    with pytest.raises(InputFileError) as caught:
-        load(GANTRY.replace(old, new))
-    assert str(caught.value).startswith(f"machine.toml: {place}: ")
-    assert "; expected " in str(caught.value)
-    assert str(caught.value).isprintable()
+    refuses(load, GANTRY.replace(old, new))
 
 
-def test_word_of_formulas_that_is_also_a_joint_is_not_guessed_at() -> None:
+def test_word_of_formulas_that_is_also_a_joint_is_not_guessed_at(refuses) -> None:
     with_joint = GANTRY.replace('name   = "X"', 'name   = "F"').replace('"X.axis"', '"F.axis"')
-    message = (
-        r"\[\[effect\]\] 2, formula: 'F', a word of formulas and the name of a joint; expected another name"
-    )
-    with pytest.raises(InputFileError, match=message):
-        load(with_joint)
+    refuses(load, with_joint)
     without_word = with_joint.replace(" + k*F", "").replace(', k = "arcsec/N"', "")
     assert load(without_word).joints[0].name == "F"
 
 
 @pytest.mark.parametrize(
-    ("name", "place", "message"),
+    ("name", "place"),
     [
-        (
-            "radial_error_motion",
-            "AZ",
-            "radial_error_motion where measured is 'direction', which changes no direction",
-        ),
-        ("axis_offset", "AZ", "axis_offset where measured is 'direction', which changes no direction"),
-        ("instrument_scale", None, "which changes no direction: it has no length"),
-        ("squareness", "focus", "which changes no direction: a prismatic joint only moves"),
-        ("backlash", "focus", "which changes no direction: a prismatic joint only moves"),
+        ("radial_error_motion", "AZ"),
+        ("axis_offset", "AZ"),
+        ("instrument_scale", None),
+        ("squareness", "focus"),
+        ("backlash", "focus"),
     ],
 )
-def test_what_only_moves_changes_no_direction(name: str, place: str | None, message: str) -> None:
+def test_what_only_moves_changes_no_direction(refuses, name: str, place: str | None) -> None:
     mount = load(MOUNT)
-    with pytest.raises(InputFileError, match=re.escape(message)):
-        mount.with_effect(mount.effect(name, place))
+    refuses(mount.with_effect, mount.effect(name, place))
 
 
 @pytest.mark.parametrize(
@@ -517,7 +482,7 @@ def test_what_only_moves_changes_no_direction(name: str, place: str | None, mess
     [("joint", 64), ("target", 1000), ("effect", 200)],
     ids=["joints", "targets", "effects"],
 )
-def test_number_of_blocks_is_limited(block: str, most: int) -> None:
+def test_number_of_blocks_is_limited(refuses, block: str, most: int) -> None:
     more = {
         "joint": '[[joint]]\nname = "J{}"\ntype = "revolute"\naxis = [0, 0, 1]\n',
         "target": '[[target]]\nname = "b{}"\npoint = [0, 0, 1]\n',
@@ -526,47 +491,31 @@ def test_number_of_blocks_is_limited(block: str, most: int) -> None:
     }[block]
     text = GANTRY + "".join(more.format(i) for i in range(most - 2))
     assert len(getattr(load(text), f"{block}s")) == most
-    with pytest.raises(
-        InputFileError, match=rf"\[\[{block}\]\]: {most + 1} blocks; expected at most {most}$"
-    ):
-        load(text + more.format("_last"))
+    refuses(load, text + more.format("_last"))
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    "content",
     [
-        (b"\xff\xfen\x00", "file: UTF-16 text; expected UTF-8 text"),
-        (b'name = "a"\nx = "\xe9"', "line 2: bytes that are not UTF-8; expected UTF-8 text"),
-        (
-            b"#" * 1_000_001,
-            "file: more than 1 MB; expected a machine file, of a few kB",
-        ),
-        (
-            b"X [mm],Y [mm]\n1,2\n",
-            "line 1: expected '=' after a key in a key/value pair, at column 3; expected TOML, .*",
-        ),
-        (b"", "name: missing; expected a text in quotes"),
-        (b"\x00\x01", "line 1: .*; expected TOML, .*"),
+        b"\xff\xfen\x00",
+        b'name = "a"\nx = "\xe9"',
+        b"#" * 1_000_001,
+        b"X [mm],Y [mm]\n1,2\n",
+        b"",
+        b"\x00\x01",
     ],
     ids=["utf-16", "latin-1", "large", "csv", "empty", "binary"],
 )
-def test_file_that_is_no_machine_file_says_what_it_is(tmp_path: Path, content: bytes, message: str) -> None:
+def test_file_that_is_no_machine_file_says_what_it_is(refuses, tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "machine.toml"
     path.write_bytes(content)
-    with pytest.raises(InputFileError) as caught:
-        Machine.load(path)
-    assert re.fullmatch(re.escape(f"{path}: ") + message, str(caught.value)), str(caught.value)
+    refuses(Machine.load, path)
 
 
-def test_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match=r"none.toml: file: no such file; expected a machine file$"):
-        Machine.load(tmp_path / "none.toml")
-    with pytest.raises(InputFileError, match=r": file: a folder; expected a machine file$"):
-        Machine.load(tmp_path)
-    with pytest.raises(
-        InputFileError, match=r"^a\\x00b: file: cannot be read \(embedded null byte\); expected"
-    ):
-        Machine.load("a\0b")
+def test_file_that_cannot_be_read_says_why(refuses, tmp_path: Path) -> None:
+    refuses(Machine.load, tmp_path / "none.toml")
+    refuses(Machine.load, tmp_path)
+    refuses(Machine.load, "a\0b")
 
 
 # fuzz ----------------------------------------------------------------------------------------------------------------
@@ -754,9 +703,8 @@ def test_saved_file_is_as_a_person_would_write_it(tmp_path: Path) -> None:
     assert Machine.load(tmp_path / "out.toml") == load(GANTRY)
 
 
-def test_file_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match="cannot be written"):
-        load(GANTRY).save(tmp_path / "no" / "out.toml")
+def test_file_that_cannot_be_written_is_an_error(refuses, tmp_path: Path) -> None:
+    refuses(load(GANTRY).save, tmp_path / "no" / "out.toml")
 
 
 @given(
@@ -838,15 +786,12 @@ def test_axis_along_whose_sides_an_effect_is_written_stays_and_gets_a_held_tilt(
     assert tilt.hold == {"a": pytest.approx(2e-4, rel=1e-15), "b": pytest.approx(-3e-4, rel=1e-15)}
 
 
-def test_fixed_file_needs_the_travel_that_an_effect_is_measured_over(tmp_path: Path) -> None:
+def test_fixed_file_needs_the_travel_that_an_effect_is_measured_over(refuses, tmp_path: Path) -> None:
     machine = load(GANTRY)
     machine = machine.with_effect(machine.effect("straightness", "X"))
     machine.save(tmp_path / "fixed.toml", fixed=True)
     x = replace(machine.joint("X"), travel=None)
-    with pytest.raises(
-        InputFileError, match="joint X, travel: missing, while straightness is measured over it"
-    ):
-        replace(machine, joints=(x, machine.joint("C"))).save(tmp_path / "fixed.toml", fixed=True)
+    refuses(replace(machine, joints=(x, machine.joint("C"))).save, tmp_path / "fixed.toml", fixed=True)
 
 
 def test_searched_parameter_without_a_value_is_left_to_be_searched(tmp_path: Path) -> None:
@@ -882,16 +827,11 @@ def test_effect_is_added_after_the_others_and_taken_away_again() -> None:
     assert smaller.values == {"C.axis.a": 2.0}
 
 
-def test_unknown_names_are_an_error() -> None:
+def test_unknown_names_are_an_error(refuses) -> None:
     machine = load(GANTRY)
-    with pytest.raises(RodgenError, match="no joint 'B'; expected 'X' or 'C'"):
-        machine.joint("B")
-    with pytest.raises(RodgenError, match="no target 'ball'; expected 'ball_1' or 'ball_2'"):
-        machine.target("ball")
-    with pytest.raises(
-        InputFileError, match="no 'backlash at C'; expected encoder_eccentricity at C and coupling"
-    ):
-        machine.without_effect("backlash", "C")
+    refuses(machine.joint, "B")
+    refuses(machine.target, "ball")
+    refuses(machine.without_effect, "backlash", "C")
 
 
 # edits of a user's file -----------------------------------------------------------------------------------------------
@@ -1012,16 +952,11 @@ def test_first_block_goes_to_the_end(path: Path) -> None:
     assert path.read_text(encoding="utf-8") == MOUNT + '\n[[effect]]\nname = "refraction"\n'
 
 
-def test_effects_in_line_are_not_edited(path: Path) -> None:
+def test_effects_in_line_are_not_edited(refuses, path: Path) -> None:
     text = 'effect = [{ name = "backlash", joint = "C" }]\n' + GANTRY[: GANTRY.index("[[effect]]")]
     path.write_text(text, encoding="utf-8")
-    message = (
-        r"machine.toml: effect: effects that are not blocks of their own; expected \[\[effect\]\] blocks"
-    )
-    with pytest.raises(InputFileError, match=message):
-        add(path, "backlash", "X")
-    with pytest.raises(InputFileError, match=message):
-        remove(path, "backlash", "C")
+    refuses(add, path, "backlash", "X")
+    refuses(remove, path, "backlash", "C")
     assert path.read_text(encoding="utf-8") == text
 
 

@@ -11,7 +11,6 @@ import pytest
 import rodgen
 from rodgen.calibration.check import check
 from rodgen.data.measurements import Measurements
-from rodgen.errors import RodgenError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
@@ -145,6 +144,5 @@ def test_what_is_wrong_is_said_in_one_sentence(arguments, refuses_command):
     refuses_command("new", *arguments)
 
 
-def test_a_kind_that_is_not_there_has_no_file():
-    with pytest.raises(RodgenError):
-        machine_template("../machine")
+def test_a_kind_that_is_not_there_has_no_file(refuses):
+    refuses(machine_template, "../machine")

@@ -218,36 +218,25 @@ class Flag(IntEnum):
     GOOD = 0
 
 
-def test_symbol_of_the_same_name_with_other_assumptions_is_an_error():
+def test_symbol_of_the_same_name_with_other_assumptions_is_an_error(refuses):
     k = KernelBuilder("same", summary="The same.", source="definition")
     k.input("x", unit="1", doc="a number")
-    with pytest.raises(KernelError, match="x here is another symbol than input\\(\\) returned"):
-        k.output("y", sp.Symbol("x", positive=True), unit="1", doc="it")
+    refuses(k.output, "y", sp.Symbol("x", positive=True), unit="1", doc="it", raises=KernelError)
 
 
 x, y = sp.symbols("x y", real=True)
 
 
 @pytest.mark.parametrize(
-    ("value", "complaint"),
-    [
-        (
-            0.5 * x,
-            "kernel half: y: the float 0.5 stands in a kernel; expected an exact number, such as sp.Rational(1, 2)",
-        ),
-        (sp.Max(x, 3), "kernel half: y: a kernel has no Max(); it may use Abs, acos, "),
-        (sp.gamma(x), "a kernel has no gamma()"),
-        (sp.Integral(sp.exp(-(x**2)), (x, 0, x)), "a kernel has no Integral()"),
-    ],
+    "value", [0.5 * x, sp.Max(x, 3), sp.gamma(x), sp.Integral(sp.exp(-(x**2)), (x, 0, x))]
 )
-def test_what_a_kernel_cannot_hold_is_an_error_where_it_is_written(value, complaint):
+def test_what_a_kernel_cannot_hold_is_an_error_where_it_is_written(refuses, value):
     k = KernelBuilder("half", summary="Half.", source="definition")
     k.input("x", unit="1", doc="a number")
-    with pytest.raises(KernelError, match=re.escape(complaint)):
-        k.output("y", value, unit="1", doc="half of it")
+    refuses(k.output, "y", value, unit="1", doc="half of it", raises=KernelError)
 
 
-def test_statuses_that_share_a_code_name_are_an_error_before_c_is_written():
+def test_statuses_that_share_a_code_name_are_an_error_before_c_is_written(refuses):
     class Another(IntEnum):
         """Another status with the same name in it."""
 
@@ -258,8 +247,7 @@ def test_statuses_that_share_a_code_name_are_an_error_before_c_is_written():
         k = KernelBuilder(name, summary="A status.", source="definition")
         k.status("status", k.input("x", unit="1", doc="a number") * 0, enum, doc="nothing")
         kernels.append(k.build())
-    with pytest.raises(KernelError, match="module both: Flag and Another both have GOOD"):
-        render(KernelModule("both", "Both.", "definition", tuple(kernels)))
+    refuses(render, KernelModule("both", "Both.", "definition", tuple(kernels)), raises=KernelError)
 
 
 def test_errors_of_a_script_lead_to_its_line(tmp_path):

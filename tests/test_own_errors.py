@@ -11,7 +11,6 @@ from rodgen import Machine, Measurements
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.volumetric import volumetric_error
 from rodgen.data.units import ARCSEC
-from rodgen.errors import InputFileError
 from rodgen.machines.emit.own_errors import LocationError, location_errors
 from rodgen.machines.machine import Joint, Measured, Target
 
@@ -152,7 +151,7 @@ def test_volumetric_error_is_at_positions_that_coupled_joints_can_reach() -> Non
     np.testing.assert_allclose(found.ranges[j4], -found.ranges[j3][::-1])
 
 
-def test_machine_file_notes_date_instrument_and_conditions(tmp_path: Path) -> None:
+def test_machine_file_notes_date_instrument_and_conditions(refuses, tmp_path: Path) -> None:
     text = (MACHINES / "rotary_table/machine.toml").read_text(encoding="utf-8")
     path = tmp_path / "machine.toml"
     path.write_text(text + '\n[record]\ndate = 2026-05-17\ninstrument = "CMM 7"\n', encoding="utf-8")
@@ -161,10 +160,6 @@ def test_machine_file_notes_date_instrument_and_conditions(tmp_path: Path) -> No
     again = tmp_path / "again.toml"
     found.save(again)
     assert Machine.load(again).record == found.record
-    for wrong, said in (
-        ("operator = 1", "operator: unknown key"),
-        ("date = 17", "date: 17; expected a text in quotes"),
-    ):
+    for wrong in ("operator = 1", "date = 17"):
         path.write_text(f"{text}\n[record]\n{wrong}\n", encoding="utf-8")
-        with pytest.raises(InputFileError, match=said):
-            Machine.load(path)
+        refuses(Machine.load, path)

@@ -27,7 +27,7 @@ from simulated_fits import fit_to, measure
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.diagnosis import Diagnosis
-from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
+from rodgen.calibration.plan import Plan, plan, plan_for
 from rodgen.calibration.plan.rows import Rows, for_people, ordered
 from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
@@ -213,13 +213,12 @@ def test_droop_and_eccentricity_of_elevation_are_the_same_whatever_is_observed()
     )
 
 
-def test_one_effect_has_nothing_to_be_told_apart_from(trials):
+def test_one_effect_has_nothing_to_be_told_apart_from(refuses, trials):
     machine = trials["one_side"].fit.machine
     found = plan_for(trials["one_side"].fit, [[machine.effect("backlash", "C")]])
     assert not found.count
     assert found.goals[0].sentence == "Fewer than two effects to tell apart: backlash at C."
-    with pytest.raises(PlanError, match="both alternatives and wanted parameters"):
-        plan_for(trials["one_side"].fit, [machine.effects], wanted=["C.axis"])
+    refuses(plan_for, trials["one_side"].fit, [machine.effects], wanted=["C.axis"])
 
 
 def test_effect_that_the_data_refute_is_left_out():
@@ -359,17 +358,9 @@ def test_effect_that_the_machine_does_not_have_may_be_asked_for(table):
     assert same.to_dict() == found.to_dict()
 
 
-@pytest.mark.parametrize(
-    ("n", "wanted", "text"),
-    [
-        (0, None, "n '0'; expected a whole number from 1 to 500"),
-        (12, ["C.axle"], "no parameter 'C.axle'; expected one of C.axis.a"),
-        (12, ["C.backlash.k"], "no parameter 'k' of backlash at C; expected 'b'"),
-    ],
-)
-def test_what_cannot_be_planned_is_one_sentence(table, n, wanted, text):
-    with pytest.raises(PlanError, match=text.replace("'", ".")):
-        plan(table[0], n, wanted=wanted)
+@pytest.mark.parametrize(("n", "wanted"), [(0, None), (12, ["C.axle"]), (12, ["C.backlash.k"])])
+def test_what_cannot_be_planned_is_one_sentence(refuses, table, n, wanted):
+    refuses(plan, table[0], n, wanted=wanted)
 
 
 # from a diagnosis ------------------------------------------------------------------------------------------------

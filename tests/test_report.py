@@ -32,7 +32,6 @@ from rodgen.calibration.volumetric import volumetric_error
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
 from rodgen.document import Facts, Paragraph, Table
-from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Effect
 from rodgen.output.report import report_page, write_report
@@ -312,9 +311,8 @@ def test_every_effect_can_be_described_as_hardware(effect: Any) -> None:
     assert all(re.search(r"\d", sentence) and sentence.endswith(".") for sentence in said)
 
 
-def test_radius_of_no_joint_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match="no revolute joint 'D'"):
-        write_report(diagnosis("nothing_missing"), tmp_path / "page.html", radii={"D": 1.0})
+def test_radius_of_no_joint_is_refused(refuses, tmp_path: Path) -> None:
+    refuses(write_report, diagnosis("nothing_missing"), tmp_path / "page.html", radii={"D": 1.0})
 
 
 # pictures ----------------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from rodgen.calibration.problem.blocks import observed
 from rodgen.calibration.simulate import simulate
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.schedulers import workers
@@ -151,25 +150,15 @@ def test_a_wrong_cell_is_named_with_its_file_and_row(refuses, machine, folder, t
     refuses(fit, machine, Measurements.scan(tmp_path / "week"))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"x [mm]": "x [m]"},
-            r"day3.parquet: schema, column 'x \[m\]': unit 'm'; expected 'x \[mm\]', as in .*day0",
-        ),
-        ({"run": "setup"}, r"day3.parquet: schema: no column 'run'; expected it, as in .*day0.parquet"),
-    ],
-)
+@pytest.mark.parametrize("change", [{"x [mm]": "x [m]"}, {"run": "setup"}])
 def test_another_unit_or_column_in_one_file_is_told_before_anything_is_read(
-    folder, tmp_path, change, message
+    refuses, folder, tmp_path, change
 ):
     shutil.copytree(folder, tmp_path / "week")
     file = tmp_path / "week/day3.parquet"
     table = pq.read_table(file)
     pq.write_table(table.rename_columns([change.get(name, name) for name in table.schema.names]), file)
-    with pytest.raises(InputFileError, match=message):
-        Measurements.scan(tmp_path / "week/*.parquet")
+    refuses(Measurements.scan, tmp_path / "week/*.parquet")
 
 
 def test_a_unit_that_does_not_fit_the_machine_is_told_before_anything_is_read(
@@ -260,8 +249,7 @@ def test_what_is_not_done_in_parts_is_refused(refuses, machine, folder, frame):
     aside = machine.setting_aside(Measurements.from_frame(frame, name="day0.parquet"), rows=[3], why="bumped")
     refuses(fit, aside, Measurements.scan(folder))
     poses = dataclasses.replace(machine, measured=Measured("pose", "free"))
-    with pytest.raises(InputFileError):
-        fit(poses, Measurements.scan(folder))
+    refuses(fit, poses, Measurements.scan(folder))
 
 
 @pytest.mark.thorough

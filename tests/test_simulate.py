@@ -17,7 +17,6 @@ import rodgen
 from rodgen.calibration.simulate import read_truth, truth_as_json
 from rodgen.data.tables import copy_with
 from rodgen.data.units import number_and_unit
-from rodgen.errors import InputFileError
 from rodgen.machines.rules import UnfitEffectError
 from rodgen.machines.typed_effects import assignments, typed_effect
 
@@ -331,13 +330,8 @@ def test_parquet_gets_numbers(tmp_path):
 def test_nothing_is_written_when_something_goes_wrong(refuses, tmp_path):
     source, output = tmp_path / "a.csv", tmp_path / "b.csv"
     source.write_text("C [deg]\n0\n1\n")
-    for columns, message in (
-        ({"x [mm]": np.zeros(3)}, "another number of rows than before"),
-        ({"x [mm]": np.zeros(1)}, "another number of rows than before"),
-        ({"C [deg]": np.zeros(2)}, "a result of an earlier run"),
-    ):
-        with pytest.raises(InputFileError, match=message):
-            copy_with(str(source), output, columns)
+    for columns in ({"x [mm]": np.zeros(3)}, {"x [mm]": np.zeros(1)}, {"C [deg]": np.zeros(2)}):
+        refuses(copy_with, str(source), output, columns)
     refuses(copy_with, str(source), source, {})
     refuses(copy_with, "-", output, {})
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
@@ -372,12 +366,11 @@ def test_whatever_is_typed_is_taken_apart_or_refused_in_one_line(text):
         assert all(typed_effect(text).numbers.values())
 
 
-def test_effects_as_typed():
+def test_effects_as_typed(refuses):
     found = typed_effect("frame_shift[ a 1 ]:x=0.1mm,rz= 3arcsec")
     assert (found.name, found.run, found.place) == ("frame_shift", " a 1 ", None)
     assert dict(found.numbers) == {"x": "0.1mm", "rz": "3arcsec"}
     assert typed_effect("target_offset@ball 1").place == "ball 1"
     assert assignments(["k2 = 0"]) == {"k2": "0"}
     for text in ("=1", "a=", "a", "a=1,,b=2"):
-        with pytest.raises(UnfitEffectError):
-            assignments(text.split(","))
+        refuses(assignments, text.split(","))

@@ -18,7 +18,6 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from rodgen import Machine, Measurements, simulate
-from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import Mechanism, Placement, product_of_exponentials
 from rodgen.machines.machine import Joint, Measured, Target
@@ -155,7 +154,7 @@ def test_axes_that_are_all_but_parallel_lose_what_the_convention_must():
         assert worst <= (100 * np.finfo(float).eps / sine if sine > 1e-8 else 4 * sine)
 
 
-def test_links_that_miss_the_axes_are_refused(monkeypatch):
+def test_links_that_miss_the_axes_are_refused(refuses, monkeypatch):
     """What comes out is put back into the poses: with a link that is 1e-5 of the size too long it does not leave."""
     right = product_of_exponentials.links_from_axes
 
@@ -167,15 +166,12 @@ def test_links_that_miss_the_axes_are_refused(monkeypatch):
         spatial.from_denavit_hartenberg("RPR", [1, 0, 1], [1, 1, 0], [0, 1, 0])
     )
     monkeypatch.setattr(product_of_exponentials, "links_from_axes", wrong)
-    with pytest.raises(RodgenError, match=r"the links are off by .* of the size, expected at most 3e-07"):
-        spatial.from_product_of_exponentials(*screws)
+    refuses(spatial.from_product_of_exponentials, *screws)
 
 
-def test_a_screw_of_another_length_is_an_error():
-    with pytest.raises(RodgenError, match="screw 2 has an axis of the length 2"):
-        spatial.from_product_of_exponentials([[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]])
-    with pytest.raises(RodgenError, match=r"shape \(6,\)"):
-        spatial.from_product_of_exponentials([0, 0, 1, 0, 0, 0])
+def test_a_screw_of_another_length_is_an_error(refuses):
+    refuses(spatial.from_product_of_exponentials, [[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]])
+    refuses(spatial.from_product_of_exponentials, [0, 0, 1, 0, 0, 0])
 
 
 # Denavit and Hartenberg ----------------------------------------------------------------------------------------------
@@ -240,24 +236,17 @@ def test_a_presets_standard_table_is_that_of_the_books():
     assert table.offset.tolist() == [0, 5.9, 0, 17, 0, 4]
 
 
-def test_tables_that_do_not_fit_are_an_error():
-    with pytest.raises(RodgenError, match=r"alpha has the shape \(1,\)"):
-        spatial.from_denavit_hartenberg("RR", [1.0, 2.0], [0.0], [0.0, 0.0])
-    with pytest.raises(RodgenError, match="not finite"):
-        spatial.from_denavit_hartenberg("R", [np.nan], [0.0], [0.0], convention="modified")
-    with pytest.raises(RodgenError, match="the convention is 'craig'; expected 'standard' or 'modified'"):
-        spatial.to_denavit_hartenberg(spatial.PUMA_560, "craig")
+def test_tables_that_do_not_fit_are_an_error(refuses):
+    refuses(spatial.from_denavit_hartenberg, "RR", [1.0, 2.0], [0.0], [0.0, 0.0])
+    refuses(spatial.from_denavit_hartenberg, "R", [np.nan], [0.0], [0.0], convention="modified")
+    refuses(spatial.to_denavit_hartenberg, spatial.PUMA_560, "craig")
 
 
-def test_placements_of_loops_and_wrong_frames_are_an_error():
-    with pytest.raises(RodgenError, match="closed loop"):
-        Placement(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
-    with pytest.raises(RodgenError, match=r"base has the shape \(3, 3\)"):
-        Placement(spatial.PUMA_560, base=np.eye(3))
-    with pytest.raises(RodgenError, match="expected 6 numbers"):
-        Placement(spatial.PUMA_560, zero=[0.0])
-    with pytest.raises(RodgenError, match=r"shape \(1,\); expected \(..., 6\)"):
-        Placement(spatial.PUMA_560).forward([0.0])
+def test_placements_of_loops_and_wrong_frames_are_an_error(refuses):
+    refuses(Placement, Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
+    refuses(Placement, spatial.PUMA_560, base=np.eye(3))
+    refuses(Placement, spatial.PUMA_560, zero=[0.0])
+    refuses(Placement(spatial.PUMA_560).forward, [0.0])
 
 
 # machines ------------------------------------------------------------------------------------------------------------
@@ -353,27 +342,21 @@ def test_a_mechanism_and_its_machine_see_the_end_alike_and_come_back(tmp_path):
         np.testing.assert_allclose(back, expected, atol=1e-10)
 
 
-def test_a_screw_an_effect_a_loop_and_no_target_are_errors():
-    with pytest.raises(RodgenError, match="is a screw, for which a machine file has no joint"):
-        from_mechanism(Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))
-    with pytest.raises(RodgenError, match="closed loop"):
-        from_mechanism(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
-    with pytest.raises(RodgenError, match="no targets"):
-        from_mechanism(spatial.PUMA_560, {})
-    with pytest.raises(RodgenError, match="two joints are called 'C_S'"):
-        from_mechanism(Mechanism("CP", [1.0], [0.0], names=("C", "C_S")))
+def test_a_screw_an_effect_a_loop_and_no_target_are_errors(refuses):
+    refuses(from_mechanism, Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))
+    refuses(from_mechanism, Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
+    refuses(from_mechanism, spatial.PUMA_560, {})
+    refuses(from_mechanism, Mechanism("CP", [1.0], [0.0], names=("C", "C_S")))
     worn = from_mechanism(spatial.PUMA_560).add("backlash", joint="R1")
-    with pytest.raises(RodgenError, match=r"has effects \(backlash at R1\)"):
-        to_mechanism(worn)
+    refuses(to_mechanism, worn)
 
 
-def test_a_closed_chain_of_the_workbench_is_no_mechanism(tmp_path):
+def test_a_closed_chain_of_the_workbench_is_no_mechanism(refuses, tmp_path):
     (tmp_path / "tricept.toml").write_text(
         'name = "T"\nfamily = "tricept"\n[units]\nlength = "mm"\nangle = "deg"\n[geometry]\nR = 330\nr = 140\n'
         'q = [0, 0, 200]\n[measured]\nkind = "point"\nframe = "machine"\n'
     )
-    with pytest.raises(RodgenError, match="closed chain"):
-        to_mechanism(Machine.load(tmp_path / "tricept.toml"))
+    refuses(to_mechanism, Machine.load(tmp_path / "tricept.toml"))
 
 
 def test_fitted_numbers_are_taken_along():

@@ -54,95 +54,85 @@ def test_a_true_statement_is_proved_and_keeps_its_formula(derivation):
     assert "x + y" in entry.latex()
 
 
-def test_a_false_statement_raises_and_shows_the_remainder(derivation):
+def test_a_false_statement_raises_and_shows_the_remainder(refuses, derivation):
     entry = derivation.state("square", sp.Eq((x + y) ** 2, x**2 + y**2))
-    with pytest.raises(DerivationError, match=r"square is not proved: residual 1 leaves 2\*x\*y"):
-        entry.prove()
+    refuses(entry.prove, raises=DerivationError)
     assert entry.verdict == "open"
 
 
-def test_one_false_component_of_a_vector_equation_raises(derivation):
+def test_one_false_component_of_a_vector_equation_raises(refuses, derivation):
     a, b = derivation.vector("a", r"\vec a", "", "1"), derivation.vector("b", r"\vec b", "", "1")
     wrong = explicit(cross(a, b)) + sp.Matrix([0, 0, 1])
-    with pytest.raises(DerivationError, match="residual 3 leaves"):
-        derivation.state("cross", equal(cross(a, b), wrong)).prove()
+    refuses(derivation.state("cross", equal(cross(a, b), wrong)).prove, raises=DerivationError)
 
 
-def test_sides_of_different_shapes_raise(derivation):
+def test_sides_of_different_shapes_raise(refuses, derivation):
     a = derivation.vector("a", r"\vec a", "", "1")
-    with pytest.raises(DerivationError, match=r"have the shapes \(3, 1\) and \(1, 1\)"):
-        derivation.state("mixed", equal(2 * a, x)).prove()
+    refuses(derivation.state("mixed", equal(2 * a, x)).prove, raises=DerivationError)
 
 
-def test_an_open_entry_blocks_kernels(derivation):
+def test_an_open_entry_blocks_kernels(refuses, derivation):
     derivation.state("proved", sp.Eq(x + x, 2 * x, evaluate=False)).prove()
     entry = derivation.state("open", equal(sp.cos(x) ** 2, 1 - sp.sin(x) ** 2))
-    with pytest.raises(DerivationError, match="entries are open: open"):
-        derivation.kernel(NamedKernel("area"))
+    refuses(derivation.kernel, NamedKernel("area"), raises=DerivationError)
     assert not derivation.kernels
     entry.prove()
     derivation.kernel(NamedKernel("area"))
     assert list(derivation.kernels) == ["area"]
 
 
-def test_a_kernel_is_handed_over_once(derivation):
+def test_a_kernel_is_handed_over_once(refuses, derivation):
     derivation.kernel(NamedKernel("area"))
-    with pytest.raises(DerivationError, match="the kernel area is registered twice"):
-        derivation.kernel(NamedKernel("area"))
+    refuses(derivation.kernel, NamedKernel("area"), raises=DerivationError)
 
 
-def test_names_are_used_once(derivation):
+def test_names_are_used_once(refuses, derivation):
     derivation.check("it", sp.Eq(x, y))
     derivation.symbol("h", "h", "height", "m")
-    with pytest.raises(DerivationError, match="the entry it is stated twice"):
-        derivation.state("it", sp.Eq(x, y))
-    with pytest.raises(DerivationError, match="the symbol h is defined twice"):
-        derivation.vector("h", r"\vec h", "height", "m")
+    refuses(derivation.state, "it", sp.Eq(x, y), raises=DerivationError)
+    refuses(derivation.vector, "h", r"\vec h", "height", "m", raises=DerivationError)
 
 
-def test_an_entry_is_decided_once(derivation):
+def test_an_entry_is_decided_once(refuses, derivation):
     entry = derivation.check("it", sp.Eq(x + y, y + x, evaluate=False)).prove()
-    with pytest.raises(DerivationError, match="it is proved already"):
-        entry.prove()
+    refuses(entry.prove, raises=DerivationError)
 
 
-def test_a_claim_that_sympy_evaluates_away_is_refused(derivation):
-    with pytest.raises(DerivationError, match=r"keep it as printed with equal\(left, right\)"):
-        derivation.state("trivial", sp.Eq(x, x))
-    with pytest.raises(DerivationError, match="claims nothing"):
-        derivation.state("empty")
+def test_a_claim_that_sympy_evaluates_away_is_refused(refuses, derivation):
+    refuses(derivation.state, "trivial", sp.Eq(x, x), raises=DerivationError)
+    refuses(derivation.state, "empty", raises=DerivationError)
 
 
-def test_residuals_of_its_own_need_a_reason(derivation):
+def test_residuals_of_its_own_need_a_reason(refuses, derivation):
     entry = derivation.state("positive", sp.Ge(x**2 + 2 * x * y + y**2, 0))
-    with pytest.raises(DerivationError, match="is not an equation"):
-        entry.prove()
-    with pytest.raises(DerivationError, match="need `because`"):
-        entry.prove(sp.S.Zero)
+    refuses(entry.prove, raises=DerivationError)
+    refuses(entry.prove, sp.S.Zero, raises=DerivationError)
     assert (
         entry.prove(x**2 - x * x, because="A square is not negative.").method == "A square is not negative."
     )
 
 
-def test_a_proof_may_build_on_a_proved_entry_only(derivation):
+def test_a_proof_may_build_on_a_proved_entry_only(refuses, derivation):
     lemma = derivation.check("lemma", sp.Eq(x, y))
-    with pytest.raises(DerivationError, match="it builds on lemma, which is open"):
-        derivation.check("theorem", sp.Eq(x, y)).prove(lemma, because="It is the lemma.")
+    refuses(
+        derivation.check("theorem", sp.Eq(x, y)).prove,
+        lemma,
+        because="It is the lemma.",
+        raises=DerivationError,
+    )
 
 
-def test_a_definition_is_used_and_may_be_overridden(derivation):
+def test_a_definition_is_used_and_may_be_overridden(refuses, derivation):
     h = derivation.symbol("h", "h", "height", "m", value=x + y)
     derivation.check("defined", equal(h**2, (x + y) ** 2)).prove()
     derivation.check("given", equal(h, 3 * z)).prove(given={h: 3 * z})
-    with pytest.raises(DerivationError, match="free is not proved"):
-        derivation.check("free", equal(h, x + y)).prove(given={h: h})
+    refuses(derivation.check("free", equal(h, x + y)).prove, given={h: h}, raises=DerivationError)
 
 
-def test_a_definition_in_a_circle_is_refused(derivation):
+def test_a_definition_in_a_circle_is_refused(refuses, derivation):
     a = derivation.symbol("a", "a", "", "1", value=sp.Symbol("b", real=True) + 1)
     derivation.symbol("b", "b", "", "1", value=a + 1)
-    with pytest.raises(DerivationError, match="is defined by itself"):
-        derivation.value(a)
+    refuses(derivation.value, a, raises=DerivationError)
 
 
 SLIP = equal(sp.Symbol("c", real=True), x + y)
@@ -162,36 +152,30 @@ def test_a_refuted_entry_shows_both_values(slip):
     assert slip.refutation.counterexample == ((x, 3), (y, 4))
 
 
-@pytest.mark.parametrize(
-    ("counterexample", "complaint"),
-    [
-        ({x: 0, y: 4}, "violates the assumption"),
-        ({x: 3.0, y: 4}, "exact numbers"),
-        ({x: 3, y: z}, "exact numbers"),
-        ({x: 3}, "leaves y without a value"),
-    ],
-)
-def test_a_bad_counterexample_raises(slip, counterexample, complaint):
-    with pytest.raises(DerivationError, match=complaint):
-        slip.refute(counterexample, RIGHT, because="Sides do not add.")
+@pytest.mark.parametrize("counterexample", [{x: 0, y: 4}, {x: 3.0, y: 4}, {x: 3, y: z}, {x: 3}])
+def test_a_bad_counterexample_raises(refuses, slip, counterexample):
+    refuses(slip.refute, counterexample, RIGHT, because="Sides do not add.", raises=DerivationError)
     assert slip.verdict == "open"
 
 
-def test_a_counterexample_that_satisfies_the_claim_raises(derivation):
+def test_a_counterexample_that_satisfies_the_claim_raises(refuses, derivation):
     entry = derivation.state("square", sp.Eq(x**2, x))
-    with pytest.raises(DerivationError, match="satisfies the claim"):
-        entry.refute({x: 1}, equal(x**2, x * x), because="")
+    refuses(entry.refute, {x: 1}, equal(x**2, x * x), because="", raises=DerivationError)
 
 
-def test_a_true_statement_cannot_be_refuted(derivation):
+def test_a_true_statement_cannot_be_refuted(refuses, derivation):
     entry = derivation.state("root", equal(sp.sqrt(3 + 2 * sp.sqrt(2)), 1 + sp.sqrt(2)))
-    with pytest.raises(DerivationError, match="satisfies the claim"):
-        entry.refute({}, equal(x, x), because="")
+    refuses(entry.refute, {}, equal(x, x), because="", raises=DerivationError)
 
 
-def test_a_wrong_correction_raises(slip):
-    with pytest.raises(DerivationError, match="correction that is not proved"):
-        slip.refute({x: 3, y: 4}, sp.Eq(sp.Symbol("c", real=True), x - y), because="Sides do not add.")
+def test_a_wrong_correction_raises(refuses, slip):
+    refuses(
+        slip.refute,
+        {x: 3, y: 4},
+        sp.Eq(sp.Symbol("c", real=True), x - y),
+        because="Sides do not add.",
+        raises=DerivationError,
+    )
 
 
 def test_an_inequality_and_a_logical_claim_are_refuted(derivation):
@@ -228,9 +212,8 @@ def test_errata_tell_what_is_printed_said_and_tacit(derivation, slip):
     assert both._repr_markdown_() == f"{own._repr_markdown_()}\n\n{tacit._repr_markdown_()}"
 
 
-def test_what_is_said_is_not_tacit(derivation):
-    with pytest.raises(DerivationError, match="give `said` or `tacit`, not both"):
-        derivation.state("it", sp.Eq(x, y), said="x is y", tacit=True)
+def test_what_is_said_is_not_tacit(refuses, derivation):
+    refuses(derivation.state, "it", sp.Eq(x, y), said="x is y", tacit=True, raises=DerivationError)
 
 
 def test_errata_say_where_nothing_is_refuted(derivation):

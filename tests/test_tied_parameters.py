@@ -12,7 +12,6 @@ from machine_cases import Case, data_for, effect, joint, machine_file, toml
 from rodgen.calibration.fit import fit
 from rodgen.calibration.steps import odds_of_steps
 from rodgen.data.measurements import Measurements
-from rodgen.errors import InputFileError
 from rodgen.machines.emit._scope import scope_of
 from rodgen.machines.files.edit import edited_text
 from rodgen.machines.files.read import machine_of
@@ -196,19 +195,10 @@ def test_what_is_no_tie_is_one_sentence(refuses, ties):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[ties]\nA = 3\n", "[ties], A: no text; expected one such as"),
-        (
-            f'[ties]\n"{A}" = "{B}"\n[known]\nA = {{ prior = "0 ± 1 arcsec" }}\n',
-            "given together with 'A' in [known]",
-        ),
-    ],
+    "text", ["[ties]\nA = 3\n", f'[ties]\n"{A}" = "{B}"\n[known]\nA = {{ prior = "0 ± 1 arcsec" }}\n']
 )
-def test_what_a_file_cannot_say_of_ties_is_one_sentence(text, message):
-    with pytest.raises(InputFileError) as error:
-        machine_of(toml(case().file) + "\n" + text, "machine.toml")
-    assert message in str(error.value)
+def test_what_a_file_cannot_say_of_ties_is_one_sentence(refuses, text):
+    refuses(machine_of, toml(case().file) + "\n" + text, "machine.toml")
 
 
 def test_a_held_parameter_is_not_tied_but_others_may_be_tied_to_it(refuses):

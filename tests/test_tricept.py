@@ -170,8 +170,7 @@ def test_a_machine_that_is_none_is_refused(refuses):
         (330, np.nan, (0, 0, 0)),
         (330, 140, (0, 0)),
     ):
-        with pytest.raises(rodgen.RodgenError):
-            Geometry(R, r, q)
+        refuses(Geometry, R, r, q)
     refuses(tricept.inverse, [0, 0, 600], PAPER, (858, 568))
     refuses(tricept.inverse, [0, 0, 600], PAPER, (np.nan, 568))
     refuses(tricept.inverse, [0, 0], PAPER, raises=ValueError)

@@ -11,7 +11,6 @@ import pytest
 from mpmath import mp
 from scipy.optimize import minimize
 
-from rodgen.errors import RodgenError
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
 from rodgen.kinematics.tricept._intervals import Jet, certified_extremes, enclose, exact, stack
@@ -300,18 +299,17 @@ def test_eq_24_is_an_enclosure_near_the_base_sums_and_not_the_range(found: trice
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "words"),
+    ("low", "high"),
     [
-        ([0, 0, 0], [1, 1, 1], "no pose"),
-        ([-50, -50, -10], [50, 50, 10], "no pose"),
-        ([1, 0, 600], [0, 1, 601], "lower corner first"),
-        ([0, 0], [1, 1], "three"),
-        ([np.nan, 0, 600], [1, 1, 601], "finite"),
+        ([0, 0, 0], [1, 1, 1]),
+        ([-50, -50, -10], [50, 50, 10]),
+        ([1, 0, 600], [0, 1, 601]),
+        ([0, 0], [1, 1]),
+        ([np.nan, 0, 600], [1, 1, 601]),
     ],
 )
-def test_boxes_that_are_none_are_refused(low: list, high: list, words: str) -> None:
-    with pytest.raises(RodgenError, match=words):
-        tricept.bounds(low, high, PAPER, U_PAPER)
+def test_boxes_that_are_none_are_refused(refuses, low: list, high: list) -> None:
+    refuses(tricept.bounds, low, high, PAPER, U_PAPER)
 
 
 def test_what_is_no_covariance_is_refused(refuses) -> None:
@@ -438,15 +436,10 @@ def test_beams_of_the_cube_do_not_leave_the_certified_sums(found: tricept.Bounds
     np.testing.assert_allclose(total, found.base_inner, rtol=0.05)
 
 
-def test_influences_that_are_none_are_refused() -> None:
-    for pair, element, region, words in (
-        (("A0", "A9"), "xx", {"limits": LEG_LIMITS}, "none of the paper's"),
-        (("A0",), "xx", {"limits": LEG_LIMITS}, "not an element of U_x"),
-        (("A0", "A0"), "yx", {"limits": LEG_LIMITS}, "not an element of U_y"),
-        (("A0", "A0"), "xx", {}, "no end"),
-    ):
-        with pytest.raises(RodgenError, match=words):
-            tricept.influence_map(0.0, 0.0, PAPER, pair, element, **region)
+def test_influences_that_are_none_are_refused(refuses) -> None:
+    for pair, element in ((("A0", "A9"), "xx"), (("A0",), "xx"), (("A0", "A0"), "yx")):
+        refuses(tricept.influence_map, 0.0, 0.0, PAPER, pair, element, limits=LEG_LIMITS)
+    refuses(tricept.influence_map, 0.0, 0.0, PAPER, ("A0", "A0"), "xx")
 
 
 def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:

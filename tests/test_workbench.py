@@ -11,7 +11,6 @@ import pytest
 
 from rodgen.calibration.ladder import ladder
 from rodgen.data.measurements import Measurements
-from rodgen.errors import RodgenError
 from rodgen.machines.machine import Machine
 from rodgen.workbench.actions import Add, Aside, Back, Known, Remove, Repair, Tie, Written
 from rodgen.workbench.session import Session
@@ -147,26 +146,24 @@ def test_a_session_is_saved_with_every_action_and_replays(refuses, session, file
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    "change",
     [
-        (lambda c: c.update(format=2), "format"),
-        (lambda c: c["machine"].update(text="x = 1"), "not the text of its hash"),
-        (lambda c: c["actions"].append({"do": "delete"}), "action 1: .*expected one of"),
-        (lambda c: c["actions"].append({"do": "add", "effect": "x"}), "action 1: effect"),
-        (lambda c: c["actions"].append({"do": "add", "effect": {"name": "<script>"}}), "action 1"),
-        (lambda c: c["actions"].append({"do": "set aside", "rows": [True]}), "whole numbers"),
-        (lambda c: c.pop("at"), "KeyError"),
+        lambda c: c.update(format=2),
+        lambda c: c["machine"].update(text="x = 1"),
+        lambda c: c["actions"].append({"do": "delete"}),
+        lambda c: c["actions"].append({"do": "add", "effect": "x"}),
+        lambda c: c["actions"].append({"do": "add", "effect": {"name": "<script>"}}),
+        lambda c: c["actions"].append({"do": "set aside", "rows": [True]}),
+        lambda c: c.pop("at"),
     ],
 )
-def test_a_session_file_that_is_none_is_one_sentence(session, tmp_path, change, message):
+def test_a_session_file_that_is_none_is_one_sentence(refuses, session, tmp_path, change):
     file = tmp_path / "mount.rodgen"
     session.save(file)
     content = json.loads(file.read_text())
     change(content)
     file.write_text(json.dumps(content))
-    with pytest.raises(RodgenError, match=message) as error:
-        Session.load(file)
-    assert "\n" not in str(error.value)
+    refuses(Session.load, file)
 
 
 @pytest.mark.slow
