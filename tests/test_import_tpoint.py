@@ -172,15 +172,15 @@ def test_a_whole_model_does_what_tpoint_says_and_comes_back(mount, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("run", "by_hand"),
+    ("run", "by_hand", "records"),
     [
-        (DATA / "mmt_2021" / "k_and_e.dat", MOUNT / "mmt_2021.csv"),
-        (DATA / "mmt_2025" / "point_20250326.dat", DATA / "mmt_2025" / "data.csv"),
+        (DATA / "mmt_2021" / "k_and_e.dat", MOUNT / "mmt_2021.csv", range(80)),
+        (DATA / "mmt_2025" / "point_20250326.dat", DATA / "mmt_2025" / "data.csv", [*range(30, 46), *range(70, 76)]),
     ],
-)
-def test_the_mmt_s_files_are_what_was_made_of_them_by_hand(run, by_hand):
+)  # fmt: skip
+def test_the_mmt_s_files_are_what_was_made_of_them_by_hand(run, by_hand, records):
     made = machine_from_tpoint(str(run))
-    expected = np.loadtxt(by_hand, delimiter=",", skiprows=1)
+    expected = np.loadtxt(by_hand, delimiter=",", skiprows=1)[records]
     columns = np.stack([made.columns[name] for name in ("AZ [deg]", "EL [deg]", "ux", "uy", "uz")], -1)
     np.testing.assert_allclose(columns, expected, atol=1e-10)  # directions are written to 11 digits there
     assert ("t [s]" in made.columns) == (run.parent.name == "mmt_2025")
