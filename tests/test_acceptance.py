@@ -163,6 +163,7 @@ def test_readings_close_to_each_other_along_a_scan_are_no_single_position():
 MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"
 
 
+@pytest.mark.thorough
 def test_the_order_of_stars_does_not_tell_from_which_side_a_mount_came():
     machine = rodgen.Machine.load(MOUNT / "machine.toml")
     found = diagnose(machine, rodgen.Measurements.load(MOUNT / "mmt_2021.csv"))

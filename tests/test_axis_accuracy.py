@@ -46,7 +46,7 @@ def test_numpy_keeps_the_promise(family: object) -> None:
     assert accuracy.measure(accuracy.numpy_module, family.name, count=COUNT).worst <= family.bound
 
 
-@pytest.mark.thorough("avx512", "avx2")
+@pytest.mark.thorough("avx512")
 @pytest.mark.parametrize("level", ["baseline", "avx2", "avx512"])
 def test_every_instruction_set_keeps_the_promise(level: str, gufuncs: dict[str, ModuleType]) -> None:
     if level not in gufuncs:

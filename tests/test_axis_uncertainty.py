@@ -41,6 +41,7 @@ def differences(numbers: np.ndarray, step: float = 1e-20) -> np.ndarray:
     return np.stack([c.astype(float) for c in columns], axis=-1)
 
 
+@pytest.mark.thorough
 def test_jacobian_is_that_of_the_solver() -> None:
     rho, rho_prime, angle = sample(5, 1)
     jacobian, status = rodgen.axis_jacobian(rho, rho_prime, angle)

@@ -61,7 +61,7 @@ def every(kind: str, instrument: str = "workpiece") -> Case:
     return Case(file, data_for(file, ROWS, np.random.default_rng(4)))
 
 
-@pytest.mark.thorough("pose-workpiece", "direction-workpiece")
+@pytest.mark.thorough("pose-workpiece")
 @pytest.mark.parametrize(
     ("kind", "instrument"),
     [("point", "workpiece"), ("pose", "workpiece"), ("direction", "workpiece"), ("point", "tool")],

@@ -60,6 +60,7 @@ def test_right_files_are_not_accused(bench: str, tmp_path: Path) -> None:
     assert fit(Machine.load(machine), Measurements.load(data)).check().suspicions == ()
 
 
+@pytest.mark.thorough
 def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path: Path) -> None:
     machine, data = damaged_trunnion(tmp_path)
     found = fit(Machine.load(machine), Measurements.load(data)).check()
@@ -72,7 +73,7 @@ def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path:
     assert found.unit == "mm"
 
 
-@pytest.mark.thorough("order of a mount")
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "damage", "words"),
     [
@@ -102,7 +103,7 @@ def test_the_right_repair_is_named(bench: str, damage, words: str, tmp_path: Pat
     assert any(words in repair.words for repair in found.repairs), str(found)
 
 
-@pytest.mark.thorough("1")
+@pytest.mark.thorough
 @pytest.mark.parametrize("offset", [1, -2])
 def test_rows_that_are_shifted_are_named(offset: int, tmp_path: Path) -> None:
     files = right_files("trunnion", tmp_path)
@@ -158,6 +159,7 @@ def test_a_diagnosis_does_not_explain_wrong_files(tmp_path: Path) -> None:
     assert diagnosis.steps == ()
 
 
+@pytest.mark.thorough
 def test_repaired_data_are_those_before_the_damage(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -174,6 +176,7 @@ def test_repaired_data_are_those_before_the_damage(
     assert not (tmp_path / "repaired.toml").exists()
 
 
+@pytest.mark.thorough
 def test_repaired_data_say_which_rows_are_dropped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = right_files("trunnion", tmp_path)
     for name in "xyz":

@@ -65,6 +65,7 @@ def test_an_axis_that_turns_the_other_way_is_named_by_its_angle_alone(
     assert found.after < 360
 
 
+@pytest.mark.thorough
 def test_a_ratio_of_a_half_is_named_and_written(tmp_path: Path) -> None:
     folder = FIELD / "angle_of_one_axis"
     files = [str(folder / "machine.toml"), str(folder / "half_ratio_full_turn.csv")]
@@ -131,6 +132,7 @@ def test_guessed_places_of_targets_are_no_fault() -> None:
 # what was measured
 
 
+@pytest.mark.thorough
 def test_a_marker_that_was_mounted_anew_gets_a_target_in_each_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -197,6 +199,7 @@ def loaded_arm(sign: float) -> str:
     return "\n".join(["A1 [deg],A2 [deg],load [N],x [mm],y [mm],z [mm]", *lines, ""])
 
 
+@pytest.mark.thorough("1--1", "1-1")
 @pytest.mark.parametrize("gravity", [-1, 1])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_gravity_that_is_the_wrong_way_round_is_asked_for(gravity: int, sign: int, tmp_path: Path) -> None:
@@ -214,6 +217,7 @@ def test_gravity_that_is_the_wrong_way_round_is_asked_for(gravity: int, sign: in
             assert note.endswith(f"gravity = [0, 0, {-gravity}].")
 
 
+@pytest.mark.thorough("-1")
 @pytest.mark.parametrize("gravity", [-1, 1])
 def test_an_estimated_weight_that_lifts_asks_for_gravity(gravity: int, tmp_path: Path) -> None:
     """Its stiffness is in other units than the places of targets, by many powers of ten."""
@@ -228,7 +232,7 @@ def test_an_estimated_weight_that_lifts_asks_for_gravity(gravity: int, tmp_path:
     ] * (gravity > 0)
 
 
-@pytest.mark.thorough("-1")
+@pytest.mark.thorough
 @pytest.mark.parametrize("gravity", [-1, 1])
 def test_joints_that_never_move_leave_the_question_for_gravity(gravity: int) -> None:
     folder = FIELD / "two_windups"

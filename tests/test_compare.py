@@ -164,7 +164,7 @@ def examples() -> Callable[[str], Comparison]:
     return example
 
 
-@pytest.mark.thorough("mount", "positioner", "ballbar_gantry")
+@pytest.mark.thorough("mount")
 @pytest.mark.parametrize("name", sorted(HIDDEN))
 def test_examples_say_what_the_missing_effect_depends_on(
     name: str, examples: Callable[[str], Comparison]
@@ -189,7 +189,7 @@ def test_what_is_explained_is_what_a_fit_with_the_effect_explains(bench: Bench) 
     assert found.explained == pytest.approx(1 - (better.rms / f.rms) ** 2, abs=4 * np.sqrt(2 * 9) / 340)
 
 
-@pytest.mark.thorough("effects7-None-None", "effects0-dir_A-A", "effects1-dir_C-C")
+@pytest.mark.thorough("effects7-None-None")
 @pytest.mark.parametrize(
     ("effects", "driver", "joint"),
     [
@@ -395,6 +395,7 @@ def test_names_of_a_user_s_file_are_drawn_as_they_are(tmp_path: Path) -> None:
     assert "<b>d</b>" not in (tmp_path / "plots.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_temperature_and_scale_of_the_tutorial() -> None:
     folder = Path(__file__).parent.parent / "examples/off_by_20_um"
     comparison = compare(fit(Machine.load(folder / "machine.toml"), Measurements.load(folder / "data.csv")))
@@ -406,6 +407,7 @@ def test_temperature_and_scale_of_the_tutorial() -> None:
     assert rows["T_X"][2] == "x"
 
 
+@pytest.mark.thorough
 def test_time_is_not_denied_where_a_wander_would_look_the_same(tmp_path: Path) -> None:
     """A day's cycle in the set-up of a telescope, which a temperature follows."""
     machine, data = hidden("mount", 7, wanders="day").write(tmp_path)
@@ -413,6 +415,7 @@ def test_time_is_not_denied_where_a_wander_would_look_the_same(tmp_path: Path) -
     assert any("wander" in said or "T_AZ" in said or "time" in said for said in comparison.claims)
 
 
+@pytest.mark.thorough
 def test_what_varies_too_fast_for_the_curves_is_not_denied(tmp_path: Path) -> None:
     """A comparison said that the residuals depend on nothing, where a wave of C doubles them."""
     machine, data = hidden("rotary_table", 28, outside="fifth_harmonic", raises=2.0).write(tmp_path)

@@ -41,7 +41,7 @@ def test_a_form_gives_way_to_effects_that_explain_as_much(
     assert all(any(step.effect.identity in names for step in found.steps) for names in named)
 
 
-@pytest.mark.thorough("mount-azimuth_wave")
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "outside"), [("rotary_table", "fifth_harmonic"), ("mount", "azimuth_wave")]
 )

@@ -156,6 +156,7 @@ def test_every_command_that_takes_a_machine_is_called() -> None:
     assert take_a_machine == COMMANDS.keys() | NOT_CALLED
 
 
+@pytest.mark.thorough(*(f"mount, {size}" for size in SIZES))
 @pytest.mark.parametrize(("folder", "size"), [case for case in CASES if case.values[0].name in FEW])
 def test_commands_answer_or_refuse_in_a_sentence(folder, size, tmp_path, monkeypatch, rodgen_command) -> None:
     monkeypatch.setenv("RODGEN_CPU", "numpy")

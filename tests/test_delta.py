@@ -254,6 +254,7 @@ def printer(estimate: Sequence[str] = ("R",), **measured: Any) -> Machine:
     return machine(kind="height", estimate=estimate, **{"noise": 0.012, **measured})
 
 
+@pytest.mark.thorough
 def test_a_probe_log_shows_endstop_angle_and_radius():
     rows = probed(offset=[0, 0.45, 0], heading=PRINTER + np.array([0, 0.35, 0]), radius=R + 0.8)
     found = diagnose(printer(), Measurements.from_frame(rows))
@@ -266,11 +267,13 @@ def test_a_probe_log_shows_endstop_angle_and_radius():
         assert abs(estimate.value - value) < 4 * estimate.std
 
 
+@pytest.mark.thorough
 def test_one_endstop_alone_is_one_step():
     found = diagnose(printer(), Measurements.from_frame(probed(offset=[-0.3, 0, 0])))
     assert [(step.effect.name, step.effect.place) for step in found.steps] == [("zero_offset", "A")]
 
 
+@pytest.mark.thorough
 def test_a_far_endstop_beside_a_wrong_radius_is_no_scale():
     rows = probed(offset=[0, 3.0, 0], radius=R + 6)
     found = diagnose(machine(kind="height", estimate=("R",)), Measurements.from_frame(rows))
@@ -323,6 +326,7 @@ def test_a_plate_that_is_not_level_is_found_with_the_rest():
     assert set(values) == {"frame.z", "frame.rx", "frame.ry"}
 
 
+@pytest.mark.thorough
 def test_coupled_dimensions_of_a_robot_are_found_by_a_tracker():
     random = np.random.default_rng(6)
     q = random.uniform(-0.6, 0.6, (60, 3))

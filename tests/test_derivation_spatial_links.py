@@ -40,6 +40,7 @@ def test_the_errata_are_numbered_and_say_what_is_right():
     assert text.count("wrong:") == 7
 
 
+@pytest.mark.thorough
 def test_the_general_rotation_is_scipys():
     symbols = [*notes.m, notes.theta]
     matrix = sp.lambdify(symbols, notes.about_m)

@@ -42,6 +42,7 @@ def same(step) -> set[tuple[str, str | None]]:
     return {(step.effect.name, step.effect.place)} | aliases
 
 
+@pytest.mark.thorough
 def test_the_telescope_s_error_falls_as_far_as_published_and_by_effects_of_the_elevation_first():
     found = telescope()
     assert found.verdict == "effects_missing"
@@ -119,6 +120,7 @@ def second_run():
     return fit(rodgen.Machine.load(MOUNT / "machine.toml"), data).diagnose()
 
 
+@pytest.mark.thorough
 def test_a_later_run_of_the_telescope_whose_pointing_model_was_another_one_is_said_to_be():
     """Its own fit leaves 1.06 arcsec: the droop of 21 arcsec was corrected in between."""
     later = rodgen.Measurements.load(DATA / "mmt_2025" / "data.csv")

@@ -57,7 +57,7 @@ def rows_of(data: Path) -> int:
     return len(data.read_text().splitlines()) - 1
 
 
-@pytest.mark.thorough("directions")
+@pytest.mark.thorough
 @every_case
 def test_a_diagnosis_is_written_as_the_formats_say(name):
     found = diagnosed(name).to_dict()

@@ -79,6 +79,7 @@ def alias(*names: str, odds: float) -> Alias:
     return Alias(tuple(mount().base.machine.effect(name, "EL") for name in names), odds)
 
 
+@pytest.mark.thorough
 def test_the_verdict_names_the_alternatives_that_are_nearly_as_probable():
     found = with_alternatives(alias("scale", odds=0.4), alias("backlash", odds=0.02))
     assert headline(found) == (
@@ -96,6 +97,7 @@ def test_the_verdict_names_the_alternatives_that_are_nearly_as_probable():
     assert "(here indistinguishable from 3 others)" in headline(with_alternatives(*many))
 
 
+@pytest.mark.thorough
 def test_text_report_and_json_have_the_same_alternatives_with_the_same_odds():
     found = with_alternatives(alias("scale", odds=0.02), alias("backlash", "servo_lag", odds=5.0))
     text, page = " ".join(found.summary().split()), report_page(found)
@@ -126,6 +128,7 @@ def test_of_many_alternatives_the_most_probable_are_listed_and_the_others_counte
     assert listed[4:] == ["2 more, in --json"]
 
 
+@pytest.mark.thorough
 def test_dimensions_that_are_not_those_of_the_file_are_named_first():
     first, second = mount().fits[:2]
     geometry = WrongGeometry(("AZ.axis",), (), 5.0, first, 2.79)

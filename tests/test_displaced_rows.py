@@ -49,6 +49,7 @@ def stars_off_by(tmp_path, off, *, noted=False):
     return diagnosed(tmp_path, az, el, u, runs)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("first", "lines"), [(20, (2, 21)), (40, (42, 81))])
 def test_a_mount_that_was_pushed_is_displaced_and_one_that_turns_to_and_fro_over_a_day_is_not(
     first, lines, tmp_path
@@ -64,6 +65,7 @@ def test_a_mount_that_was_pushed_is_displaced_and_one_that_turns_to_and_fro_over
     assert any("The set-up wanders" in note for note in day.notes)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shift", [3.0, 60.0])
 def test_a_displaced_stretch_is_told_with_its_lines(shift, tmp_path):
     found = stars(tmp_path, shift)
@@ -75,6 +77,7 @@ def test_a_displaced_stretch_is_told_with_its_lines(shift, tmp_path):
     assert found.outliers == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shift", [3.0, 60.0])
 def test_it_is_a_shift_of_the_frame_once_set_ups_are_noted(shift, tmp_path):
     found = stars(tmp_path, shift, noted=True)
@@ -122,6 +125,7 @@ def test_heavy_noise_loses_few_stars(tmp_path):
     assert len(found.outliers) <= 4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wanders", ["walk", "day"])
 def test_a_set_up_that_wanders_is_not_displaced(wanders, tmp_path):
     found = diagnosis_of(hidden("mount", 2, [], wanders=wanders), tmp_path)
@@ -138,6 +142,7 @@ def test_a_row_far_out_on_a_walk_is_no_outlier(seed, tmp_path):
     assert found.steps == ()
 
 
+@pytest.mark.thorough
 def test_gross_errors_on_a_walk_are_outliers(tmp_path):
     case = hidden("gantry", 1, [], wanders="walk", outliers=0.03)
     found = diagnosis_of(case, tmp_path)

@@ -313,6 +313,7 @@ def test_five_positions_that_lie_on_a_line_are_scale_and_play() -> None:
     assert named(found) == {"backlash", "scale"}
 
 
+@pytest.mark.thorough("pitch-0.0", "wander-0.0", "wander-0.004")
 @pytest.mark.parametrize("play", [0.0, 0.004])
 @pytest.mark.parametrize(
     "error",

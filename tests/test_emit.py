@@ -421,6 +421,7 @@ def test_header_serves_cxx(every, compiler, tmp_path):
 # what they compute ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("gantry", "mount", "table")
 @pytest.mark.parametrize("name", MACHINES)
 def test_forward_is_what_the_simulator_measures(every, name):
     device = every(name)

@@ -89,6 +89,7 @@ def test_derivatives_and_places_of_emitted_programs_with_50_digits(name, monkeyp
     assert off[len(exact) :].max() <= 2**-40 * max(content.size, 1)
 
 
+@pytest.mark.thorough
 def test_emit_needs_no_sympy(tmp_path, monkeypatch):
     monkeypatch.setenv("RODGEN_CPU", "numpy")
     folder = EXAMPLES / "mount"

@@ -328,6 +328,7 @@ def test_a_urdf_has_the_attitude_of_a_tool(tmp_path):
         np.testing.assert_allclose(found[:3, :3], Rotation.from_rotvec(vector[row]).as_matrix(), atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_location_errors_have_expanded_uncertainties_from_a_fit(tmp_path):
     folder = Path("examples/machines/rotary_table")
     files = [str(folder / "machine.toml"), str(folder / "data.csv")]
@@ -474,6 +475,7 @@ def test_frames_of_a_urdf_are_where_the_table_has_them_but_for_the_fit(tmp_path,
         np.testing.assert_allclose(joint["axis"], frame[:3, 2], atol=4e-3)
 
 
+@pytest.mark.thorough
 def test_geometry_that_lowers_no_error_on_poses_left_out_is_said_and_not_emitted(refuses, tmp_path):
     """An arm as its table says: what a fit adds is noise. With an axis off by 2 mrad it is not."""
     (tmp_path / "robot.csv").write_text(TABLE)

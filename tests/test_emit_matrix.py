@@ -239,6 +239,7 @@ def test_linuxcnc_brings_the_machine_where_the_nominal_one_is(name, kinematics):
     assert (after <= before + REACHED).all()
 
 
+@pytest.mark.thorough
 def test_machines_without_axes_of_linuxcnc_are_refused(refuses):
     for name in one_of_each(sorted({*FAST} - {*OF_LINUXCNC})).values():
         refuses(component, name)

@@ -91,9 +91,13 @@ class Field:
     @property
     def mark(self) -> object:
         name = self.folder if self.data == "data.csv" else f"{self.folder}-{Path(self.data).stem}"
-        return pytest.param(self, id=name, marks=[pytest.mark.slow] if self.slow else [])
+        return pytest.param(
+            self, id=name, marks=SLOW if self.slow else THOROUGH if self.folder in LONG else []
+        )
 
 
+SLOW, THOROUGH = [pytest.mark.slow], [pytest.mark.thorough]
+LONG = {"parallel_joints", "large_ellipticity", "mounted_anew", "one_outlier"}
 ANGLE = "angle_of_one_axis"
 ZEROS_OF_BODY = tuple(f"zero_offset at a{k}" for k in range(2, 7))
 TURNS = "M turns the other way: axis = [0, 0, -1]"
@@ -348,6 +352,7 @@ def test_one_target_s_offset_is_weighed_against_three_zeros(tmp_path: Path) -> N
 # one report, one text, one JSON
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "folder", [pytest.param("scale_or_wander", marks=pytest.mark.slow), "six_positions", ANGLE]
 )
@@ -575,6 +580,7 @@ def slipped_mount(folder: Path, seed: int, *, run: bool = False) -> Path:
     return folder
 
 
+@pytest.mark.thorough("False-1")
 @pytest.mark.parametrize("seed", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in range(2, 7))])
 @pytest.mark.parametrize("run", [False, True])
 def test_a_stretch_of_rows_is_a_set_up_of_its_own(seed: int, run: bool, tmp_path: Path) -> None:
@@ -593,6 +599,7 @@ def test_a_stretch_of_rows_is_a_set_up_of_its_own(seed: int, run: bool, tmp_path
 # the sign, and what is preferred
 
 
+@pytest.mark.thorough
 def test_what_is_preferred_is_answered() -> None:
     place = FIELD / "scale_or_wander"
     machine, data = rodgen.Machine.load(place / "machine.toml"), rodgen.Measurements.load(place / "data.csv")
@@ -665,6 +672,7 @@ def test_fit_axis_tells_that_pairs_share_readings(rodgen_command: Command) -> No
     assert off / 2 < max(found["axis_uncertainty_rad"]) < 2 * off
 
 
+@pytest.mark.thorough
 def test_uncertainties_allow_for_readings_that_pairs_share() -> None:
     """Squares of errors in units of their uncertainties are 1 in the mean; they were 25."""
     turns, balls = (

@@ -251,6 +251,7 @@ def test_plotly_is_imported_only_when_something_is_drawn() -> None:
 # what they show ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_ladder_shows_models_and_noise() -> None:
     machine, data = machine_and_data("rotary_table")
     found = ladder(machine, data, [machine.effect("tilt_error_motion", "C")])
@@ -307,6 +308,7 @@ def test_map_is_blank_outside_the_workspace() -> None:
         np.testing.assert_allclose(values[~outside], 1000 * found.u[..., n][~outside])
 
 
+@pytest.mark.thorough
 def test_map_of_attitudes_shows_the_cells() -> None:
     _, six, one, *_ = maps()
     assert sum(trace.type == "heatmap" for trace in six.data) == 6
@@ -355,6 +357,7 @@ def test_residuals_stand_where_their_rows_are() -> None:
     assert [note.text for note in figure.layout.annotations] == ["x [µm]", "y [µm]", "z [µm]"]
 
 
+@pytest.mark.thorough
 def test_residuals_before_and_after_whitened_and_in_parts() -> None:
     machine, data = machine_and_data("gantry_rotary")
     before = fitted("gantry_rotary")
@@ -432,6 +435,7 @@ def test_arrows_are_as_many_times_too_long_as_the_note_says() -> None:
     np.testing.assert_allclose(outwards * 3600, -times * fitted("mount").residuals[:, 1], rtol=0.1, atol=2000)
 
 
+@pytest.mark.thorough
 def test_planned_readings_are_marked_where_they_are_to_be_taken() -> None:
     def planned(figure: Any) -> Any:
         return next(trace for trace in figure.data if trace.name == "planned")

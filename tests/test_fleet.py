@@ -177,6 +177,7 @@ def test_the_end_of_a_process_is_the_end_of_one_task() -> None:
     assert len(processes) <= 2 + 1  # each works on one task after the other; one was killed twice
 
 
+@pytest.mark.thorough("SIGINT")
 @pytest.mark.parametrize("ending", ["SIGINT", "SIGKILL"])
 def test_processes_end_with_the_program_that_started_them(ending: str, tmp_path: Path) -> None:
     code = (
@@ -254,6 +255,7 @@ def test_population_is_not_spread_by_the_odd() -> None:
     assert np.array_equal(found.shrunk[:5], values[:5])
 
 
+@pytest.mark.thorough("5-0.0-60", "12-1.0-60")
 @pytest.mark.parametrize(("nights", "scatter", "degrees"), [(5, 0.0, 60), (12, 1.0, 60), (30, 0.3, 150)])
 def test_trends_and_changes_have_their_p_values(nights: int, scatter: float, degrees: int) -> None:
     random = np.random.default_rng(3)

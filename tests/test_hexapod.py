@@ -194,6 +194,7 @@ def test_derivatives_are_those_of_differences(kind):
 # fits and diagnoses ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_fit_of_poses_finds_joints_and_offsets_of_legs():
     random = np.random.default_rng(3)
     off = random.normal(scale=0.3, size=(12, 3))

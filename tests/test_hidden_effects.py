@@ -76,7 +76,7 @@ def _not_yet(reason: str | None) -> list[pytest.MarkDecorator]:
     return [pytest.mark.xfail(strict=True, reason=reason)] if reason else []
 
 
-@pytest.mark.thorough("mount-title5")
+@pytest.mark.thorough
 @pytest.mark.parametrize(("bench", "title"), QUICK)
 def test_an_effect_is_found(bench, title, tmp_path):
     found, truth = diagnosed(hidden(bench, 11, [title], raises=1.5), tmp_path)
@@ -146,6 +146,7 @@ def test_real_physics_has_the_name_of_the_nearest_effect_and_makes_no_heap(bench
     assert len(found.steps) <= 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("raises", [1.05, pytest.param(10.0, marks=slow)])
 def test_small_and_large_effects_are_found(raises, tmp_path):
     case = hidden("rotary_table", 15, [("encoder_ellipticity", "C")], raises=raises, size=1.5)
@@ -191,6 +192,7 @@ def test_a_day_s_cycle_is_time_and_nothing_else(tmp_path):
 # indistinguishable effects -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough("trunnion-0.03")
 @pytest.mark.parametrize(("bench", "size"), [("mount", 0.03), ("trunnion", 0.03), ("robot", 0.04)])
 def test_too_few_rows_are_too_few(bench, size, tmp_path):
     found, _ = diagnosed(hidden(bench, 31, size=size), tmp_path)
@@ -276,6 +278,7 @@ def test_a_later_joint_whose_axis_meets_this_one_has_no_weight_there(tmp_path):
     assert "A.gravity_windup.k_C" not in free
 
 
+@pytest.mark.thorough
 def test_what_is_said_of_the_geometry_allows_for_a_set_up_that_wanders(tmp_path):
     found, truth = diagnosed(real("trunnion", 0), tmp_path)
     assert truth.wanders == "walk"

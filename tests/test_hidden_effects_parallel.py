@@ -82,7 +82,7 @@ def test_two_effects_are_found(bench, effects, tmp_path):
 INNOCENT = [{}, {"wanders": "pose"}, {"outliers": 0.02}, {"covariates": True}]
 
 
-@pytest.mark.thorough("tricept-what1")
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("bench", "what"),
     [

@@ -156,6 +156,7 @@ def test_a_touch_out_of_reach_has_its_line(refuses, tmp_path: Path):
 EXAMPLE = Path(__file__).parent.parent / "examples" / "delta_printer"
 
 
+@pytest.mark.thorough
 def test_the_example_is_a_printer_with_three_errors():
     """The log is that of a printer by plain NumPy; a diagnosis finds what is wrong with it."""
     log, config = EXAMPLE / "probe.log", EXAMPLE / "printer.cfg"

@@ -290,6 +290,7 @@ def test_two_angles_are_a_direction(kind, mount, header, first, tmp_path):
     assert any("are directions: " in note for note in notes)
 
 
+@pytest.mark.thorough
 def test_ur10_s_measurements_fit_its_urdf(tmp_path, rodgen_command: Run):
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     links = ("--base", "base_link", "--tip", "wrist_3_link")
@@ -345,6 +346,7 @@ def test_a_robot_has_one_target_where_its_place_is_named(tmp_path, rodgen_comman
         assert Measurements.load(data).rows == len(rows)
 
 
+@pytest.mark.thorough
 def test_ur10_s_attitudes_are_read_where_they_are_named(tmp_path, rodgen_command: Run):
     machine, data = tmp_path / "m.toml", tmp_path / "d.csv"
     named = [
@@ -602,6 +604,7 @@ def test_single_numbers_are_no_rows_of_a_matlab_file(tmp_path):
 NUMBERED = "pose,q1 [deg],q2 [deg],x [mm],y [mm],z [mm]\n1,10,20,1,2,3\n2,30,40,4,5,6\n"
 
 
+@pytest.mark.thorough
 def test_numbered_columns_are_the_joints_in_their_order(tmp_path, rodgen_command: Run):
     joint = '[[joint]]\nname = "A"\ntype = "revolute"\naxis = [1, 0, 0]\n\n[[target]]'
     (tmp_path / "m.toml").write_text(MACHINES["one"].replace("[[target]]", joint, 1))

@@ -223,6 +223,7 @@ def test_what_a_file_says_ends_no_comment_of_the_machine_file(robot):
     assert tomllib.loads(made.text)["environment"]["gravity"] != 9
 
 
+@pytest.mark.thorough
 def test_a_chain_of_thousands_of_links_is_followed_to_its_end(refuses, tmp_path):
     parts = ["<link name='l0'/>"]
     for n in range(1, 9000):

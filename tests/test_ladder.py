@@ -436,6 +436,7 @@ def test_a_joint_that_moves_in_one_fold_only_is_held_out_with_it():
     assert found.rms < held_out(found).rms < 1.5 * found.rms  # three means of 21 poses, of which one is new
 
 
+@pytest.mark.thorough("0.001-False")
 @pytest.mark.parametrize(("eccentricity", "weighed"), [(0.0, True), (1e-3, False)])
 def test_poses_are_held_out_by_the_weights_of_the_fit(monkeypatch, eccentricity, weighed):
     """Points of one body: what the model misses refuses to weigh them by the noise of poses, in folds too."""
@@ -562,6 +563,7 @@ def test_the_other_way_costs_what_the_effect_was_worth():
     assert down.rungs[1].parameters == {}
 
 
+@pytest.mark.thorough("ballbar_gantry")
 @pytest.mark.parametrize(
     "name",
     ["rotary_table", "ballbar_gantry", pytest.param("trunnion", marks=pytest.mark.slow)],

@@ -287,6 +287,7 @@ def test_linuxcnc_brings_the_tool_of_a_machine_with_errors_where_it_is_commanded
     assert end < 1
 
 
+@pytest.mark.thorough
 def test_linuxcnc_takes_errors_of_position_out_with_an_emitted_table(place_for_linuxcnc):
     """X ends its way upwards, Z downwards: each at rest where it was commanded, lost motion included."""
     folder = place_for_linuxcnc

@@ -157,6 +157,7 @@ def test_columns_of_an_effect_of_several_components_are_the_derivatives_of_the_s
     assert columns_off(case, numbers, case.model.keys, slice(None)) == {}
 
 
+@pytest.mark.thorough
 def test_columns_of_formulas_of_the_sky_are_the_derivatives_of_the_simulator(monkeypatch):
     monkeypatch.setenv("RODGEN_CPU", "numpy")
     case, numbers = skyward()
@@ -172,7 +173,7 @@ def near(case: Case, values: dict[str, float]) -> dict[str, np.ndarray]:
     return dict(zip(("ux", "uy", "uz"), reading.T, strict=True))
 
 
-@pytest.mark.thorough("direction")
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_columns_of_formulas_are_derivatives_of_the_simulator(kind, monkeypatch):
     monkeypatch.setenv("RODGEN_CPU", "numpy")

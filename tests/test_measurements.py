@@ -529,6 +529,7 @@ def test_poses_are_consecutive_rows_with_equal_commands_and_run(rows):
     assert _poses.poses(commands, run).tolist() == expected
 
 
+@pytest.mark.thorough("all alike")
 @pytest.mark.parametrize("hashes", ["good", "all alike"])
 @given(
     rows=st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 2.0])] * 2, st.integers(-1, 1)), max_size=30)
@@ -760,6 +761,7 @@ def odd_table(draw):
     return pa.table(table)
 
 
+@pytest.mark.thorough
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(table=odd_table())
 def test_odd_types_are_read_or_refused_alike_from_parquet_and_memory(table, scratch):

@@ -32,6 +32,7 @@ def run(environment: dict[str, str], cache: Path, *command: str) -> subprocess.C
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("compiler")
 def test_calls_of_every_size_leave_the_heap_as_it_is(tmp_path: Path) -> None:
     done = run(CHECKED_HEAP, tmp_path)

@@ -18,6 +18,7 @@ def run(change):
     return fitted(mount_machine(ALTAZ, "m", 0.6), ALTAZ, q, seen[order])
 
 
+@pytest.mark.thorough("exchanged", "another one")
 @pytest.mark.parametrize(
     ("change", "clauses"),
     [
@@ -43,6 +44,7 @@ def test_stars_that_stand_out_are_told(change, clauses):
         assert clause in checked.notes[-1]
 
 
+@pytest.mark.thorough
 def test_a_list_of_stars_that_is_shifted_is_a_wrong_file():
     fit = run({row: row + 1 for row in range(60, 80)})
     expected = "19 rows from row 61 (from 0) to row 79 (from 0) saw the star of the previous row"

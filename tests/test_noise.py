@@ -138,6 +138,7 @@ def test_runs_that_differ_are_reported() -> None:
     assert modelled.replicates.low < NOISE < modelled.replicates.high
 
 
+@pytest.mark.thorough
 def test_no_drift_is_seen_where_there_is_none() -> None:
     for seed in range(25):
         data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(seed))

@@ -62,6 +62,7 @@ def made(case: str, folder: Path) -> tuple[str, str]:
     return str(folder / "table.toml"), str(folder / "balls.csv")
 
 
+@pytest.mark.thorough
 @pytest.mark.quick("plain")
 @pytest.mark.parametrize("case", ["wander", "replicates", "plain"])
 def test_the_same_question_has_the_same_answer_in_every_command(case, tmp_path, capsys):

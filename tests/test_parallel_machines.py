@@ -79,6 +79,7 @@ def test_no_effect_of_a_leg_is_left_out(family):
     assert len({d.name for d in CATALOGUE if "leg" in d.at}) == 7
 
 
+@pytest.mark.thorough("3-sps-s-point")
 @all_kinds
 def test_each_effect_moves_the_readings_as_in_the_simulator(family, kind):
     case = every(family, kind)
@@ -255,6 +256,7 @@ def test_a_fit_comes_from_afar(family):
     assert abs(found.estimates["geometry.R"].value + wrong["R"] - g["R"]) < 1e-6
 
 
+@pytest.mark.thorough
 def test_legs_in_each_other_s_columns_are_not_called_a_fit():
     file = legged_file("3-sps-s", estimate=["R", "r", "h", "target"], noise=NOISE)
     case = legged(file, 60, np.random.default_rng(17), runs=1)

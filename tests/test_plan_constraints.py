@@ -121,6 +121,7 @@ def test_stars_are_within_the_travel_of_the_mount_and_well_seen(travel, planned)
     assert ((max(travel[0], np.radians(20)) - 1e-3 < EL) & (min(travel[1], np.radians(80)) + 1e-3 > EL)).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("travel", [[0.05, 0.3], [1.45, 1.55]], ids=["low", "zenith"])
 def test_a_mount_that_sees_no_star_well_is_planned_for_all_the_same(refuses, travel, planned):
     low = fit_of({**MOUNT, "joint": [MOUNT["joint"][0], {**MOUNT["joint"][1], "travel": travel}]})

@@ -511,6 +511,7 @@ def of_attitudes(file: Any = ARM, **measured: Any) -> Any:
     return file | {"target": targets, "measured": {"kind": "orientation", "frame": "free"} | measured}
 
 
+@pytest.mark.thorough
 def test_attitudes_alone_say_what_they_say_in_poses():
     """Where positions count for nothing, a pose says of frame, body and axes what its attitude says."""
     estimate = {"parameters": ["target", "J3.axis", "J5.axis"]}

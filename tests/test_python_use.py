@@ -136,6 +136,7 @@ def test_results_can_be_copied_and_pickled(results, again):
         assert essence(again(one)) == essence(one)
 
 
+@pytest.mark.thorough
 def test_results_are_dataframes_on_request(fit, diagnosis, columns):
     pandas = pytest.importorskip("pandas")
     parameters = fit.parameters.to_pandas()

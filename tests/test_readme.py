@@ -162,6 +162,7 @@ def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
         assert subprocess.run(["./main"], capture_output=True, text=True, check=True).stdout == output
 
 
+@pytest.mark.thorough
 def test_examples_in_other_languages_print_what_the_c_does(cpp_compiler: str, mount: Path) -> None:
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```cpp\n(.*?)```", page, re.DOTALL)

@@ -143,7 +143,7 @@ def residual_of(figure: Any, panel: int, name: str) -> Any:
 # what it says ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough("cannot_tell-These data cannot tell-Only 3 poses; a test needs at least 4.")
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("verdict", "word", "more"),
     [
@@ -240,6 +240,7 @@ def test_what_the_text_says_stands_on_the_page(verdict: str) -> None:
         assert " ".join(re.sub(r"(?<![\w.)])-(?=\d)", "−", text.replace(" um", " µm")).split()) in there
 
 
+@pytest.mark.thorough
 def test_date_instrument_and_conditions_are_noted() -> None:
     plain_table = made_diagnoses.table(hidden=())
     machine = replace(
@@ -269,6 +270,7 @@ def test_every_covariate_is_on_the_page() -> None:
     assert f"{len([n for n in names if n.startswith('covariate_')])} figures" in folded
 
 
+@pytest.mark.thorough
 def test_forms_outside_the_catalogue_are_in_the_last_model() -> None:
     found = diagnosis("unknown_effect")
     last = found.final_with_forms
@@ -351,6 +353,7 @@ def test_figures_are_written_as_images(tmp_path: Path) -> None:
             assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
 
 
+@pytest.mark.thorough("unknown_effect", "cannot_tell")
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_figures_say_what_they_show_without_being_seen(verdict: str) -> None:
     _, found = page(verdict)
@@ -375,6 +378,7 @@ def test_residuals_that_are_drawn_are_those_of_the_fits() -> None:
     assert outliers.marker.symbol == "x"
 
 
+@pytest.mark.thorough
 def test_reading_that_a_joint_is_off_by_is_the_wave_that_was_hidden() -> None:
     found = made_diagnoses.table(hidden=("encoder_eccentricity@{}:a=20arcsec",))
     trace = residual_of(drawn(found)["residuals_by_C"], 0, "before")
@@ -456,6 +460,7 @@ def test_policy_lets_only_these_scripts_run_and_nothing_be_loaded(verdict: str) 
     json.loads(figures_)
 
 
+@pytest.mark.thorough
 def test_names_of_a_user_stay_text_everywhere() -> None:
     text, found = hostile()
     assert HOSTILE not in text

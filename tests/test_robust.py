@@ -71,6 +71,7 @@ def test_gross_errors_are_named_and_do_no_harm(share: float, kind: str) -> None:
     assert found.degrees_of_freedom == alone.degrees_of_freedom
 
 
+@pytest.mark.thorough
 def test_gross_errors_in_the_frame_of_a_robot() -> None:
     """A free frame is started from the readings, so that these pull it far off at first."""
     joints = [

@@ -88,6 +88,7 @@ def tortured(tmp_path):
     return made
 
 
+@pytest.mark.thorough("add in place", "apply, several rows", "apply to standard output")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in COMMANDS]
 )

@@ -109,6 +109,7 @@ def test_a_hidden_change_raises_an_alarm_and_gets_its_name_size_and_time(title, 
     assert title in alarm.text + named.text
 
 
+@pytest.mark.thorough
 def test_an_effect_that_the_first_readings_show_as_well_is_listed_with_the_commoner_one() -> None:
     """Over a few readings of a quarter of a turn an eccentricity is nearly an offset."""
     value = 2.0 / sigmas(**{"C.encoder_eccentricity.a": 0.01}) * 0.01
@@ -196,6 +197,7 @@ def test_an_alarm_says_that_readings_are_where_the_reference_has_none() -> None:
     assert "Most of these readings are beyond the coordinates" in alarm.text
 
 
+@pytest.mark.thorough
 def test_rows_of_a_change_are_no_outliers_where_their_numbers_begin_anew() -> None:
     watch = Watch(reference())
     for rows, offset in ((BEFORE, 0.0), (40, 0.01)):  # two tables: rows are numbered from 0 in each
@@ -373,6 +375,7 @@ def test_the_first_rows_are_the_reference_where_none_is_given(files, capsys) -> 
     assert "240 rows; expected 1000 to learn from, or --reference" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_standard_input_is_watched(files, capsys, monkeypatch) -> None:
     read, write = os.pipe()
     os.write(write, "".join(changed()).encode())

@@ -31,6 +31,7 @@ def session(files):
     return Session.open(*files)
 
 
+@pytest.mark.thorough
 def test_the_error_of_the_telescope_falls_and_rises_again(session):
     assert session.state.fit.rms == pytest.approx(2.71, abs=0.005)
     assert session.do(Add(FLEXURE)).fit.rms == pytest.approx(0.97, abs=0.005)

@@ -320,6 +320,7 @@ def test_a_plan_within_constraints_is_marked_in_the_plots_and_discarded(files):
     walk(session, user)
 
 
+@pytest.mark.thorough
 def test_undo_twice_at_once_takes_two_actions_back(files):
     session = Session.open(*files)
     for name in ("tube_flexure", "refraction"):

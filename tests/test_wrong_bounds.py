@@ -74,6 +74,7 @@ def test_rows_that_are_known_to_be_wrong_stay_out_where_a_bound_is_left_out(tmp_
     assert freed.outliers.tolist() == wrong.tolist()
 
 
+@pytest.mark.thorough
 def test_a_right_bound_stays_where_an_effect_is_missing(tmp_path: Path) -> None:
     """An eccentric encoder, not in the model, pulls the axis by 29 arcsec."""
     known = 'C.axis.a = { bounds = ["-3 arcsec", "3 arcsec"] }'

@@ -99,6 +99,7 @@ def of_one_axis(ratio: float) -> tuple[Machine, Measurements]:
     return machine_of(toml(file), "table.toml"), Measurements.from_frame(columns)
 
 
+@pytest.mark.thorough
 def test_a_ratio_of_one_axis_that_is_a_hundredth_off_is_found_by_check_and_by_diagnose():
     """The error is a third of a percent of the motion, as large effects leave."""
     case = of_one_axis(91 / 90)
