@@ -155,7 +155,7 @@ UNITS = 16
 """A result may be off by what a change of each input by this multiple of eps makes. The longest chain of dependent
 roundings in a kernel is some 60 long; their errors, of either sign, add up like the square root of that, and the few
 directions that are tried find about half of the largest change."""
-DIRECTIONS = 6
+DIRECTIONS = 4
 
 
 def pairs() -> dict[str, np.ndarray]:
