@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.array_types import Array, Index
-from rodgen.statistics.columns import directions_above, orthonormal_basis, project_out
+from rodgen.statistics.columns import directions_above, falls_from_products, orthonormal_basis, project_out
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.whitening import Moments, MotionDeviations, SharedMotion, Weighted, Whitener, sums
 
@@ -598,8 +598,5 @@ def _falls(columns: Array, residual: Array, sizes: Index) -> Array:
         which = np.flatnonzero(sizes == k)
         at = starts[which][:, None] + np.arange(k)
         blocks = columns.T[at]  # (effects, k, N)
-        values, vectors = eigh(blocks @ np.swapaxes(blocks, 1, 2))
-        along = np.einsum("eij,ei->ej", vectors, pull[at])
-        seen = values > SAME * np.maximum(values[:, -1:], 1e-300)
-        found[which] = np.sum(np.divide(along**2, values, out=np.zeros_like(values), where=seen), axis=1)
+        found[which] = falls_from_products(blocks @ np.swapaxes(blocks, 1, 2), pull[at], relative=SAME)
     return found

@@ -460,12 +460,14 @@ class _Poses:
 
     def halved(self, onto: Array) -> tuple[Array, Array]:
         """Return Hᵀ(I + H cov(u) Hᵀ)⁻¹Y of Hᵀ Y, and that whose square is YᵀY less Yᵀ V₂⁻¹ Y."""
-        solved, K = self._inverse @ onto[:, self._shared], onto.shape[2]
-        within, half = onto - np.swapaxes(self._half, 1, 2) @ solved, solved.reshape(-1, K)
+        within, half = onto, np.zeros((0, onto.shape[2]))
+        if len(self._shared):
+            solved = self._inverse @ onto[:, self._shared]
+            within, half = onto - np.swapaxes(self._half, 1, 2) @ solved, solved.reshape(-1, onto.shape[2])
         if not len(self.free):
             return within, half
-        side = (self.wander * within[:, self.free]).reshape(-1, K)
-        return within, np.concatenate([half, _forward(self.factor, side)])
+        side = _forward(self.factor, (self.wander * within[:, self.free]).reshape(-1, onto.shape[2]))
+        return within, np.concatenate([half, side]) if len(half) else side
 
 
 @dataclass(frozen=True, eq=False)
