@@ -352,18 +352,10 @@ def dependence(fit: Fit) -> Dependence:
     """
     if not fit.free:
         return Dependence(INDEPENDENT, None)
-    sample = sample_of(fit.observations, ~fit.outliers)
-    _, pose = np.unique(fit.observations.pose[sample], return_inverse=True)
-    some = _chosen(int(pose.max(initial=0)) + 1)[pose]
-    rows = FitRows.at(fit, sample[some])
+    rows = FitRows.of(fit)
     found = estimate_correlation(rows, ())
     if found.independent:
         return Dependence(found, None)
-    if not some.all():
-        rows = FitRows.at(fit, sample)
-        found = estimate_correlation(rows, ())
-        if found.independent:
-            return Dependence(found, None)
     if _is_weighed(fit, found):
         covariance, _, p_value = _generalized(fit, found)
         if fit.weighed or p_value > LACK_OF_FIT.rare:
@@ -491,7 +483,7 @@ def estimate_correlation(
             return INDEPENDENT
         white = float(np.sqrt(scatter / dof))
         known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
-        columns = [_flat(effect[rows]) for effect in nuisance]
+        columns = [unit_columns(effect[rows].reshape(len(residual), -1)) for effect in nuisance]
         kinds = ["pose"] if int(np.count_nonzero(known > 1)) >= FEWEST_LEVELS else []
         levels = {"position": some.position} | ({"run": some.run} if runs else {})
         kinds += [
@@ -594,12 +586,6 @@ def _often_read(target: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[np.boo
     kept = np.zeros(len(times), np.bool_)
     kept[np.argsort(-times, kind="stable")[:MOST_TARGETS]] = True
     return np.asarray(kept[target])
-
-
-def _flat(columns: Array) -> Array:
-    """Return columns, (n m, K), of length 1."""
-    n, m, K = columns.shape
-    return unit_columns(columns.reshape(n * m, K))
 
 
 def _sized(size: float, unit: str) -> str:
