@@ -116,6 +116,18 @@ def test_the_set_that_is_selected_is_the_most_probable_of_all():
     assert {c.effect.title for c in select(evidence)} == {c.effect.title for c in best}
 
 
+def test_no_set_that_costs_less_than_a_limit_is_left_out() -> None:
+    found, readings = few_candidates()
+    evidence, left_out = evidence_of(found, readings), 0
+    for chosen in (list(some) for k in range(4) for some in itertools.combinations(found, k)):
+        limit = evidence.cost(chosen)
+        (near,) = evidence.promising([chosen], len(found), limit)
+        for c in (c for c in found if c not in (*near, *chosen)):
+            assert evidence.cost([*chosen, c]) >= limit
+            left_out += 1
+    assert left_out  # a limit that leaves nothing out would show nothing
+
+
 def test_odds_of_an_alternative_are_those_of_its_set():
     random = np.random.default_rng(5)
     x, y = random.normal(size=(2, N))

@@ -199,6 +199,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
     known = frozenset[tuple[str, str | None]]()
     stretch: DisplacedStretch | None = None
     evidence: Evidence | None = None
+    chosen = list[Candidate]()
     for number in range(ROUNDS):
         beside = None if stretch is None else stretch.columns
         evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
@@ -209,13 +210,13 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 if reason := why_undecidable(base, checked=True):
                     return _undecided(subject, base, reason)
                 evidence = Evidence.of(base, prefer=subject.prefer)
-        chosen = select(evidence)
+        chosen = select(evidence, chosen)
         for _ in range(ROUNDS):  # the dependence of readings must settle before forms and full fits
             if evidence.correlation.independent or (there := _lasting(chosen)) == known:
                 break
             known = there
             evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
-            chosen = select(evidence)
+            chosen = select(evidence, chosen)
         for _ in range(ROUNDS):
             if (at := _bent(evidence, chosen)) is None:
                 break
@@ -239,11 +240,11 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
                 geometry = replace(
                     first, estimate=estimate, effects=effects, log10_odds=odds, alternatives=more
                 )
-            subject, known = replace(subject, fitted=base), frozenset()
+            subject, known, chosen = replace(subject, fitted=base), frozenset(), []
             continue
         rows = Rows.of(state.last)
         outliers = wrong_rows(state.last, rows)
-        again = _lasting(state.chosen)
+        chosen, again = state.chosen, _lasting(state.chosen)
         same_rows = np.array_equal(outliers, base.outliers)
         pushed = stretch or _stretch(state, rows)
         if same_rows and pushed is stretch and (again == known or evidence.correlation.independent):

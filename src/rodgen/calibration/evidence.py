@@ -634,8 +634,13 @@ class Evidence:
         known["rank"][index[0]] = _rank(self.models[0].gram[np.ix_(index, index)])
         return replace(self, known=known, _estimates={})
 
-    def promising(self, sets: Sequence[Sequence[Candidate]], most: int) -> list[list[Candidate]]:
-        """Return for each set the candidates that may lower its cost most when they join, by a bound of their fall."""
+    def promising(
+        self, sets: Sequence[Sequence[Candidate]], most: int, under: float = math.inf
+    ) -> list[list[Candidate]]:
+        """Return for each set the candidates that may lower its cost most when they join, by a bound of their fall.
+
+        Only those with which it may cost less than a limit.
+        """
         keys = [*map(frozenset, sets)]
         if new := [key for key in dict.fromkeys(keys) if key not in self._bounds]:
             self._bounds |= zip(new, self._gains(new), strict=True)
@@ -647,13 +652,13 @@ class Evidence:
                 math.inf if own in there else again if name in kinds else first
                 for own, name, first, again in prices
             ]
-            costs = self._bounds[key] + choices
+            costs, limit = self._bounds[key] + choices, under - self.choice([*key])
             order = np.argsort(costs, kind="stable")[:most].tolist()
-            found.append([self.candidates[i] for i in order if costs[i] < math.inf])
+            found.append([self.candidates[i] for i in order if costs[i] < limit])
         return found
 
     def _gains(self, sets: Sequence[Collection[Candidate]]) -> Array:
-        """Return what sets cost with each candidate, but for odds and sizes, (S, candidates)."""
+        """Return what sets cost with each candidate at least, but for odds and sizes, (S, candidates)."""
         gram, pull, square, _, log_determinant = self._products
         diagonal = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
         # shorter ones end with a column of zeros
@@ -680,7 +685,8 @@ class Evidence:
             falls[..., members] = np.sum(force * np.linalg.solve(own, force[..., None])[..., 0], axis=-1)
         with np.errstate(invalid="ignore"):
             rests = np.log(left) + np.log1p(-np.minimum(falls / left, 1 - 1e-12))
-        return np.asarray(np.min(self.dof * rests + log_determinant[:, None, None], axis=0))
+        constant = self.dof * (1 - math.log(self.dof))
+        return np.asarray(np.min(self.dof * rests + log_determinant[:, None, None], axis=0) + constant)
 
     @cached_property
     def _by_size(self) -> dict[int, Ints]:

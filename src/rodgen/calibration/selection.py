@@ -35,10 +35,10 @@ MOST_REPLACED = 3
 def select(evidence: Evidence, before: Sequence[Candidate] = ()) -> list[Candidate]:
     """Return the cheapest set of candidates: a beam forwards, then exchanges, removals and merges.
 
-    They begin with the set that was chosen before among fewer candidates where it is cheaper. Empty where no set is so
+    They begin with what was chosen before, among fewer candidates or with another noise. Empty where no set is so
     many times as probable as none; see `COST.something`.
     """
-    best = min([_beam(evidence), [*before]], key=evidence.cost)
+    best = _grown(evidence, [c for c in before if c in evidence.candidates])
     while (better := _improved(evidence, best)) is not None:
         best = better
     best = _needed(evidence, best)
@@ -66,20 +66,20 @@ def ordered(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     return found
 
 
-def _beam(evidence: Evidence) -> list[Candidate]:
-    best, beam = list[Candidate](), [list[Candidate]()]
-    for _ in range(COST.most):
-        grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
-        near = evidence.promising(beam, PROMISING)
+def _grown(evidence: Evidence, best: list[Candidate]) -> list[Candidate]:
+    """Return the cheapest set that a beam finds by steps forwards."""
+    beam = [best]
+    for _ in range(COST.most - len(best)):
+        limit = evidence.cost(best) + LOOKAHEAD
+        near = evidence.promising(beam, PROMISING, limit)
         larger = [[*chosen, c] for chosen, some in zip(beam, near, strict=True) for c in some]
         # two effects may hide each other
-        larger += [[*beam[0], a, b] for a, b in _pairs(evidence, beam[0], near[0])]
-        for tried in evidence.weighed(larger):
-            key = frozenset(one.key for one in tried)
-            if key not in grown or evidence.cost(tried) < evidence.cost(grown[key]):
-                grown[key] = tried
-        beam = sorted(grown.values(), key=evidence.cost)[:BEAM]
-        if not beam or evidence.cost(beam[0]) > evidence.cost(best) + LOOKAHEAD:
+        larger += [[*beam[0], a, b] for a, b in _pairs(evidence, beam[0], limit)]
+        grown = dict[frozenset[tuple[str, str | None]], list[Candidate]]()
+        for tried in sorted(evidence.weighed(larger), key=evidence.cost):
+            grown.setdefault(frozenset(c.key for c in tried), tried)
+        beam = [*grown.values()][:BEAM]
+        if not beam or evidence.cost(beam[0]) > limit:
             break
         best = min([best, beam[0]], key=evidence.cost)
     return best
@@ -87,12 +87,12 @@ def _beam(evidence: Evidence) -> list[Candidate]:
 
 def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | None:
     """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without."""
-    others = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))]
+    others, cost = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))], evidence.cost(chosen)
     tried = [*others]
-    *of_others, more = evidence.promising([*others, chosen], PROMISING)
-    for rest, near in zip(others, of_others, strict=True):
+    for rest, near in zip(others, evidence.promising(others, PROMISING, cost), strict=True):
         tried += [[*rest, c] for c in near]
-        tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, near)]
+        tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, cost)]
+    (more,) = evidence.promising([chosen], PROMISING)
     tried += (merged := evidence.weighed([*chosen, c] for c in more))
     while merged := [some for some in merged if len(some) > 2]:
         less = [_less(evidence, some) for some in merged]
@@ -104,7 +104,7 @@ def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | 
         tried += merged
     few = (some for some in tried if len(some) <= max(COST.most, len(chosen)))
     better = min(evidence.weighed(few), key=evidence.cost, default=chosen)
-    return better if evidence.cost(better) < evidence.cost(chosen) - 1e-6 else None
+    return better if evidence.cost(better) < cost - 1e-6 else None
 
 
 def _less(evidence: Evidence, merged: list[Candidate]) -> list[list[Candidate]]:
@@ -114,12 +114,16 @@ def _less(evidence: Evidence, merged: list[Candidate]) -> list[list[Candidate]]:
 
 
 def _pairs(
-    evidence: Evidence, rest: Sequence[Candidate], near: Sequence[Candidate]
+    evidence: Evidence, rest: Sequence[Candidate], under: float = math.inf
 ) -> list[tuple[Candidate, Candidate]]:
-    """Return the pairs of candidates that may explain most beside a set: each likely one with its best partner."""
+    """Return the pairs of candidates that may explain most beside a set: each likely one with its best partner.
+
+    Only those with which it may cost less than a limit.
+    """
     found = dict[frozenset[tuple[str, str | None]], tuple[Candidate, Candidate]]()
-    partners = evidence.promising([[*rest, a] for a in near[:FEW]], 2)
-    for a, some in zip(near[:FEW], partners, strict=True):
+    (near,) = evidence.promising([rest], FEW)
+    partners = evidence.promising([[*rest, a] for a in near], 2, under)
+    for a, some in zip(near, partners, strict=True):
         for b in some:
             found.setdefault(frozenset({a.key, b.key}), (a, b))
     return list(found.values())
@@ -247,7 +251,7 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     for one in chosen:
         rest = [c for c in chosen if c is not one]
         (near,), parts = evidence.promising([rest], PROMISING), _parts(evidence, rest, one)
-        tried = [(c,) for c in near] + _pairs(evidence, rest, near)
+        tried = [(c,) for c in near] + _pairs(evidence, rest)
         found += _alike(evidence, chosen, (one,), [*tried, *(parts[:n] for n in range(3, len(parts) + 1))])
     for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
         (near,) = evidence.promising([[c for c in chosen if c not in several]], FEW)
