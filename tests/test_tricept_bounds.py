@@ -421,21 +421,6 @@ def test_stationary_points_inside_a_beam_are_exact() -> None:
     assert inner > 10
 
 
-def test_beams_of_the_cube_do_not_leave_the_certified_sums(found: tricept.Bounds) -> None:
-    angles = np.radians(np.linspace(-9, 9, 31))
-    total = np.zeros((6, 2))
-    for n, element in enumerate(ELEMENTS):
-        for i, name in enumerate(("A0", "A1", "A-1", "r", "R")):
-            beams = tricept.influence_map(
-                angles[:, None], angles, PAPER, (name, name), element, box=(LOW, HIGH)
-            )
-            total[n] += U_PAPER[i, i] * np.array([np.nanmin(beams.least), np.nanmax(beams.greatest)])
-    assert (total[:, 0] >= found.base_outer[:, 0]).all()
-    assert (total[:, 1] <= found.base_outer[:, 1]).all()
-    # a grid of beams misses the corners of the cube: too narrow by up to some percent, as (24) is
-    np.testing.assert_allclose(total, found.base_inner, rtol=0.05)
-
-
 def test_influences_that_are_none_are_refused(refuses) -> None:
     for pair, element in ((("A0", "A9"), "xx"), (("A0",), "xx"), (("A0", "A0"), "yx")):
         refuses(tricept.influence_map, 0.0, 0.0, PAPER, pair, element, limits=LEG_LIMITS)
@@ -458,7 +443,7 @@ def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:
 
 
 @pytest.mark.thorough
-def test_a_grid_of_beams_gives_what_the_paper_prints() -> None:
+def test_a_grid_of_beams_gives_what_the_paper_prints_within_the_certified_sums(found: tricept.Bounds) -> None:
     step = 0.36
     angles = np.radians((np.arange(-24, 24) + 0.5) * step)
     for n, (element, printed) in enumerate(PRINTED.items()):
@@ -468,6 +453,7 @@ def test_a_grid_of_beams_gives_what_the_paper_prints() -> None:
                 angles[:, None], angles, PAPER, (name, name), element, box=(LOW, HIGH)
             )
             total += U_PAPER[i, i] * np.array([np.nanmin(beams.least), np.nanmax(beams.greatest)])
+        assert found.base_outer[n, 0] <= total[0] <= total[1] <= found.base_outer[n, 1]
         if n < 3:  # printed in units of 1e-7 mm²
             assert (np.round(total, 7) == np.round(printed, 7)).all(), element
         else:
