@@ -435,18 +435,6 @@ def test_forward_is_what_the_simulator_measures(every, name):
     assert moved > 1e5 * within  # the errors are there
 
 
-@pytest.mark.parametrize("name", MACHINES)
-def test_ideal_is_the_simulator_without_errors(every, name):
-    device = every(name)
-    o = device.case.observations
-    places = loaded(device.folder).ideal(o.q, o.target)
-    # where a point is mounted is no error of the machine; where a direction looks is
-    mounted = (
-        {} if device.case.kind == "direction" else {k: v for k, v in device.values.items() if "target" in k}
-    )
-    assert np.abs(places - device.case.simulated(mounted)).max() <= WITHIN
-
-
 @pytest.mark.thorough("table", "mount")
 @pytest.mark.parametrize("name", MACHINES)
 def test_c_and_numpy_compute_the_same(every, compiler, name):
@@ -469,23 +457,6 @@ def test_c_and_numpy_compute_the_same(every, compiler, name):
         assert np.abs(by_c[2] - by_numpy[2]).max() <= REACHED
         reached = by_c[1] == module.CONVERGED
         assert np.abs(by_c[0] - by_numpy[0])[reached].max(initial=0.0) <= REACHED
-
-
-@pytest.mark.parametrize("name", ["gantry", "mount", "arm"])
-def test_compensated_commands_bring_the_simulated_machine_where_it_should_be(every, name):
-    """The whole loop: errors of a simulated machine, its emitted model, and corrected commands for it."""
-    device = every(name)
-    case, o, module = device.case, device.case.observations, loaded(device.folder)
-    wanted = case.simulated()
-    corrected, status, distance = module.compensate(wanted, o.q, o.target, **device.conditions())
-    assert (status == module.CONVERGED).all()
-    before = np.abs(case.simulated(device.values) - wanted).max()
-    units = {j["name"]: "mm" if j["type"] == "prismatic" else "rad" for j in case.file["joint"]}
-    commands = {f"{n} [{units[n]}]": corrected[:, j] for j, n in enumerate(case.joints)}
-    after = np.abs(case.changed(data=case.data | commands).simulated(device.values) - wanted).max()
-    assert before > 1e-4
-    assert after <= REACHED
-    assert (distance <= REACHED).all()
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.002])
