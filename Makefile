@@ -14,10 +14,10 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 PYTEST     := -m pytest -n $(JOBS) --dist loadgroup -m
-FAST_TESTS := $(PYTEST) "not slow and not thorough"
+TESTS      ?= not slow and not thorough
 
 .DEFAULT_GOAL := help
-.PHONY: help demo open test test-all test-processors test-thorough test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
+.PHONY: help demo open test test-processors test-thorough test-slow torture fuzz answers kernels check check-kernels check-style check-types check-imports check-c notebooks bench study certify mutants docs docs-links pictures wheel pythons clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -28,17 +28,14 @@ demo: .venv/all ## a real telescope: fit, compare, diagnose, correct, emit C, wr
 open: .venv/all ## the workbench, on the real telescope: a page on which effects are added and the error falls
 	@$(BIN)/rodgen open examples/machines/mount/machine.toml examples/machines/mount/mmt_2021.csv
 
-test: .venv/test ## run the tests (PROCESSOR=prescott: as on that one of tests/processors.py)
-	$(BIN)/python $(if $(PROCESSOR),tests/processors.py $(PROCESSOR)) $(FAST_TESTS)
-
-test-all: .venv/test ## run the tests of test and test-thorough at once, as a change must pass them
-	$(BIN)/python $(if $(PROCESSOR),tests/processors.py $(PROCESSOR)) $(PYTEST) "not slow"
+test: .venv/test ## run the tests (PROCESSOR=prescott: as on that one of tests/processors.py; TESTS="not slow": thorough ones, too)
+	$(BIN)/python $(if $(PROCESSOR),tests/processors.py $(PROCESSOR)) $(PYTEST) "$(TESTS)"
 
 test-processors: .venv/test ## run the tests as on each processor of tests/processors.py: other linear algebra, other loops
-	$(BIN)/python tests/processors.py all $(FAST_TESTS)
+	$(BIN)/python tests/processors.py all $(PYTEST) "$(TESTS)"
 
 test-thorough: .venv/test ## run the tests that take more than half a second each, six minutes in all
-	$(BIN)/python $(if $(PROCESSOR),tests/processors.py $(PROCESSOR)) $(PYTEST) "thorough and not slow"
+	@$(MAKE) test TESTS="thorough and not slow"
 
 test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, long statistics, sanitizers of all kernels
 	$(BIN)/python $(PYTEST) slow
