@@ -96,7 +96,7 @@ def test_a_unit_has_a_factor_and_a_dimension(text, length, factor, dimension):
 def test_a_unit_that_is_the_files_own_is_not_rounded():
     assert all(parse_unit(unit).factor(unit) == 1.0 for unit in ("mm", "um", "inch", "ft", "yard", "m"))
     assert parse_unit("deg").factor() == math.pi / 180
-    assert parse_unit("um").factor("mm") == 1e-3
+    assert [parse_unit(unit).factor("mm") for unit in ("um", "inch", "m")] == [1e-3, 25.4, 1000.0]
 
 
 @pytest.mark.parametrize(
