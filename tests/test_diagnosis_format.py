@@ -35,7 +35,7 @@ CASES = {
 }
 
 
-QUICK = {"one effect", "nothing", "directions", "outliers", "outside"}
+QUICK = {"one effect", "nothing", "directions", "outliers"}
 every_case = pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
 )
