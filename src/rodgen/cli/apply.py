@@ -114,7 +114,6 @@ _FUNCTIONS = {
     "instantaneous_euler.euler_from_quaternion": "quaternion -> angles MotionStatus",
     "instantaneous_euler.motion_from_euler": "angles angle_rates -> matrix omega",
     "instantaneous_euler.rates": "matrix omega -> chi_rate determinant MotionStatus",
-    "instantaneous_euler.rates_from_euler": "angles angle_rates -> chi_rate determinant MotionStatus",
     "instantaneous_euler.angular_velocity": "matrix rate=chi_rate -> omega MotionStatus",
     "instantaneous_euler.ridge_lines": "matrix point -> ridges RidgeStatus/xyz",
     "instantaneous_euler.rotations": "chi -> *quaternion - RotationsStatus cosine_distance nearest",

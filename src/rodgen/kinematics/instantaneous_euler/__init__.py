@@ -32,7 +32,6 @@ from rodgen.kinematics.instantaneous_euler._angles import (
     euler_from_quaternion,
     motion_from_euler,
     rates,
-    rates_from_euler,
 )
 from rodgen.kinematics.instantaneous_euler._rotations import (
     Choice,
@@ -68,7 +67,6 @@ __all__ = [
     "euler_from_quaternion",
     "motion_from_euler",
     "rates",
-    "rates_from_euler",
     "ridge_lines",
     "rotations",
     "trajectory",

@@ -193,27 +193,23 @@ def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
     return call_kernel(kernels.chi_angular_velocity, (matrix, rate))  # type: ignore[no-any-return]
 
 
+@documented_by(instantaneous_euler_motion.chi_motion_from_zyx)
 def motion_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:
     """Return the rotation matrix and the angular velocity of conventional Euler angles and their rates.
 
+    With both, :func:`rates` has those of the instantaneous angles.
+
     Parameters
     ----------
-    angles, angle_rates : array_like (..., 3)
-        The three angles in the order of the sequence, rad, and their rates.
     sequence : str, optional
         As for :func:`angles_from_euler`.
-
-    Returns
-    -------
-    matrix : array (..., 3, 3)
-        Rotation; its columns are the moved axes. Zhou and Zhu (2023), eqs. (19) and (17) put right.
-    omega : array (..., 3)
-        Angular velocity in fixed axes.
 
     Raises
     ------
     RodgenError
         When the sequence is not one of the twelve.
+    ValueError
+        When the last axes are not 3 long.
 
     Examples
     --------
@@ -226,30 +222,6 @@ def motion_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str =
     kernel = kernels.chi_motion_from_zyx if known.like == "zyx" else kernels.chi_motion_from_zyz
     matrix, omega = kernel(known.angles(angles), known.angles(angle_rates))
     return known.matrix(np.asarray(matrix)), known.sign * known.vector(np.asarray(omega))
-
-
-def rates_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str = "ZYX") -> Rates:
-    """Return how fast instantaneous Euler angles change with the conventional ones.
-
-    Parameters
-    ----------
-    angles, angle_rates : array_like (..., 3)
-        The three angles in the order of the sequence, rad, and their rates.
-    sequence : str, optional
-        As for :func:`angles_from_euler`.
-
-    Returns
-    -------
-    Rates
-        As for :func:`rates`.
-
-    Examples
-    --------
-    >>> from rodgen import instantaneous_euler as ie
-    >>> ie.rates_from_euler([0.5, 0.0, 0.0], [2.0, 0.0, 0.0]).rate
-    array([2., 2., 0.])
-    """
-    return rates(*motion_from_euler(angles, angle_rates, sequence))
 
 
 def euler_from_quaternion(quaternion: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:
