@@ -85,7 +85,8 @@ def _command(name: str, parser: argparse.ArgumentParser, level: int) -> str:
     lines = [f"{'#' * level} `rodgen {name}`", "", "```text", usage, "```", ""]
     lines += _paragraphs(parser.description or "")
     for action in parser._actions:
-        if not isinstance(action, argparse._HelpAction | argparse._SubParsersAction):
+        hidden = isinstance(action, argparse._HelpAction | argparse._SubParsersAction)
+        if not hidden and action.help != argparse.SUPPRESS:
             lines += [f"{_invocation(action)}\n: {_escaped(_help(parser, action)) or '&nbsp;'}", ""]
     return "\n".join(lines)
 

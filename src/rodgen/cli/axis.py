@@ -51,7 +51,11 @@ def add_to(command: Command) -> None:
         option(
             "--point free|origin|X,Y,Z", "a point on the axis, where angles are known; default: free", _point
         ),
-        option("--near X,Y,Z", "give the point nearest to this one; default: to the middle", _coordinates),
+        option(
+            "--near X,Y,Z",
+            "give the point nearest to this one; default: to the middle of the readings",
+            _coordinates,
+        ),
         choice(
             "--loss",
             ("linear", "huber"),
@@ -59,7 +63,7 @@ def add_to(command: Command) -> None:
         ),
         option(
             "--sigma LENGTH",
-            "standard uncertainty of a coordinate; default: by the residuals",
+            "standard uncertainty of a coordinate; default: estimated",
             quantity("--sigma", "0.01mm", positive=True),
         ),
         option(

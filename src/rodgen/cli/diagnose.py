@@ -35,7 +35,9 @@ def add_to(command: Command) -> None:
         DATA,
         TEST,
         repeated(
-            "--prefer EFFECT[@PLACE]", "name this effect first among equals; may be repeated", _preferred
+            "--prefer EFFECT[@PLACE]",
+            "name this effect first of those that fit as well; may be repeated",
+            _preferred,
         ),
         option(
             "-o --output BETTER.toml",

@@ -126,7 +126,7 @@ def add_to(command: Command) -> None:
             "--hold NAME=VALUE", "a parameter that is not estimated, such as b=12arcsec; may be repeated"
         ),
         option("--formula FORMULA", "of an effect of your own, named EFFECT: 'k*cos(q)'"),
-        option("--component WHAT", "what it changes: the reading (default), tx, ty, tz, rx, ry or rz"),
+        option("--component WHAT", "what a formula changes: the reading (default), tx, ty, tz, rx, ry or rz"),
         repeated("--parameter NAME=UNIT", "of a formula, such as k=arcsec; may be repeated"),
         OUTPUT,
         LOSS,

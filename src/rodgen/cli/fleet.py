@@ -44,7 +44,7 @@ def add_to(command: Command) -> None:
         option("--date YYYY-MM-DD", "when the machines were measured; default: today"),
         option(
             "--false-alarms N/TIME",
-            "alarms of the whole fleet by chance; default: 1/year",
+            "how often one of the fleet may come by chance; default: 1/year",
             frequency,
             default="1/year",
         ),

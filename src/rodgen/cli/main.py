@@ -306,15 +306,13 @@ def _parser(called: str | None = None) -> argparse.ArgumentParser:
     parser.add_argument(DEBUG, action="store_true", help="after an error in rodgen itself, show where it was")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     command = adder(commands, {name: summary for name, (_, summary) in _COMMANDS.items()})
-    if called is None or called == "completion":
-        for module in dict.fromkeys(module for module, _ in _COMMANDS.values()):
-            import_module(f"rodgen.cli.{module}").add_to(command)
-    elif called in _COMMANDS:
-        import_module(f"rodgen.cli.{_COMMANDS[called][0]}").add_to(command)
-    else:  # --help, or no command
-        for name, (_, summary) in _COMMANDS.items():
+    every = called in (None, "completion")  # it describes all
+    for module in dict.fromkeys(of for name, (of, _) in _COMMANDS.items() if every or name == called):
+        import_module(f"rodgen.cli.{module}").add_to(command)
+    for name, (_, summary) in _COMMANDS.items():
+        if name not in commands.choices:
             commands.add_parser(name, help=summary)
-    parser.set_defaults(parser=parser)  # rodgen completion describes it
+    parser.set_defaults(parser=parser)
     return parser
 
 

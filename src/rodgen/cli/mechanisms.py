@@ -102,7 +102,7 @@ are. The output has a row for each solution with every column of the table, then
 _MECHANISM = argument("MECHANISM", "link table, machine file, or robot", InputFile)
 _TOOL = option(
     "--tool X,Y,Z",
-    "point of the last link, in its frame, such as 2,3,5cm; default: the origin",
+    "point of the last link, in its frame, such as 2,3,5cm; default: its origin",
     quantity("--tool", "2,3,5cm", 3),
 )
 

@@ -35,11 +35,11 @@ def add_to(command: Command) -> None:
         option("-n N", "readings at most; default: 12", whole(1, 500), dest="count", default=12),
         option("-o --output PLAN.csv", "write the rows, if any, as a measurement file", OutputFile),
         repeated(
-            "--for KEY", "sharpen C.axis.a, or an effect, such as C.backlash; may be repeated", dest="wanted"
+            "--for KEY",
+            "sharpen this parameter, or effect, such as C.backlash; may be repeated",
+            dest="wanted",
         ),
-        option(
-            "--constraints LIMITS.toml", "limits of joints, regions, boxes to keep out of, balls", InputFile
-        ),
+        option("--constraints LIMITS.toml", "where readings can be taken", InputFile),
         option("--poses POSES.csv", "choose readings from this measurement file", InputFile),
         LOSS,
         JSON,

@@ -53,20 +53,27 @@ def add_to(command: Command) -> None:
         option("--reference FILE", "measurements of the machine as it should stay", InputFile),
         option(
             "--learn ROWS",
-            "rows of DATA that are the reference where there is none; default: 200",
+            "rows of DATA to learn from, without --reference; default: 200",
             whole(1),
             default=LEARNED,
         ),
         flag("--follow", "wait for more rows at the end of DATA, until Ctrl-C"),
-        option("--rate N/TIME", "how often readings come; default: by the column t, or 100/h", frequency),
+        option(
+            "--rate N/TIME", "how often readings come, such as 100/h; default: by the column t", frequency
+        ),
         option(
             "--false-alarms N/TIME",
-            "alarms while nothing changes; default: 1/year",
+            "how often one may come by chance; default: 1/year",
             frequency,
             default="1/year",
         ),
-        choice("--on-alarm", _GO_ON, "after an alarm; default: go on", default="go-on"),
-        choice("--on-bad-row", _GO_ON, "at a row that cannot be read; default: go on", default="go-on"),
+        choice("--on-alarm", _GO_ON, "after an alarm, end or go on (default)", default="go-on"),
+        choice(
+            "--on-bad-row",
+            _GO_ON,
+            "at a row that cannot be read, end with an error or go on (default)",
+            default="go-on",
+        ),
         option("--state FILE", "keep there what was seen, for a later call; needs --reference", StateFile),
         JSON,
     )
