@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from rodgen.calibration.problem.attitudes import UnfitAttitudeError, matrices
 from rodgen.data.notations import NOTATIONS
@@ -60,11 +61,11 @@ def fit_axis_of(
         raise UnfitArgumentError("near", "a known point", "it with a point that is fitted")
     if instantaneous and (isinstance(table, Pairs) or table.time is None):
         raise InputFileError(table.file, "columns", "no poses with their time", "poses and t [s]")
-    noise = {"sigma": sigma, "sigma_angle": sigma_angle, "origin": near}
+    noise: dict[str, Any] = {"sigma": sigma, "sigma_angle": sigma_angle, "origin": near}
     try:
         if isinstance(table, Pairs):
-            how = {"point": "free" if point is None else point, "loss": loss or "linear"}
-            return fit_axis(table.rho, table.rho_prime, table.angle, move=table.move, **how, **noise)
+            noise |= {"point": "free" if point is None else point, "loss": loss or "linear"}
+            return fit_axis(table.rho, table.rho_prime, table.angle, move=table.move, **noise)
         try:
             attitudes = matrices(table.notation, table.attitude)
         except UnfitAttitudeError as error:
