@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rodgen.array_types import Array
 from rodgen.data.units import ARCSEC
@@ -244,23 +244,6 @@ class AxisFit:
     def point_uncertainty(self) -> Array:
         """Standard uncertainties (3,) of the coordinates of `point`."""
         return np.sqrt(np.maximum(np.diag(self.point_covariance), 0))
-
-    def nearest_point(self, to: ArrayLike) -> tuple[Array, Array]:
-        """Return the point of the axis nearest to a given one, and its covariance.
-
-        Parameters
-        ----------
-        to : (3,) array_like
-            Any point, such as the origin.
-
-        Returns
-        -------
-        point : (3,) array
-        covariance : (3, 3) array
-            The farther `to` is from the data along the axis, the more the direction's uncertainty adds.
-        """
-        point, covariance = nearest(self.axis, self.point, self.covariance, np.asarray(to, dtype=float))
-        return point, covariance[3:, 3:]
 
     def summary(self, places: Callable[[NDArray[np.int_]], str] | None = None) -> str:
         """Return a summary of a few lines.
