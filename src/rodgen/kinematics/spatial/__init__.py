@@ -33,7 +33,7 @@ from rodgen.kinematics.spatial.forward_analysis import (
     jacobian,
     link_transform,
 )
-from rodgen.kinematics.spatial.link_files import link_table, load_mechanism, save_mechanism
+from rodgen.kinematics.spatial.link_files import link_table, load_mechanism
 from rodgen.kinematics.spatial.loop_reverse import reverse_loop
 from rodgen.kinematics.spatial.mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.kinematics.spatial.pair_equations import (
@@ -97,7 +97,6 @@ __all__ = [
     "pair_from_biquadratics",
     "reverse",
     "reverse_loop",
-    "save_mechanism",
     "secondary_notation",
     "solve_pair",
     "solve_trig",

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError, in_file, shown
-from rodgen.files import decoded, read_input, write_file
+from rodgen.files import decoded, read_input
 from rodgen.kinematics.spatial.mechanism import FREEDOMS, Mechanism
 
 _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
@@ -245,11 +245,11 @@ def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
 
     Examples
     --------
-    >>> import os, tempfile
+    >>> import pathlib, tempfile
     >>> from rodgen import spatial
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = os.path.join(folder, "puma.csv")
-    ...     spatial.save_mechanism(path, spatial.PUMA_560)
+    ...     path = pathlib.Path(folder, "puma.csv")
+    ...     _ = path.write_text(spatial.link_table(spatial.PUMA_560))
     ...     puma = spatial.load_mechanism(path)
     >>> puma.name, puma.unit, puma.offset.tolist()
     ('puma', 'in', [0.0, 5.9, 0.0, 17.0, 0.0, 4.0])
@@ -268,24 +268,8 @@ def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
     return _mechanism(file, table, unit)
 
 
-def save_mechanism(path: str | os.PathLike[str], mechanism: Mechanism) -> None:
-    """Write a mechanism as a link table, from which `load_mechanism` gets the same numbers.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-    mechanism : Mechanism
-
-    Raises
-    ------
-    InputFileError
-        When the place cannot be written.
-    """
-    write_file(path, link_table(mechanism).encode())
-
-
 def link_table(mechanism: Mechanism) -> str:
-    """Return the text of a mechanism's link table.
+    """Return the text of a mechanism's link table, from which `load_mechanism` gets the same numbers.
 
     Parameters
     ----------
