@@ -51,7 +51,7 @@ from rodgen.kinematics.tricept._workspace import (
     uncertainty_map,
     workspace,
 )
-from rodgen.kinematics.tricept.influence import Influence, influence_map, influence_region
+from rodgen.kinematics.tricept.influence import Influence, influence_map
 
 __all__ = [
     "ANGLES",
@@ -84,7 +84,6 @@ __all__ = [
     "disturbed_point",
     "ellipsoid",
     "influence_map",
-    "influence_region",
     "inverse",
     "is_covariance",
     "largest_cube",

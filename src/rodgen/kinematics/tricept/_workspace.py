@@ -23,13 +23,6 @@ from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._uncertainty import ellipsoid, propagate
 from rodgen.views import with_html
 
-
-def around(grid: Array, inside: NDArray[np.bool_], count: int) -> Array:
-    """Return `count` values over the part of a grid that is inside, and one step of the grid more on both sides."""
-    some = np.flatnonzero(inside)
-    return np.linspace(grid[max(some[0] - 1, 0)], grid[min(some[-1] + 1, len(grid) - 1)], count)
-
-
 Value = Callable[[Array, Array, Array], Array]
 """A function of α, β and z."""
 
@@ -109,14 +102,9 @@ def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> 
     >>> tricept.reachable([[0, 0, 600], [0, 0, 500]], tricept.PAPER, tricept.LEG_LIMITS)
     array([ True, False])
     """
-    found, _, status = pose(point, geometry, limits)
-    return (status == TriceptStatus.REACHABLE) & assembled(found)
-
-
-def assembled(pose: Any) -> Any:
-    """Return which poses the assembled machine has: cos α, cos β and z are positive."""
-    angles = np.asarray(pose)[..., :2]
-    return (np.cos(angles) > 0).all(axis=-1) & (np.asarray(pose)[..., 2] > 0)
+    found, _, status = (np.asarray(x) for x in pose(point, geometry, limits))
+    upright = (np.cos(found[..., :2]) > 0).all(axis=-1) & (found[..., 2] > 0)
+    return (status == TriceptStatus.REACHABLE) & upright
 
 
 def beams(
@@ -419,9 +407,16 @@ def uncertainty_map(
                 f"no point with {plane} = {value:g} is in the workspace; expected another value"
             )
         if attempt == 0:
-            across, up = around(across, inside.any(axis=0), n), around(up, inside.any(axis=1), n)
+            sides = (across, inside.any(axis=0)), (up, inside.any(axis=1))
+            across, up = (_around(grid, some, n) for grid, some in sides)
     U_y = np.where(inside[..., None, None], U_y, np.nan)
     u = np.sqrt(np.diagonal(U_y, axis1=-2, axis2=-1))
     largest = np.asarray(ellipsoid(U_y).semi_axes)[..., 0]
     names = ("xyz"[first], "xyz"[second], plane)
     return UncertaintyMap(across, up, names, float(value), u, largest, np.asarray(status))
+
+
+def _around(grid: Array, inside: NDArray[np.bool_], count: int) -> Array:
+    """Return `count` values over the part of a grid that is inside, and one step of the grid more on both sides."""
+    some = np.flatnonzero(inside)
+    return np.linspace(grid[max(some[0] - 1, 0)], grid[min(some[-1] + 1, len(grid) - 1)], count)

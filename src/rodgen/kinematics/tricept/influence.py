@@ -20,9 +20,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.numerics import Polynomials, roots
 from rodgen.kinematics.tricept._bounds import ELEMENTS
 from rodgen.kinematics.tricept._geometry import PARAMETERS, Geometry
-from rodgen.kinematics.tricept._intervals import grid_points
-from rodgen.kinematics.tricept._kinematics import point, pose
-from rodgen.kinematics.tricept._workspace import around, assembled
+from rodgen.kinematics.tricept._kinematics import point
 from rodgen.views import with_html
 
 Box = tuple[ArrayLike, ArrayLike]
@@ -31,12 +29,6 @@ Box = tuple[ArrayLike, ArrayLike]
 _NEGLIGIBLE = 1e-13
 # A complex root this near the beam may be a double real one; to evaluate there as well costs nothing.
 _NEARLY_REAL = 1e-3
-
-# Where the beams of a machine are searched when no box is given, and how finely, rad.
-_WIDEST = np.radians(85.0)
-_BEAMS = 171
-# A box's angles are those of this many points along each edge; beyond them an angle changes by less than a step.
-_ALONG_EDGE = 33
 
 
 @with_html
@@ -149,74 +141,6 @@ def influence_map(
     return Influence(
         angles[0], angles[1], least, greatest, z_least, z_greatest, (PARAMETERS[i], PARAMETERS[j]), element
     )
-
-
-def influence_region(
-    geometry: Geometry,
-    pair: Sequence[str],
-    element: str,
-    beams: int = 121,
-    *,
-    limits: Sequence[float] | None = None,
-    box: Box | None = None,
-) -> Influence:
-    """Return the influence on a grid of beams around those that reach a region, to which it is fitted.
-
-    Parameters
-    ----------
-    geometry, pair, element, limits, box
-        As for :func:`influence_map`.
-    beams : int, optional
-        How many in each direction, α along the first axis and β along the second.
-
-    Returns
-    -------
-    Influence
-
-    Raises
-    ------
-    RodgenError
-        As for :func:`influence_map`; and when the assembled machine has no beam in the region.
-
-    Examples
-    --------
-    >>> from rodgen import tricept
-    >>> box = (-80, -80, 605), (80, 80, 765)
-    >>> found = tricept.influence_region(tricept.PAPER, ("A0", "A0"), "zz", 9, box=box)
-    >>> found.least.shape
-    (9, 9)
-    """
-
-    def on(alpha: Array, beta: Array) -> tuple[Influence, NDArray[np.bool_]]:
-        made = influence_map(alpha[:, None], beta, geometry, pair, element, limits=limits, box=box)
-        known = np.asarray(np.isfinite(made.least))
-        if not known.any():
-            raise RodgenError("no beam in the region; expected a cube that the rods reach")
-        return made, known
-
-    # once to find where the beams are, once to map them
-    alpha, beta = _search_angles(geometry, box)
-    _, known = on(alpha, beta)
-    of_alpha, of_beta = (np.asarray(known.any(axis=n)) for n in (1, 0))
-    return on(around(alpha, of_alpha, beams), around(beta, of_beta, beams))[0]
-
-
-def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Array, Array]:
-    """Return values of α and β, rad, that span the beams of a box, or of any machine if there is no box."""
-    if box is None:
-        every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
-        return every, every
-    low, high = (np.asarray(corner, float) for corner in box)
-    poses = np.asarray(pose(grid_points(*np.linspace(low, high, _ALONG_EDGE).T).T, geometry)[0])
-    angles = poses[assembled(poses), :2]
-    if not len(angles):
-        raise RodgenError("no beam in the region; expected a cube before the base")
-    least, greatest = angles.min(axis=0), angles.max(axis=0)
-    room = (greatest - least) / (_ALONG_EDGE - 1)
-    limit = np.radians(89.9)
-    first, last = (np.clip(end, -limit, limit) for end in (least - room, greatest + room))
-    alpha, beta = np.linspace(first, last, _BEAMS).T
-    return alpha, beta
 
 
 def _parameters(pair: Sequence[str]) -> tuple[int, int]:
