@@ -18,7 +18,6 @@ from typing import Any
 import sympy as sp
 from sympy.core import random
 from sympy.polys.fields import field as field_of_fractions
-from sympy.polys.galoistools import gf_degree, gf_gcd, gf_strip
 
 KEPT_TERMS = 200
 """Number of terms up to which a reduction keeps a polynomial, so that its division can be shown."""
@@ -195,52 +194,8 @@ def _coprime(numerator: Any, denominator: Any) -> tuple[Any, Any]:
         return numerator, denominator
     if not numerator:
         return numerator, denominator.ring.one
-    if _surely_coprime(numerator, denominator):
-        return numerator, denominator
     lowest: tuple[Any, Any] = numerator.cancel(denominator)
     return lowest
-
-
-PRIME = 2**31 - 1
-
-
-def _surely_coprime(f: Any, g: Any) -> bool:
-    """Return whether f is shown to have no divisor in common with g, in a fraction of the time of their greatest one.
-
-    All unknowns of g but one get numbers modulo a prime, and so do those that only f has. If the degree of g stays, so
-    does that of a common divisor; if the images have no common divisor, that degree is 0.
-    """
-    if g.LC < 0 or g.content() != 1:
-        return False
-    unknowns = [i for i, degree in enumerate(g.degrees()) if degree > 0]
-    values = [pow(7, 11 * i + 5, PRIME) for i in range(f.ring.ngens)]
-
-    def terms(polynomial: Any) -> list[tuple[list[int], int]]:
-        """Return the powers of the unknowns of g in each term, and what the rest of it is."""
-        found = []
-        for exponents, coefficient in polynomial.iterterms():
-            x = int(coefficient)
-            for i, exponent in enumerate(exponents):
-                if exponent and i not in unknowns:
-                    x = x * pow(values[i], exponent, PRIME) % PRIME
-            found.append(([exponents[i] for i in unknowns], x))
-        return found
-
-    def image(of: list[tuple[list[int], int]], kept: int) -> list[int]:
-        found = [0] * (max(exponents[kept] for exponents, _ in of) + 1)
-        for exponents, x in of:
-            for k, exponent in enumerate(exponents):
-                if exponent and k != kept:
-                    x = x * pow(values[unknowns[k]], exponent, PRIME) % PRIME
-            found[-1 - exponents[kept]] += x
-        return [x % PRIME for x in found]
-
-    dividend, divisor = terms(f), terms(g)
-    for kept in range(len(unknowns)):
-        below = image(divisor, kept)
-        if not below[0] or gf_degree(gf_gcd(gf_strip(image(dividend, kept)), below, PRIME, sp.ZZ)):
-            return False
-    return True
 
 
 def remainder(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) -> sp.Expr:
