@@ -47,7 +47,9 @@ def robot() -> rodgen.Machine:
 
 def test_every_effect_of_the_catalogue_has_odds_and_the_size_of_each_parameter():
     machines = [robot(), mount(), rodgen.Machine.load(ROOT / "examples/machines/tricept/machine.toml")]
-    machines += [machine_of(machine_template(kind), kind) for kind in ("linear-delta", "rotary-delta", "hexapod")]
+    machines += [
+        machine_of(machine_template(kind), kind) for kind in ("linear-delta", "rotary-delta", "hexapod")
+    ]
     machines = [replace(machine, estimate=()) for machine in machines]
     machines += [
         rodgen.Machine.load(path) for path in sorted((ROOT / "examples/machines").glob("*/machine.toml"))
