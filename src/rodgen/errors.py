@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 __all__ = [
     "InputFileError",
@@ -19,6 +19,7 @@ __all__ = [
     "UnexpectedError",
     "UnfitArgumentError",
     "UnprovedError",
+    "UnsaidError",
     "counted",
     "joined",
     "listed",
@@ -107,6 +108,27 @@ class InputFileError(RodgenError):
 
     def __str__(self) -> str:
         return _one_line(f"{self.file}: {self.place}: {self.found}; expected {self.expected}")
+
+
+class UnsaidError(InputFileError):
+    """A file that leaves something open, which an option of ``rodgen import`` says.
+
+    Parameters
+    ----------
+    file, place, found, expected : str
+        As of an `InputFileError`.
+    option : str
+        What stands before the answer, such as ``"--column=A="``.
+    choices : sequence of str, optional
+        What the answer may be, such as the file's columns; empty where that cannot be listed.
+    """
+
+    def __init__(
+        self, file: str, place: str, found: str, expected: str, option: str, choices: Sequence[str] = ()
+    ) -> None:
+        super().__init__(file, place, found, expected)
+        self.option, self.choices = option, tuple(choices)
+        self.args = (*self.args, option, self.choices)
 
 
 class NotConvergedError(InputFileError):

@@ -24,6 +24,7 @@ from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
 from rodgen.errors import (
     InputFileError,
     UnexpectedError,
+    UnsaidError,
     counted,
     in_file,
     joined,
@@ -502,12 +503,15 @@ def _check_all(columns: _Columns, machine: Machine, wide: Mapping[str, Any]) -> 
     for name in needed:
         if name not in columns.found:
             what = f"joint {name}" if name in _commanded(machine) else name
+            option, choices = f"--column={name}=", headers
             expected = f"--column {name}=THEIRS, where THEIRS is {listed(headers)}"
             if name in _commanded(machine) and (
                 first := _first_of_numbered(columns, len(_commanded(machine)))
             ):
+                option, choices = "--joints=", [first]
                 expected = f"--joints {first}, where the columns from that on are the joints in their order"
-            raise InputFileError(columns.table.file, columns.table.header, f"no column of {what}", expected)
+            table, found = columns.table, f"no column of {what}"
+            raise UnsaidError(table.file, table.header, found, expected, option, choices)
 
 
 def _first_of_numbered(columns: _Columns, count: int) -> str:
@@ -644,7 +648,8 @@ def _unit(
     if not unit and wanted in (LENGTH, ANGLE):
         if units is None:
             expected = "--units such as mm,deg for columns without, or the unit in brackets"
-            raise InputFileError(columns.table.file, f"column {shown(column.header)}", "no unit", expected)
+            place = f"column {shown(column.header)}"
+            raise UnsaidError(columns.table.file, place, "no unit", expected, "--units=", USUAL_UNITS)
         return units[wanted == ANGLE], 1.0
     if unit:
         with in_file(columns.table.file, f"column {shown(column.header)}"):
@@ -657,6 +662,8 @@ def _unit(
     return unit, 1.0
 
 
+USUAL_UNITS = ("mm,deg", "m,deg", "mm,rad", "m,rad", "in,deg")
+"""Of lengths and angles, in which tables are usually written."""
 _NO_DATE = datetime.date(1, 1, 1)
 """Of times of the day."""
 
