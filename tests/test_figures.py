@@ -351,7 +351,7 @@ def test_residuals_stand_where_their_rows_are() -> None:
         np.testing.assert_allclose(trace.y, 1000 * fit.residuals[kept, panel])
         np.testing.assert_allclose(trace.marker.color, fit.observations.q[kept, 2])
         assert list(trace_of(figure, panel, "selected").customdata) == [3]
-        assert list(trace_of(figure, panel, "set aside").customdata) == [7]
+        assert list(trace_of(figure, panel, "excluded").customdata) == [7]
     assert trace.hovertext[0].startswith("line 2, ball_1<br>X ")
     assert figure.layout.coloraxis.colorbar.title.text == "Z [mm]"
     assert [note.text for note in figure.layout.annotations] == ["x [µm]", "y [µm]", "z [µm]"]
@@ -408,6 +408,27 @@ def test_residuals_can_be_drawn_against_everything_that_varies() -> None:
     np.testing.assert_allclose(sky.driver("azimuth").noted, np.degrees(np.arctan2(x, y)) % 360, atol=1e-6)
     for name in sky.drivers:
         assert figures.residual_plot(fitted("mount"), name).data
+
+
+def test_residuals_are_first_drawn_against_what_they_depend_on_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the telescope that is elevation, over which its tube bends; else known by construction."""
+    assert DrawnRows(fitted("mount")).main_driver == "EL"
+    rows = DrawnRows(fitted("gantry_rotary"))
+    noise = np.random.default_rng(2).normal(size=rows.base.residuals.shape)
+    for name in ("Y", "C"):
+        values = rows.driver(name).values
+        made = noise + 3 * np.sin(6 * values / np.ptp(values))[:, None]
+        monkeypatch.setattr(DrawnRows, "every", lambda *_, made=made, **__: made)
+        assert rows.main_driver == name
+    monkeypatch.setattr(DrawnRows, "every", lambda *_, **__: noise)
+    assert rows.main_driver == next(iter(rows.drivers))
+
+
+def test_an_axis_ends_where_that_of_another_figure_does_unless_residuals_need_more() -> None:
+    figure = figures.residual_plot(fitted("mount"), least=[50.0, 1.0])
+    own = figures.residual_plot(fitted("mount"))
+    assert figure.layout.yaxis.range == (-50.0, 50.0)
+    assert figure.layout.yaxis2.range == own.layout.yaxis2.range
 
 
 def test_arrows_are_as_many_times_too_long_as_the_note_says() -> None:

@@ -36,6 +36,7 @@ if _TYPE_CHECKING:
     from rodgen.output.figures.parallel import uncertainty_map as uncertainty_map
     from rodgen.output.figures.polar import joints_that_go_round as joints_that_go_round
     from rodgen.output.figures.polar import polar_plot as polar_plot
+    from rodgen.output.figures.residuals import explained_marks as explained_marks
     from rodgen.output.figures.residuals import residual_plot as residual_plot
 
 _PLACES = {
@@ -47,6 +48,7 @@ _PLACES = {
     "comparison": "comparisons",
     "diagnosis": "diagnoses",
     "distribution_of_residuals": "distributions",
+    "explained_marks": "residuals",
     "fleet_nights": "fleets",
     "fleet_parameter": "fleets",
     "joints_that_go_round": "polar",

@@ -110,6 +110,7 @@ def residual_vectors(
     figure, size = _bones(machine, start if ahead is None else np.concatenate([start, ahead.places]))
     rms = float(np.sqrt(np.mean(np.sum(found[0][1] ** 2, axis=1)))) or 1.0
     times = exaggeration or round_size(SHARE * size / rms)[1]
+    figure.update_layout(meta={**(figure.layout.meta or {}), "exaggeration": times})
     for name, vectors in found:
         ends = np.full((len(some), 3, 3), np.nan)
         ends[:, 0], ends[:, 1] = start, start + times * vectors

@@ -127,6 +127,7 @@ def map_of(
         note.append(f"{len(some)} of {rows.total} rows are drawn.")
     elif rows.outlier.any():
         note.append("Outliers are left out.")
+    figure.update_layout(meta={**figure.layout.meta, "exaggeration": times})
     return describe(figure, name, title, note=" ".join([remark, *note]))
 
 

@@ -93,6 +93,7 @@ def residual_plot(
     selected: Collection[int] = (),
     aside: Collection[int] = (),
     planned: Plan | None = None,
+    least: Sequence[float] = (),
 ) -> go.Figure:
     """Return the residuals of each row against something that was recorded, of one model or before and after.
 
@@ -118,6 +119,8 @@ def residual_plot(
         Rows that are marked: chosen by a user, and left out by a user.
     planned : Plan, optional
         Whose readings are marked at the lower edge, where it says what they have of `against`.
+    least : sequence of float, optional
+        The end of the y axis of each panel, at least: that of another figure, with which this one is compared.
 
     Raises
     ------
@@ -140,7 +143,34 @@ def residual_plot(
         selected=selected,
         aside=aside,
         planned=planned_rows(fit, planned),
+        least=least,
     )
+
+
+def explained_marks(
+    fit: Fit, against: str, explained: Array, of: Index, *, kept: Collection[int] = ()
+) -> list[dict[str, Any]]:
+    """Return traces to be added to `residual_plot` of components: what an effect would explain of each.
+
+    Parameters
+    ----------
+    fit : Fit
+    against : str
+        As of `residual_plot`.
+    explained : ndarray, shape (rows, m)
+        In the unit of the fit, of the rows `of`.
+    of : ndarray of int, shape (rows,)
+        In rising order.
+    kept : collection of int, optional
+        Rows that are drawn in any case.
+    """
+    rows = DrawnRows(fit, kept=kept)
+    some = np.flatnonzero(np.isin(rows.chosen, of) & ~rows.bad)
+    x = _along(rows, rows.driver(against))[rows.sides[-1][0]][some].tolist()
+    y = (explained * rows.factors)[np.searchsorted(of, rows.chosen[some])]
+    mark = {"symbol": "line-ew-open", "size": 9, "color": ORANGE, "line": {"width": 2}}
+    about = {"type": "scatter", "mode": "markers", "marker": mark, "hoverinfo": "skip", "showlegend": False}
+    return [about | {"x": x, "y": each.tolist(), **axes(number)} for number, each in enumerate(y.T)]
 
 
 @dataclass(frozen=True)
@@ -211,6 +241,7 @@ def residuals_over(
     planned: PlannedRows | None = None,
     remarks: Sequence[str] = (),
     called: str = "",
+    least: Sequence[float] = (),
 ) -> go.Figure:
     """Return panels of residuals over one of ``rows.drivers``, before and after in the same axes.
 
@@ -232,6 +263,8 @@ def residuals_over(
         Sentences of the note.
     called : str
         The name of the figure's files.
+    least : sequence of float
+        The end of the y axis of each panel, at least.
     """
     height = SEVERAL if len(panels) > 1 else SINGLE
     below = label(plain(driver.label))
@@ -242,7 +275,7 @@ def residuals_over(
     chosen, beyond = np.isin(rows.chosen, np.asarray([*selected], np.intp)), False
     for number, panel in enumerate(panels):
         good = np.concatenate([values[~marks.out] for values in panel.values])
-        limit = _limit(good)
+        limit = max([_limit(good), *least[number : number + 1]])
         known_from_tip = driver.kind in {"joint", "order", "approach"} or bool(driver.categories)
         end = "" if known_from_tip else f"<br>{label(plain(driver.name))}: %{{x:.6g}}"
         for (name, fit), values in zip(rows.sides, panel.values, strict=True):
@@ -320,10 +353,10 @@ class Marks:
         }
 
     def apart(self, chosen: NDArray[np.bool_]) -> list[tuple[str, NDArray[np.bool_], dict[str, Any]]]:
-        """Return what rows that are left out, set aside or selected are called, which they are, and their marks."""
+        """Return what rows that are left out, excluded or selected are called, which they are, and their marks."""
         return [
             ("outlier, left out", self.out & ~self.aside, OUTLIER),
-            ("set aside", self.aside, ASIDE),
+            ("excluded", self.aside, ASIDE),
             ("selected", chosen, SELECTED),
         ]
 
