@@ -61,7 +61,7 @@ def test_rows_are_set_aside_and_brought_back(refuses, session, files):
     assert state.observations.data.place(int(np.flatnonzero(state.aside)[0])) == "line 3"
     others = base.fit.refit(base.machine, base.observations.take(~state.aside))
     assert state.fit.rms == pytest.approx(others.rms, rel=1e-8)
-    assert str(session.ladder).endswith("3 rows set aside: 3 rows left out.")
+    assert str(session.ladder).endswith("3 rows excluded: 3 rows left out.")
     assert 'set_aside = [\n    { rows = "3-4, 17", file = "mmt_2021.csv", check = "' in state.text
     session.save_machine(files[0])
     again = Session.open(*files)  # the machine file keeps them

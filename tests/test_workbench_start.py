@@ -2,6 +2,7 @@
 
 import asyncio
 import gzip
+import pickle
 import tempfile
 from pathlib import Path
 
@@ -10,10 +11,12 @@ import pytest
 
 pytest.importorskip("nicegui")
 from nicegui import ElementFilter, ui
+from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
 from rodgen.cli.imports import imported_with
+from rodgen.errors import UnsaidError
 from rodgen.machines.imports.imported import Imported
 from rodgen.workbench.start import Start, opened
 
@@ -24,6 +27,8 @@ URDF = b"""<robot name="arm"><link name="base"/><link name="arm"/><link name="to
 <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
 <joint name="J2" type="revolute"><parent link="arm"/><child link="tool"/><origin xyz="0.3 0 0"/><axis xyz="0 0 1"/>
 <limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>"""
+FORK = b"""<link name="probe"/>
+<joint name="J3" type="fixed"><parent link="arm"/><child link="probe"/></joint></robot>"""
 
 
 @pytest.fixture(autouse=True)
@@ -64,6 +69,45 @@ def test_a_robot_waits_for_its_readings(refuses, folders):
     assert session.state.fit.rms < 1e-3
     assert any("Columns without a unit are in m and rad" in remark for remark in session.remarks)
     refuses(opened, {"arm.urdf": URDF}, ["--tip=elbow"], imported_with)
+
+
+def test_what_files_leave_open_is_asked_with_what_it_may_be(folders):
+    strange = STARS.replace(b"AZ [deg]", b"Rotation [deg]", 1)
+    with pytest.raises(UnsaidError) as error:
+        opened({"machine.toml": MACHINE, "stars.csv": strange}, (), imported_with)
+    assert (error.value.file, error.value.option) == ("stars.csv", "--column=AZ=")
+    assert "Rotation [deg]" in error.value.choices
+    again = pickle.loads(pickle.dumps(error.value))
+    assert (str(again), again.choices) == (str(error.value), error.value.choices)
+    with pytest.raises(UnsaidError) as error:
+        opened({"arm.urdf": URDF.replace(b"</robot>", FORK)}, (), imported_with)
+    assert (error.value.option, error.value.choices) == ("--tip=", ("tool", "probe"))
+
+
+@pytest.mark.thorough
+def test_the_one_missing_column_is_chosen_on_the_page():
+    sessions = []
+
+    async def run():
+        async with user_simulation(root=lambda: Start(sessions.append, imported_with)) as user:
+            await user.open("/")
+            with user:
+                (upload,) = ElementFilter(kind=ui.upload)
+            strange = STARS.replace(b"AZ [deg]", b"Rotation [deg]", 1)
+            files = ("machine.toml", MACHINE), ("stars.csv", strange)
+            await upload.handle_uploads([SmallFileUpload(name, "", content) for name, content in files])
+            await user.should_see("One thing is missing", retries=100)
+            with user:
+                (choice,) = [e for e in ElementFilter(kind=ui.select) if "column AZ" in e.props["label"]]
+                choice.set_value("Rotation [deg]")
+            user.find("Go on").click()
+            for _ in range(400):
+                await asyncio.sleep(0.02)
+                if sessions:
+                    break
+
+    asyncio.run(run())
+    assert sessions[0].state.fit.rms == pytest.approx(2.71, abs=0.005)
 
 
 @pytest.mark.parametrize("content", [b"<script>alert(1)</script>", b"", b"\xff\xfe\x00", STARS])
@@ -107,8 +151,6 @@ def test_a_template_is_changed_and_opened_with_measurements():
             await user.should_see("Alt-azimuth mount of a telescope")
             with user:
                 (upload,) = ElementFilter(kind=ui.upload)
-            from nicegui.elements.upload_files import SmallFileUpload
-
             await upload.handle_uploads([SmallFileUpload("../stars <b>.csv", "text/csv", STARS)])
             await until(lambda: sessions)
 

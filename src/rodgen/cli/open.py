@@ -42,6 +42,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.workbench.session import ENDING, Session
 
     desks: list[Desk] = []
+    left: list[Desk] = []
     if options.data is not None:
         desks.append(Desk(Session.open(options.machine, options.data)))
     elif options.machine is not None:
@@ -56,9 +57,15 @@ def _run(options: argparse.Namespace) -> int:
         from rodgen.workbench.start import Start
 
         def opened(session: Session) -> None:
-            desks.append(Desk(session))
+            desks.append(next((desk for desk in left if desk.session is session), None) or Desk(session))
 
-        return lambda: Page(desks[-1]) if desks else Start(opened, imported_with)
+        def leave() -> None:
+            left[:] = desks[-1:]
+            desks.clear()
+
+        return lambda: (
+            Page(desks[-1], leave) if desks else Start(opened, imported_with, [desk.session for desk in left])
+        )
 
     with written_at_once():  # what is saved on the page
         serve(

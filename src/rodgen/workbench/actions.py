@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import Any, ClassVar, Protocol
 
 from rodgen.calibration.check import Check
 from rodgen.data.measurements import Measurements
@@ -28,8 +28,6 @@ __all__ = [
     "Written",
     "action_of",
 ]
-
-Place: TypeAlias = str | None
 
 
 class Edited(Protocol):
@@ -87,7 +85,7 @@ class Action:
         return {"do": self.kind} | {key: value for key, value in asdict(self).items() if value}
 
 
-def _titled(name: str, place: Place) -> str:
+def _titled(name: str, place: str | None) -> str:
     return f"{name} at {place}" if place else name
 
 
@@ -98,7 +96,7 @@ class _OfEffect(Action):
     effect: Mapping[str, Any]
 
     @property
-    def place(self) -> Place:
+    def place(self) -> str | None:
         """The joint or target; None for the whole machine."""
         return self.effect.get("joint") or self.effect.get("target")
 
@@ -167,7 +165,7 @@ class Remove(Action):
 
     kind = "remove"
     name: str
-    place: Place = None
+    place: str | None = None
 
     @property
     def title(self) -> str:
@@ -288,18 +286,19 @@ class _OfRows(Action):
 
 @dataclass(frozen=True)
 class Aside(_OfRows):
-    """Rows are set aside: they are shown, but nothing is fitted to them."""
+    """Rows are excluded: they are shown, but nothing is fitted to them."""
 
-    kind = _done = "set aside"
+    kind = "set aside"
+    _done = "excluded"
     _method = "setting_aside"
 
 
 @dataclass(frozen=True)
 class Back(_OfRows):
-    """Rows that were set aside count again; all, where none are named."""
+    """Rows that were excluded count again; all, where none are named."""
 
     kind = "bring back"
-    _done = "brought back"
+    _done = "included again"
     _method = "bringing_back"
 
 

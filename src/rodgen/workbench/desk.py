@@ -76,67 +76,56 @@ class _StoppedError(Exception):
     """A user stopped it."""
 
 
-class _Following:
-    """A listener that keeps the names of the stages, and ends the work at the next of them when it is stopped."""
-
-    def __init__(self, stop: Event) -> None:
-        self.stop, self.stages = stop, list[list[Any]]()
-
-    def begin(self, what: str, total: int | None) -> None:
-        self._check()
-        self.stages.append([what, 0, total])
-
-    def step(self, done: int) -> None:
-        self._check()
-        if self.stages:
-            self.stages[-1][1] = done
-
-    def end(self) -> None:
-        self.stages.pop()
-
-    def _check(self) -> None:
-        if self.stop.is_set():
-            raise _StoppedError
-
-    @property
-    def text(self) -> str:
-        """The stages, the outer ones first, with the steps of the innermost."""
-        return ": ".join(
-            f"{what} {done + 1} of {total}" if total else what for what, done, total in [*self.stages]
-        )
-
-
 @dataclass
 class Work:
-    """Something that takes long and may be stopped.
+    """Something that takes long and may be stopped; it listens to the stages of what it calls.
 
     Attributes
     ----------
     what : str
     began : float
+    stages : list
+        What each is called, its steps that are done, and how many there are.
     """
 
     what: str
     began: float = field(default_factory=time.monotonic)
+    stages: list[list[Any]] = field(default_factory=list)
     _stop: Event = field(default_factory=Event)
-    _following: _Following = field(init=False)
 
-    def __post_init__(self) -> None:
-        self._following = _Following(self._stop)
+    def begin(self, what: str, total: int | None) -> None:
+        """Begin a stage."""
+        self._check()
+        self.stages.append([what, 0, total])
+
+    def step(self, done: int) -> None:
+        """Note how many steps of a stage are done."""
+        self._check()
+        if self.stages:
+            self.stages[-1][1] = done
+
+    def end(self) -> None:
+        """End a stage."""
+        self.stages.pop()
 
     def stop(self) -> None:
         """End it at its next stage or step."""
         self._stop.set()
 
+    def _check(self) -> None:
+        if self._stop.is_set():
+            raise _StoppedError
+
     @property
     def text(self) -> str:
-        """What it does now."""
-        ending = "stopping" if self._stop.is_set() else self._following.text
-        return ", ".join(filter(None, [self.what, ending, f"{time.monotonic() - self.began:.0f} s"]))
+        """What it does now: the stages, the outer ones first, with the steps of the innermost."""
+        names = (f"{what} {done + 1} of {total}" if total else what for what, done, total in [*self.stages])
+        doing = "stopping" if self._stop.is_set() else ": ".join(names)
+        return ", ".join(filter(None, [doing, f"{time.monotonic() - self.began:.0f} s"]))
 
     def __call__(self, function: Callable[[], T]) -> T | None:
         """Return what a function returns; None where it was stopped."""
-        with suppress(_StoppedError), listening(self._following):
+        with suppress(_StoppedError), listening(self):
             return function()
         return None
 
@@ -163,21 +152,20 @@ class Desk:
         self.work: Work | None = None
         self.diagnosis: tuple[State, Diagnosis] | None = None
         self.plan: tuple[State, Plan, Wish] | None = None
-        self._suspects: dict[int, Suspects] = {}
         self._turn, self._looking = asyncio.Lock(), asyncio.Lock()
         # Fits, tests and diagnoses each tell the BLAS library to use one thread for their time. Here they run in
         # threads of their own, and OpenBLAS may hang where the number changes while it computes in another.
         self._one_thread = one_thread_in_blas()
 
-    async def do(self, action: Action) -> None:
-        """Do something, and show it in all windows.
+    async def do(self, *actions: Action) -> None:
+        """Do something, or several things one after the other, and show in all windows what has come of it.
 
         Raises
         ------
         RodgenError
-            When it cannot be done.
+            When it cannot be done; those before it are.
         """
-        await self._then(lambda: self.session.do(action))
+        await self._then(lambda: [self.session.do(action) for action in actions])
 
     async def go(self, at: int) -> None:
         """Undo or redo actions until the state of a number holds."""
@@ -193,8 +181,12 @@ class Desk:
 
     async def _then(self, change: Callable[[], object]) -> None:
         async with self._turn:
-            await asyncio.to_thread(change)
-            await self.show("state")
+            before = self.session.state
+            try:
+                await asyncio.to_thread(change)
+            finally:
+                if self.session.state is not before:
+                    await self.show("state")
         await self.look()
 
     async def show(self, what: str) -> None:
@@ -209,31 +201,22 @@ class Desk:
             await asyncio.to_thread(lambda: (state.rung, self.session.ladder.noise))
             await self.show("ladder")
         async with self._looking:  # of one state at a time; the last is not waited for in vain
-            if id(state) in self._suspects or state is not self.session.state:
+            if "suspects" in state.__dict__ or state is not self.session.state:
                 return
-            found = await asyncio.to_thread(self._suspects_of, state)
-            if found is None:
-                return
-            self._suspects = {
-                id(s): self._suspects[id(s)] for s in self.session.states if id(s) in self._suspects
-            }
-            self._suspects[id(state)] = found
+            await asyncio.to_thread(lambda: state.suspects)
         if state is self.session.state:
             await self.show("suspects")
 
-    @staticmethod
-    def _suspects_of(state: State) -> Suspects | None:
-        from rodgen.calibration.suspects import suspects
-
-        try:
-            return suspects(state.fit)
-        except RodgenError:  # a machine whose candidates cannot be evaluated where the fit is
-            return None
+    async def check(self) -> None:
+        """Find whether the files can be right, and show it."""
+        state = self.session.state
+        await asyncio.to_thread(lambda: state.check)
+        await self.show("work")
 
     @property
     def suspects(self) -> Suspects | None:
         """The suspects of the present state, once they are known."""
-        return self._suspects.get(id(self.session.state))
+        return self.session.state.__dict__.get("suspects")
 
     # in the background -------------------------------------------------------------------------------------------
 

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import base64
+import html
 import json
-from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import plotly.io as pio
 
-from rodgen.output.figures.style import DARK, LEGEND, ORANGE
+from rodgen.output.figures.style import DARK, LEGEND
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
-    from numpy.typing import NDArray
 
-__all__ = ["CONFIG", "Drawn", "drawn", "overlay"]
+__all__ = ["CONFIG", "drawn"]
 
 CONFIG = {
-    "displaylogo": False,
+    "displayModeBar": False,
     "responsive": True,
     "doubleClick": "reset+autosize",
-    "modeBarButtonsToRemove": ["toImage", "autoScale2d"],
 }
 NATURAL = 660
 """Width, in pixels, at which a figure is as high as it says."""
@@ -36,32 +32,13 @@ SIGNS = {
     "arrow": "→",
     "star": "★",
 }
-EXPLAINED = "would explain"
 _DRAWINGS = count()
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A figure of the page.
-
-    Attributes
-    ----------
-    title, note, alt : str
-    legend : tuple of (str, str, str)
-        Sign, colour and name.
-    content : dict
-        For Plotly: data, layout, config.
-    """
-
-    title: str
-    note: str
-    alt: str
-    legend: tuple[tuple[str, str, str], ...]
-    content: dict[str, Any]
-
-
-def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "") -> Drawn:
-    """Return a figure for a page.
+def drawn(
+    figure: go.Figure, *, dark: bool, width: int, drag: str | bool, revision: str = ""
+) -> tuple[str, str, dict[str, Any]]:
+    """Return title, note and legend of a figure as HTML; what it shows, in words; and its content for Plotly.
 
     Parameters
     ----------
@@ -71,6 +48,8 @@ def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "") -> D
         Whether the page is.
     width : int
         Of its place, in pixels.
+    drag : str or bool
+        What dragging over it does: ``"select"``, ``"zoom"``, or nothing.
     revision : str, optional
         While it stays the same a user's zoom stays, too.
     """
@@ -87,16 +66,14 @@ def drawn(figure: go.Figure, *, dark: bool, width: int, revision: str = "") -> D
         layout.pop(key, None)
     _shrink(layout, meta, width)
     layout |= {"showlegend": False, "autosize": True, "uirevision": revision or "zoom"}
+    layout |= {"paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)"}
     layout["selectionrevision"] = next(_DRAWINGS)  # what was dragged over is marked by the figure itself
     if "scene" not in layout:
-        layout["dragmode"] = "select"
-    return Drawn(
-        meta["title"],
-        meta["note"],
-        meta["alt"],
-        tuple(_legend(content["data"])),
-        {"data": content["data"], "layout": layout, "config": CONFIG},
-    )
+        layout["dragmode"] = drag
+    legend = "".join(_legend(content["data"]))
+    about = f"<h2>{html.escape(meta['title'])}</h2><div class=soft>{html.escape(meta['note'])}</div>"
+    content = {"data": content["data"], "layout": layout, "config": CONFIG}
+    return f"{about}<div class=legend>{legend}</div>", meta["alt"], content
 
 
 def _shrink(layout: dict[str, Any], meta: dict[str, Any], width: int) -> None:
@@ -129,8 +106,9 @@ def _stand_back(layout: dict[str, Any], width: int) -> None:
         layout["scene"]["camera"]["eye"] = {k: x / share**0.65 for k, x in eye.items()}
 
 
-def _legend(traces: list[dict[str, Any]]) -> dict[tuple[str, str, str], None]:
-    found: dict[tuple[str, str, str], None] = {}
+def _legend(traces: list[dict[str, Any]]) -> dict[str, None]:
+    """Return the sign and the name of each kind of trace, as HTML."""
+    found: dict[str, None] = {}
     for trace in traces:
         if trace.get("showlegend") is False or not trace.get("name"):
             continue
@@ -141,59 +119,6 @@ def _legend(traces: list[dict[str, Any]]) -> dict[tuple[str, str, str], None]:
             sign = {"●": "○", "■": "□", "◆": "◇", "▲": "△"}.get(sign, sign) if "open" in symbol else sign
         else:
             sign, colour = "▬" if trace.get("fill") else "─", line.get("color") or trace.get("fillcolor")
-        found[sign, colour if isinstance(colour, str) else "", trace["name"]] = None
+        style, name = f' style="color:{colour}"' * isinstance(colour, str), html.unescape(trace["name"])
+        found[f"<span><span aria-hidden=true{style}>{sign}</span> {html.escape(name)}</span>"] = None
     return found
-
-
-def overlay(
-    content: dict[str, Any], explained: NDArray[np.float64], rows: NDArray[np.int_]
-) -> list[dict[str, Any]]:
-    """Return traces of what an effect would explain, over the marks of the residuals in a figure.
-
-    Parameters
-    ----------
-    content : dict
-        Of a `Drawn`, with a panel for each component; marks have the number of their row as ``customdata``.
-    explained : ndarray, shape (rows, m)
-        In the unit of the figure.
-    rows : ndarray of int
-        Numbers of the rows.
-    """
-    place = {int(row): k for k, row in enumerate(rows)}
-    found: dict[str, dict[str, Any]] = {}
-    for trace in content["data"]:
-        axis = trace.get("yaxis", "y")
-        panel = int(axis[1:] or 1) - 1
-        known = [(x, place[int(row)]) for x, row in _marks(trace) if int(row) in place]
-        if not known or panel >= explained.shape[1] or trace.get("name") == EXPLAINED:
-            continue
-        one = found.setdefault(
-            axis,
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": EXPLAINED,
-                "hoverinfo": "skip",
-                "showlegend": False,
-                "marker": {"symbol": "line-ew-open", "size": 9, "color": ORANGE, "line": {"width": 2}},
-                "x": [],
-                "y": [],
-                "xaxis": trace.get("xaxis", "x"),
-                "yaxis": axis,
-            },
-        )
-        one["x"] += [x for x, _ in known]
-        one["y"] += [float(explained[k, panel]) for _, k in known]
-    return list(found.values())
-
-
-def _marks(trace: dict[str, Any]) -> list[tuple[float, int]]:
-    rows, x = trace.get("customdata"), trace.get("x")
-    return list(zip(_numbers(x), _numbers(rows), strict=False)) if rows is not None and x is not None else []
-
-
-def _numbers(values: Any) -> list[Any]:
-    """Return an array of a figure, which Plotly may have packed."""
-    if not isinstance(values, dict):
-        return list(values)
-    return list(np.frombuffer(base64.b64decode(values["bdata"]), np.dtype(values["dtype"])).tolist())

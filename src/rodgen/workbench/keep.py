@@ -17,7 +17,7 @@ from nicegui import ui
 
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.emit import FORMS
-from rodgen.workbench.parts import button, dialog
+from rodgen.workbench.parts import button, dialog, field, soft
 from rodgen.workbench.session import ENDING
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Keeping:
         self.folder = os.path.dirname(os.path.abspath(session.state.file))
         stem = os.path.splitext(os.path.basename(session.state.file))[0]
         with dialog("Keep") as self.dialog:
-            ui.label(f"In {self.folder}").classes("soft")
+            soft(f"In {self.folder}")
             self.said = ui.label().props('role="status"')
             for what, name, ending, writes in (
                 ("Machine file", f"{stem}_better.toml", ".toml", session.save_machine),
@@ -66,32 +66,30 @@ class Keeping:
                 ("Code, a folder", f"{stem}_c", "", self._emit),
             ):
                 with ui.element("div").classes("line"):
-                    field = ui.input(what, value=name).style("flex:1")
-                    field.props("dense outlined maxlength=120")
+                    where = field(what, value=name, most=120)
                     if writes == self._emit:
                         self.form = ui.select(FORMS, value="c", label="As").props(
                             "dense options-dense outlined"
                         )
-                        self.form.style("width:200px").on_value_change(partial(self._named, field, stem))
-                    button("Write", partial(self._write, field, ending, writes), label=f"Write: {what}")
+                        self.form.classes("grow").on_value_change(partial(self._named, where, stem))
+                    button("Write", partial(self._write, where, ending, writes), label=f"Write: {what}")
                     if writes != session.save:  # which is of no use elsewhere than near its measurements
-                        take = partial(self._download, field, ending, writes)
+                        take = partial(self._download, where, ending, writes)
                         button("Download", take, label=f"Download: {what}")
-            ui.button("Close", on_click=self.dialog.close).props("flat dense no-caps")
 
     async def open(self) -> None:
         """Show the dialog."""
         self.said.set_text("")
         self.dialog.open()
 
-    async def _write(self, field: ui.input, ending: str, writes: Callable[[str], object]) -> None:
-        path = file_in(self.folder, str(field.value or ""), ending)
+    async def _write(self, where: ui.input, ending: str, writes: Callable[[str], object]) -> None:
+        path = file_in(self.folder, str(where.value or ""), ending)
         await self._made(writes, path)
         self.said.set_text(f"{os.path.basename(path)} is written.")
 
-    async def _download(self, field: ui.input, ending: str, writes: Callable[[str], object]) -> None:
+    async def _download(self, where: ui.input, ending: str, writes: Callable[[str], object]) -> None:
         with tempfile.TemporaryDirectory() as folder:
-            path = file_in(folder, str(field.value or ""), ending)
+            path = file_in(folder, str(where.value or ""), ending)
             await self._made(writes, path)
             if os.path.isdir(path):
                 path = shutil.make_archive(path, "zip", path)
@@ -104,8 +102,8 @@ class Keeping:
         finally:
             self.said.set_text("")
 
-    def _named(self, field: Any, stem: str, event: Any) -> None:
-        field.set_value(f"{stem}_{event.value}")
+    def _named(self, where: Any, stem: str, event: Any) -> None:
+        where.set_value(f"{stem}_{event.value}")
 
     def _report(self, path: str) -> None:
         from rodgen.calibration.diagnose import diagnose

@@ -9,13 +9,14 @@ from nicegui import ui
 
 from rodgen.calibration.pointing import pointing
 from rodgen.data.units import UNITS
-from rodgen.errors import InputFileError, RodgenError, joined
+from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.custom import OWN_COMPONENTS, WORDS
 from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.known import parameters_to_tie
 from rodgen.machines.machine import Effect, Machine
+from rodgen.output.numbers import minus
 from rodgen.workbench.actions import Add, Known, Remove, Tie, Written
-from rodgen.workbench.parts import anew, button, card, completing, dialog
+from rodgen.workbench.parts import anew, button, card, cell, completing, dialog, field, folded, soft
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
@@ -25,6 +26,8 @@ __all__ = ["Model", "keys"]
 
 LONGEST = 2000
 """Characters of a formula at most."""
+FEW = 12
+"""Parameters up to which they are shown at once."""
 
 
 def keys(effect: Effect, machine: Machine) -> dict[str, Any]:
@@ -53,113 +56,88 @@ class Model:
     def fill(self) -> None:
         """Fill it anew."""
         machine, fit = self.page.state.machine, self.page.state.fit
-        may_follow = parameters_to_tie(machine)
         with anew(self.card, "Model"):
             for effect in machine.effects:
                 with ui.element("div").classes("suspect"):
-                    button("Remove", partial(self._remove, effect), label=f"Remove {effect.title}")
+                    remove = partial(self.page.desk.do, Remove(effect.name, effect.place))
+                    button("Remove", remove, icon="close", label=f"Remove {effect.title}", look="bare plain")
                     with ui.element("div").classes("what"):
                         ui.label(effect.title)
                         if effect.definition.own:
-                            ui.label(effect.definition.equation).classes("soft")
+                            soft(effect.definition.equation)
             if not machine.effects:
-                ui.label("It has no effects yet.").classes("soft")
-            with ui.expansion(f"{len(fit.parameters)} parameters", value=len(fit.parameters) <= 12).props(
-                "dense"
-            ):
+                soft("It has no effects yet: add a suspect, or take what a diagnosis finds.")
+            few = len(fit.parameters) <= FEW
+            with folded(f"{len(fit.parameters)} parameters", opened=few), ui.element("table").classes("grid"):
                 for estimate in fit.estimates.values():
-                    others = [key for key in may_follow if key != estimate.key and key not in machine.ties]
-                    self._parameter(estimate, others if estimate.key in may_follow else [])
+                    with ui.element("tr"):
+                        cell(estimate.key)
+                        cell(minus(estimate.text))
+                        with ui.element("td"):
+                            ask = partial(self._ask, estimate)
+                            label = f"Change {estimate.key}"
+                            button("Change", ask, icon="more_horiz", label=label, look="bare")
             if on_sky := pointing(fit):
-                with ui.expansion("Terms of TPOINT", value=True).props("dense"):
-                    ui.label(on_sky.sentence()).classes("soft")
-                    for term, estimate in on_sky.terms.items():
-                        ui.label(f"{term} {estimate.text}")
+                with folded("Terms of TPOINT", opened=True):
+                    soft(on_sky.sentence())
+                    with ui.element("table").classes("grid"):
+                        for term, estimate in on_sky.terms.items():
+                            with ui.element("tr"):
+                                cell(term)
+                                cell(minus(estimate.text))
 
-    def _parameter(self, estimate: Estimate, others: list[str]) -> None:
-        """Add the row of a parameter, which can be tied to others."""
-        with ui.element("div").classes("suspect"):
-            with ui.element("div").classes("what"):
-                ui.label(estimate.key)
-                ui.label(estimate.text).classes("soft")
-            if estimate.tied_to:
-                button("Untie", partial(self._tie, estimate.key, ""), label=f"Untie {estimate.key}")
-                return
-            owner = next((e for e in self.page.state.machine.effects if e.owns(estimate.key)), None)
-            name = estimate.key.rpartition(".")[2]
+    async def _ask(self, estimate: Estimate) -> None:
+        """Ask what is known of a parameter: a value, bounds, a prior, or others that it follows."""
+        machine, key = self.page.state.machine, estimate.key
+        owner = next((e for e in machine.effects if e.owns(key)), None)
+        name = key.rpartition(".")[2]
+        may_follow = parameters_to_tie(machine)
+        others = [k for k in may_follow if k != key and k not in machine.ties] if key in may_follow else []
+        about = f" {estimate.unit}"
+        ways = {"free": ("is estimated", "")}
+        if not estimate.tied_to:
+            ways["bounds"] = "is between bounds", f"-10{about}, 10{about}"
+            ways["prior"] = "is known about so well", f"0 ± 5{about}"
             if owner is not None and name in owner.definition.parameters:
-                if name in owner.hold:
-                    button("Free", partial(self._hold, owner, name, None), label=f"Estimate {estimate.key}")
-                else:
-                    ask = partial(self._ask, owner, estimate)
-                    button("Hold", ask, label=f"Hold {estimate.key}")
-            if not estimate.held:
-                button("Bound", partial(self._ask, None, estimate), label=f"Bound {estimate.key}")
-                if others:
-                    button("Tie", partial(self._ask_tie, estimate, others), label=f"Tie {estimate.key}")
-
-    async def _remove(self, effect: Effect) -> None:
-        await self.page.desk.do(Remove(effect.name, effect.place))
-
-    async def _tie(self, key: str, to: str) -> None:
-        await self.page.desk.do(Tie(key, to))
-
-    async def _ask_tie(self, estimate: Estimate, others: list[str]) -> None:
-        """Ask what a parameter follows from."""
-        with dialog(f"Tie {estimate.key}", opened=True) as asked:
-            to = ui.input("A sum of multiples of other parameters", placeholder=f"2 * {others[0]}")
-            to.props("dense outlined maxlength=2000").classes("w-full")
-            completing(to, lambda: others)
-            ui.label(f"Others: {joined(others)}.").classes("soft")
+                ways["held"] = "is held at a value, in the unit of the machine file", "0"
+            if others:
+                ways["tied"] = "is a sum of multiples of others", f"2 * {others[0]}"
+        with dialog(f"Change {key}", opened=True) as asked:
+            words = {way: words for way, (words, _) in ways.items()}
+            kind = ui.select(words, value="free", label="It").props("dense options-dense outlined")
+            value = field("What")
+            value.bind_visibility_from(kind, "value", backward=lambda way: way != "free")
+            kind.on_value_change(lambda event: value.props.update(placeholder=ways[event.value][1]))
+            completing(value, lambda: others if kind.value == "tied" else ())
 
             async def done() -> None:
-                if not str(to.value or "").strip():
-                    raise RodgenError(f"nothing; expected another parameter, such as {others[0]}")
-                await self._tie(estimate.key, str(to.value).strip())
-                asked.close()
+                text = str(value.value or "").strip()
+                if kind.value != "free" and not text:
+                    raise RodgenError(f"nothing; expected something such as {ways[kind.value][1]}")
+                await self._change(estimate, owner, kind.value, text)
+                asked.delete()
 
-            with ui.element("div").classes("line"):
-                button("Tie", done, label="Tie it")
-                ui.button("Cancel", on_click=asked.close).props("flat dense no-caps")
+            button("Apply", done, look="first")
 
-    async def _hold(self, effect: Effect, name: str, value: float | None) -> None:
-        block = keys(effect, self.page.state.machine)
-        held = {key: x for key, x in block.pop("hold", {}).items() if key != name}
-        if value is not None:
-            held[name] = value
-        await self.page.desk.do(Written(block | ({"hold": held} if held else {})))
-
-    async def _ask(self, owner: Effect | None, estimate: Estimate) -> None:
-        """Ask for the value at which a parameter is held, or for its bounds or prior."""
-        with dialog(f"{'Bound' if owner is None else 'Hold'} {estimate.key}", opened=True) as asked:
-            if owner is not None:
-                ui.label("In the units of the machine file.").classes("soft")
-                first = ui.input("Value", value="0").props("dense outlined")
-            else:
-                ui.label("With units; left empty, nothing is known.").classes("soft")
-                first = ui.input("Lowest", placeholder=f"-10 {estimate.unit}").props("dense outlined")
-                second = ui.input("Highest", placeholder=f"10 {estimate.unit}").props("dense outlined")
-                third = ui.input("Or a prior", placeholder=f"0 ± 5 {estimate.unit}").props("dense outlined")
-
-            async def done() -> None:
-                if owner is not None:
-                    name = estimate.key.rpartition(".")[2]
-                    await self._hold(owner, name, _number(first.value))
-                else:
-                    content: dict[str, Any] = {}
-                    if first.value or second.value:
-                        content["bounds"] = [first.value or "-inf", second.value or "inf"]
-                        content["bounds"] = [
-                            float(x) if x in {"inf", "-inf"} else x for x in content["bounds"]
-                        ]
-                    if third.value:
-                        content["prior"] = third.value
-                    await self.page.desk.do(Known(estimate.key, content))
-                asked.close()
-
-            with ui.element("div").classes("line"):
-                button("Do it", done)
-                ui.button("Cancel", on_click=asked.close).props("flat dense no-caps")
+    async def _change(self, estimate: Estimate, owner: Effect | None, kind: str, text: str) -> None:
+        key, do = estimate.key, self.page.desk.do
+        if kind == "tied":
+            await do(Tie(key, text))
+        elif kind == "bounds":
+            low, _, high = (part.strip() for part in text.partition(","))
+            ends = [float(x) if x in {"inf", "-inf"} else x for x in (low or "-inf", high or "inf")]
+            await do(Known(key, {"bounds": ends}))
+        elif kind == "prior":
+            await do(Known(key, {"prior": text}))
+        elif estimate.tied_to:
+            await do(Tie(key))
+        elif owner is not None and (kind == "held" or key.rpartition(".")[2] in owner.hold):
+            block = keys(owner, self.page.state.machine)
+            held = {k: x for k, x in block.pop("hold", {}).items() if owner.key(k) != key}
+            held |= {key.rpartition(".")[2]: _number(text)} if kind == "held" else {}
+            await do(Written(block | ({"hold": held} if held else {})))
+        else:
+            await do(Known(key))
 
 
 def _number(text: str) -> float:
@@ -178,29 +156,23 @@ class _Own:
         places = {joint.name: f"joint {joint.name}" for joint in machine.joints}
         places |= {target.name: f"target {target.name}" for target in machine.targets}
         places |= {"": "the whole machine"}
-        with (
-            card("Formula of your own").classes("last"),
-            ui.expansion("Formula of your own").props("dense").classes("w-full"),
-        ):
+        with card("Formula of your own").classes("last"), folded("Formula of your own"):
             with ui.element("div").classes("line"):
-                self.name = self._input("Name", "own", 60).style("width:110px")
+                self.name = self._input("Name", value="own", most=60)
                 self.place = ui.select(places, value=next(iter(places)), label="At", on_change=self.check)
                 self.component = ui.select(
                     [*OWN_COMPONENTS], value="reading", label="Changes", on_change=self.check
                 )
                 for each in (self.place, self.component):
                     each.props("dense options-dense outlined").style("min-width:110px")
-            self.formula = (
-                self._input("Formula", "", LONGEST).props('placeholder="k*cos(q)"').classes("w-full")
-            )
-            self.parameters = self._input("Parameters and units", "", LONGEST).classes("w-full")
-            self.parameters.props('placeholder="k: arcsec, m: arcsec/deg"')
+            self.formula = self._input("Formula", example="k*cos(q)")
+            self.parameters = self._input("Parameters and units", example="k: arcsec, m: arcsec/deg")
             names = [*machine.quantities, *page.state.observations.covariates]
             words = f"Words: {', '.join(sorted(WORDS))}; {', '.join(dict.fromkeys(names))}."
             functions = [f"{word}(" for word in FUNCTION_NAMES]
             completing(self.formula, lambda: {*WORDS - FUNCTION_NAMES, *functions, *names, *self._named()})
             completing(self.parameters, lambda: UNITS)
-            ui.label(words).classes("soft")
+            soft(words)
             self.fault = ui.label().props('role="alert"').classes("alert")
             self.add = button("Add the formula", self._add)
             self.add.set_enabled(False)
@@ -213,10 +185,10 @@ class _Own:
             given[parameter.strip()] = unit.strip() or "1"
         return given
 
-    def _input(self, label: str, value: str, longest: int) -> ui.input:
-        made = ui.input(label, value=value, on_change=self.check)
+    def _input(self, label: str, **given: Any) -> ui.input:
+        made = field(label, on_change=self.check, **given)
         made.without_auto_validation()
-        return made.props(f"dense outlined maxlength={longest} debounce=300")
+        return made.props("debounce=300")
 
     def action(self) -> Add:
         """Return the action that adds it.

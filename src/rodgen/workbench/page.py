@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import html
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,32 +15,50 @@ from nicegui import ui
 from rodgen.calibration.error_table import THE_FILE, error_table, noise_name
 from rodgen.calibration.error_table import Model as ErrorModel
 from rodgen.calibration.words import odds_text, sized
-from rodgen.errors import RodgenError, counted, listed
-from rodgen.machines.drivers import Driver
+from rodgen.data.set_aside import SetAside
+from rodgen.document import Table
+from rodgen.errors import counted
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.output.figures.drawn_rows import DrawnRows
-from rodgen.workbench.actions import Add, Aside, Back, Repair
-from rodgen.workbench.drawing import Drawn, drawn, overlay
+from rodgen.output.numbers import shown_unit
+from rodgen.statistics.digits import last_decimal
+from rodgen.workbench.actions import Aside, Back
+from rodgen.workbench.drawing import drawn
 from rodgen.workbench.keep import Keeping
-from rodgen.workbench.model import Model, keys
-from rodgen.workbench.parts import STYLE, anew, button, card, guarded, heading, shown_blocks
+from rodgen.workbench.model import Model
+from rodgen.workbench.parts import (
+    STYLE,
+    anew,
+    button,
+    card,
+    cell,
+    completing,
+    field,
+    folded,
+    guarded,
+    heading,
+    shown_blocks,
+    soft,
+)
 from rodgen.workbench.planning import Planning
+from rodgen.workbench.suspecting import Suspecting
+from rodgen.workbench.verdict import Verdict
 
 if TYPE_CHECKING:
     from nicegui.elements.plotly import Plotly
 
     from rodgen.calibration.plan import Plan
-    from rodgen.calibration.suspects import Suspect
     from rodgen.workbench.desk import Desk
     from rodgen.workbench.session import State
 
 __all__ = ["Page"]
 
-FIRST_SUSPECTS = 12
-"""Suspects that are listed before all are asked for."""
-FEW_REMARKS = 2
 MOST_IN_TABLE = 200
+DIGITS = 6
+"""Of the largest number of a column of the table: all of its numbers have as many decimals."""
+TOO_SMALL = 0.1
+"""Part of an axis below which residuals are drawn on a new scale."""
 SENT = 0.01
 """Seconds after which what was drawn is on its way to the browser."""
 NARROW = 760
@@ -59,15 +76,15 @@ class Slot:
 
     Attributes
     ----------
-    note, legend : element
+    about : element
+        Title, note and legend.
     plot : Plotly
     height : int
     kind : str
         Of the figure: one of another kind gets a plot of its own.
     """
 
-    note: ui.element
-    legend: ui.element
+    about: ui.html
     plot: Plotly
     height: int
     kind: str
@@ -80,26 +97,27 @@ class Page:
     ----------
     desk : Desk
         What all windows share.
+    leave : callable
+        Leads back to the start.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self.desk = desk
+    def __init__(self, desk: Desk, leave: Callable[[], object]) -> None:
+        self.desk, self.leave = desk, leave
         self.selected: set[int] = set()
         self.ruled: tuple[set[int], dict[str, str]] = set(), {}
-        self.against = "order"
         self.options: dict[str, Any] = {
-            "colour": "",
+            "against": "order",
             "parts": "apart",
-            "approach": "",
-            "whitened": False,
             "before": "none",
+            "whitened": False,
         }
-        self.times = 0.0
+        self.options |= {"colour": "", "approach": ""}
+        self.scales: dict[Any, tuple[float, Any]] = {}
         self.dark = False
         self.width = 1280
-        self.all_suspects = False
+        self.drag: str | bool = "select"
         self.plots: dict[str, Slot] = {}
-        self.content: Drawn | None = None
+        self.traces = 0
         self.shown: str | None = None
         self._build()
 
@@ -111,75 +129,55 @@ class Page:
         return self.desk.session.state
 
     def _build(self) -> None:
-        desk = self.desk
         ui.add_css(STYLE)
         ui.add_head_html(PLOTLY)
         self.client = ui.context.client
         ui.keyboard(on_key=guarded(self._key), ignore=["input", "select", "textarea"])
         with ui.element("header").classes("head"):
-            heading(f"{self.state.machine.name}", 1)
-            self.undo = button("Undo", self._undo, icon="undo", tip="Undo, Ctrl+Z").classes("sign")
-            self.redo = button("Redo", self._redo, icon="redo", tip="Redo, Ctrl+Y").classes("sign")
-            self.asking = button("Diagnose", desk.diagnose, icon="troubleshoot")
-            button("Plan", self._ask_plan, icon="add_location")
+            with ui.element("div"):
+                heading(f"{self.state.machine.name}", 1)
+                self.status = ui.label().props('role="status" aria-live="polite"').classes("soft")
+            button("Start", self._leave, icon="home", label="Back to the start", look="bare plain")
+            self.undo = button("Undo", self.desk.undo, icon="undo", look="bare plain")
+            self.redo = button("Redo", self.desk.redo, icon="redo", look="bare plain")
+            button("Light or dark", self._darken, icon="contrast", look="bare plain")
+            button("Plan", lambda: self.planning.open(), icon="add_location").classes("sign")
             self.keeping = Keeping(self)
-            button("Keep", self.keeping.open, icon="save")
-            button("Light or dark", self._darken, icon="contrast", bare=True)
-        self._remarks()
-        self.status = ui.label().props('role="status" aria-live="polite"')
-        self.wrong = ui.element("section").classes("card wrong").props('aria-label="A wrong file"')
-        self.working = ui.element("section").classes("card").props('aria-label="In the background"')
+            button("Keep", self.keeping.open, icon="save").classes("sign")
+        if remarks := self.desk.session.remarks:
+            title = f"{counted(len(remarks), 'remark')} on the files"
+            with folded(title, opened=len(remarks) <= 2):
+                for remark in remarks:
+                    soft(remark)
+        self.verdict = Verdict(self)
         with ui.element("div").classes("desk"):
             with ui.element("div").classes("side"):
-                self.ladder = card("Ladder of the error").classes("second")
-                self.suspects = card("Suspects").classes("second")
-                self.suggested = card("Suggestions of the diagnosis").classes("second")
+                place = ui.element("div").classes("second w-full")
+                self.ladder = card("The error, step by step").classes("second")
                 self.model = Model(self)
-                self.doing = card("Done so far").classes("last")
             with ui.element("div").classes("main"):
                 with ui.element("section").classes("card first").props('aria-label="Residuals"'):
                     self._choices()
                     self.residuals = ui.element("div").classes("plot")
-                with ui.element("section").classes("card").props('aria-label="Selected rows"'):
-                    self.rows = ui.element("div")
+                self.rows = card("Rows")
                 with ui.element("section").classes("card").props('aria-label="Further plots"'):
                     with ui.tabs(on_change=self._draw_other).props(
-                        'dense no-caps align=left aria-label="Further plots"'
+                        'dense no-caps outside-arrows align=left aria-label="Further plots"'
                     ) as self.tabs:
                         goes = ["Polar"] if figures.joints_that_go_round(self.state.fit) else []
                         for name in ("Map", "In space", *goes, "Q-Q", "Autocorrelation", "Errors"):
                             ui.tab(name)
-                    with ui.element("div").classes("line") as self.exaggerated:
-                        ui.label("Exaggeration").classes("soft")
-                        slider = ui.slider(
-                            min=0, max=7, step=0.1, value=0, on_change=guarded(self._exaggerate)
-                        )
-                        slider.props(
-                            'aria-label="Exaggeration, as a power of ten; 0: as can be seen" throttle=200'
-                        )
-                        slider.style("max-width:280px")
                     self.other = ui.element("div").classes("plot")
                 self.planning = Planning(self)
+        with place:
+            self.suspects = Suspecting(self, self.planning, self._preview)
         self._draw_residuals()
         self._fill_state()
-        self._fill_suspects()
-        self._fill_work()
-        self.planning.fill()
         self.tabs.set_value("Map")
-        desk.windows.append(self)
+        self.desk.windows.append(self)
         self.client.on_disconnect(self._gone)
         self.client.on_delete(self._gone)  # also of one that has never connected
         self.client.on_connect(self._connected)
-
-    def _remarks(self) -> None:
-        """Say what differs from a session that was read, or what an import took for what."""
-        remarks = self.desk.session.remarks
-        few = len(remarks) <= FEW_REMARKS
-        with (
-            ui.element("div") if few else ui.expansion(f"{len(remarks)} remarks on the files").props("dense")
-        ):
-            for remark in remarks:
-                ui.label(remark).classes("soft")
 
     def _gone(self) -> None:
         if self in self.desk.windows:
@@ -196,40 +194,35 @@ class Page:
             width, dark = self.width, self.dark
         if (int(width), bool(dark)) != (self.width, self.dark):
             self.width, self.dark = int(width), bool(dark)
+            if self.narrow:  # a finger scrolls the page
+                self.drags.set_value(None)
             await self._draw()
         await self.desk.look()
-        await asyncio.to_thread(lambda: self.state.check)
-        self._fill_wrong()
+        await self.desk.check()
 
     async def refresh(self, what: str) -> None:
         """Show something anew."""
+        fills = {
+            "state": self._fill_state,
+            "ladder": self._fill_ladder,
+            "suspects": self.suspects.fill,
+            "work": self.verdict.fill,
+            "plan": self.planning.fill,
+        }
         with self.client:
-            if what == "state":
-                self.selected &= set(range(self.state.observations.n))
+            self.selected &= set(range(self.state.observations.n))
+            if what in {"state", "plan"}:
                 await self._draw()
-                self._fill_state()
-                self._fill_suspects()
-                self.planning.fill()
-            elif what == "ladder":
-                self._fill_ladder()
-            elif what == "suspects":
-                self._fill_suspects()
-            elif what == "work":
-                self._fill_work()
-            elif what == "plan":
-                await self._draw()
-                self.planning.fill()
+            fills[what]()
 
     def _fill_state(self) -> None:
         session = self.desk.session
         self.undo.set_enabled(session.at > 0)
         self.redo.set_enabled(session.at < len(session.states) - 1)
-        self._fill_ladder()
-        self._fill_rows()
-        self._fill_doing()
-        self._fill_wrong()
-        self._fill_suggested()
-        self.model.fill()
+        for fill in (self.verdict.fill, self._fill_ladder, self._fill_rows, self.model.fill):
+            fill()
+        self.suspects.fill()
+        self.planning.fill()
 
     # the ladder --------------------------------------------------------------------------------------------------
 
@@ -244,156 +237,99 @@ class Page:
             text += f"; {noise_name(noise.source)} {sized(noise.value, fit.unit)}"
         self.status.set_text(f"{text}; {os.path.basename(self.state.observations.data.file)}.")
         table = error_table([_model(state) for state in session.states], fit.unit, noise)
-        with anew(self.ladder, "Ladder of the error"):
-            with ui.element("table").classes("ladder").props('aria-label="Errors of the models"'):
+        with anew(self.ladder, "The error, step by step"):
+            with ui.element("table").classes("grid").props('aria-label="Errors of the models"'):
                 with ui.element("tr"):
                     for words in table.header:
-                        _in_cell("th", words)
+                        cell(words, "th")
                 for number, row in enumerate(table.rows):
-                    with ui.element("tr").style(
-                        "opacity:.5" if session.at < number < len(session.states) else ""
-                    ):
+                    undone = session.at < number < len(session.states)
+                    with ui.element("tr").style("opacity:.5" if undone else ""):
                         self._rung(number, row)
             if known:
                 rung = self.state.rung
                 for sentence in (rung.verdict, rung.held_out.note, session.ladder.noise.text):
                     if sentence:
-                        ui.label(sentence).classes("soft")
+                        soft(sentence)
 
     def _rung(self, number: int, row: Sequence[str]) -> None:
         session = self.desk.session
         title, *numbers = row
         with ui.element("td"):
             if number < len(session.states):
-                back = ui.button(title, on_click=guarded(partial(self.desk.go, number)))
-                back.props("flat dense no-caps align=left")
+                state = session.states[number]
+                why = f" ({state.action.why})" if state.action and state.action.why else ""
+                back = ui.button(f"{title}{why}", on_click=guarded(partial(self.desk.go, number)))
+                back.props("flat dense no-caps align=left color=none")
                 back.props["aria-label"] = f"Go back to: {title}"
-                if number == session.at:
-                    back.props("color=primary").style("font-weight:650")
-                if "rung" not in session.states[number].__dict__:
+                back.classes("now" if number == session.at else "")
+                if "rung" not in state.__dict__:
                     numbers[1] = "…"  # it is being computed
             else:
                 ui.label(title)
         for words in numbers:
-            _in_cell("td", words)
+            cell(words)
 
-    # suspects ----------------------------------------------------------------------------------------------------
+    # plots -------------------------------------------------------------------------------------------------------
 
-    def _fill_suspects(self) -> None:
-        found = self.desk.suspects
-        with anew(self.suspects, "Suspects"):
-            if found is None:
-                ui.label("Every effect of the catalogue is tested …").classes("soft")
-                return
-            listed = found.listed if self.all_suspects else found.listed[:FIRST_SUSPECTS]
-            ui.label("Odds: how many times as probable the model is with it alone as without.").classes(
-                "soft"
-            )
-            worse = next((s for s in listed if not s.chosen and s.like is None and s.odds < 1), None)
-            for suspect in listed:
-                if suspect is worse:
-                    ui.label("Below this, no better than nothing:").classes("soft")
-                self._suspect(suspect)
-            if len(listed) < len(found.listed):
-                button(f"All {len(found.listed)}", self._list_all, bare=False)
-            groups = {s.like for s in listed if s.like is not None}
-            for leader in groups:
-                alike = [leader, *(s.effect for s in listed if s.like == leader)]
-                button(
-                    f"Where to measure to part {leader.title} from {len(alike) - 1} like it",
-                    partial(self.planning.part, alike),
-                )
-
-    def _suspect(self, suspect: Suspect) -> None:
-        title = suspect.effect.title
-        row = ui.element("div").classes("suspect" + (" like" if suspect.like else ""))
-        with row:
-            add = button("Add", partial(self._add, suspect.effect), label=f"Add {title}")
-            with ui.element("div").classes("what"):
-                ui.label(title)
-                unit = self.state.fit.unit
-                said = f"odds {odds_text(suspect.odds)}, would leave {sized(suspect.rms, unit)}"
-                ui.label(said).classes("soft")
-                if suspect.like is not None:
-                    ui.label(f"indistinguishable from {suspect.like.title}").classes("soft")
-        for event in ("mouseenter", "focusin"):
-            row.on(event, partial(self._preview, suspect.effect), args=[])
-        for event in ("mouseleave", "focusout"):
-            row.on(event, self._no_preview, args=[])
-        with add:  # later than what it would explain is drawn
-            ui.tooltip(suspect.effect.definition.meaning).props("delay=700")
-
-    async def _list_all(self) -> None:
-        self.all_suspects = True
-        self._fill_suspects()
-
-    async def _add(self, effect: Effect) -> None:
-        await self.desk.do(Add(keys(effect, self.state.machine)))
-
-    def _preview(self, effect: Effect) -> None:
-        """Draw what an effect would explain over the residuals."""
+    def _preview(self, effect: Effect | None) -> None:
+        """Draw what an effect would explain over the residuals; of None nothing any more."""
         found, slot = self.desk.suspects, self.plots.get("residuals")
-        if found is None or slot is None or self.content is None or self.shown == effect.title:
+        if slot is None or self.shown == (effect and effect.title):
             return
-        self._no_preview()
-        if self.options["parts"] != "apart" or self.options["whitened"]:
+        if self.shown is not None:
+            ends = self.traces, self.traces + self.state.fit.residuals.shape[1]
+            slot.plot.run_plot_method("deleteTraces", list(range(*ends)))
+            self.shown = None
+        if found is None or effect is None or self.options["parts"] != "apart" or self.options["whitened"]:
             return
-        factors = DrawnRows(self.state.fit).factors
-        traces = overlay(self.content.content, found.explained(effect) * factors, found.rows)
+        against, kept = self.options["against"], sorted(self.selected)
+        explained = found.explained(effect)
+        traces = figures.explained_marks(self.state.fit, against, explained, found.rows, kept=kept)
         self.shown = effect.title
         slot.plot.run_plot_method("addTraces", traces)
 
-    def _no_preview(self) -> None:
-        slot = self.plots.get("residuals")
-        if self.shown is not None and slot is not None and self.content is not None:
-            count = len(self.content.content["data"])
-            panels = self.state.fit.residuals.shape[1]
-            slot.plot.run_plot_method("deleteTraces", list(range(count, count + panels)))
-        self.shown = None
-
-    # plots -------------------------------------------------------------------------------------------------------
+    @property
+    def narrow(self) -> bool:
+        """Whether the parts stand below each other."""
+        return self.width <= NARROW
 
     @property
     def place(self) -> int:
         """Width of a plot, in pixels."""
-        return self.width - 40 if self.width <= NARROW else self.width - 400 - 70
-
-    def _drivers(self) -> Mapping[str, Driver]:
-        return DrawnRows(self.state.fit).drivers
+        return self.width - 40 if self.narrow else min(self.width, 1680) - 400 - 96
 
     def _choices(self) -> None:
-        names = [*self._drivers()]
-        self.against = names[0] if names else "order"
+        rows = DrawnRows(self.state.fit)
+        names, self.options["against"] = [*rows.drivers], rows.main_driver
         joints = [joint.name for joint in self.state.machine.joints]
-        parts = {"apart": "components", "together": "size"} | {j: f"reading of {j}" for j in joints}
-        with ui.element("div").classes("line"):
-            heading("Residuals")
-            self._choice("against", names, self.against, "Against")
-            self._choice("colour", {"": "nothing", **{name: name for name in names}}, "", "Coloured by")
-            self._choice("parts", parts, "apart", "Show")
-            self._choice(
-                "before",
-                {"none": "nothing", "step": "the step before", "first": "the file"},
-                "none",
-                "Compared with",
-            )
-            known = self.state.observations.approach_known
-            marked = [joint for joint, way in zip(joints, known, strict=True) if way]
-            if marked:
-                ways = {"": "none"} | {joint: joint for joint in marked}
-                self._choice("approach", ways, "", "Approach of")
-            ui.checkbox("whitened", on_change=guarded(partial(self._chosen, "whitened")))
+        known = self.state.observations.approach_known
+        marked = [joint for joint, way in zip(joints, known, strict=True) if way]
+        parts = {"apart": "components", "together": "size"}
+        choices: dict[str, tuple[str, Any]] = {
+            "against": ("Against", names),
+            "parts": ("Show", parts | {joint: f"reading of {joint}" for joint in joints}),
+            "colour": ("Coloured by", {"": "nothing"} | {name: name for name in names}),
+            "before": ("Compared with", {"none": "nothing", "step": "the step before", "first": "the file"}),
+        }
+        if marked:
+            choices["approach"] = "Approach of", {"": "none"} | {joint: joint for joint in marked}
+        with ui.element("div").classes("choices"):
+            for key, (text, options) in choices.items():
+                made = ui.select(options, value=self.options[key], label=text)
+                made.on_value_change(guarded(partial(self._chosen, key))).props("dense options-dense")
+            ui.checkbox("whitened", on_change=guarded(partial(self._chosen, "whitened"))).props("dense")
+            drags = {"select": "Select", "zoom": "Zoom"}
+            self.drags = ui.toggle(drags, value=self.drag, on_change=guarded(self._drags))
+            self.drags.props('flat no-caps color=none toggle-color=primary clearable aria-label="Dragging"')
 
-    def _choice(self, key: str, options: Any, value: str, text: str) -> None:
-        ui.select(options, value=value, label=text, on_change=guarded(partial(self._chosen, key))).props(
-            "dense options-dense outlined"
-        ).style("min-width:128px")
+    async def _drags(self, event: Any) -> None:
+        self.drag = event.value or False
+        for slot in self.plots.values():
+            slot.plot.run_plot_method("relayout", {"dragmode": self.drag})
 
     async def _chosen(self, key: str, event: Any) -> None:
-        if key == "against":
-            self.against = event.value
-        else:
-            self.options[key] = event.value
+        self.options[key] = event.value
         self._draw_residuals()
         if key == "before" or self.tabs.value == "Polar":
             self._draw_other()
@@ -408,9 +344,6 @@ class Page:
     def _planned(self) -> Plan | None:
         return None if self.desk.plan is None else self.desk.plan[1]
 
-    async def _ask_plan(self) -> None:
-        await self.planning.open()
-
     async def _draw(self) -> None:
         """Draw all plots; the browser draws one while the next is made."""
         for draw in (self._draw_residuals, self._draw_other):
@@ -419,71 +352,74 @@ class Page:
 
     def _draw_residuals(self) -> None:
         self.shown = None
-        state, aside = self.state, np.flatnonzero(self.state.aside).tolist()
+        fit, before, options = self.state.fit, self._before(), self.options
+        unit = shown_unit(fit.unit, [(before or fit).rms, fit.rms]).unit
+        key = options["parts"], options["whitened"], unit
         figure = figures.residual_plot(
-            state.fit,
-            self.against,
-            before=self._before(),
-            parts=self.options["parts"],
-            whitened=self.options["whitened"],
-            colour=self.options["colour"],
-            approach=self.options["approach"],
+            fit,
+            **options | {"before": before},
             selected=sorted(self.selected),
-            aside=aside,
+            aside=np.flatnonzero(self.state.aside).tolist(),
             planned=self._planned(),
+            least=self._scale(key) or (),
         )
-        self.content = self.show("residuals", self.residuals, figure, revision=self.against)
+        self._keep_scale(key, [axis.range[1] for axis in figure.select_yaxes() if axis.range])
+        self.traces = len(figure.data)
+        self.show("residuals", self.residuals, figure, revision=options["against"])
 
-    def show(self, name: str, place: ui.element, figure: Any, *, kind: str = "", revision: str = "") -> Drawn:
+    def _scale(self, key: Any) -> Any:
+        """Return the scale of a figure of a model before, on which the error is seen to fall; None for a new one."""
+        rms, scale = self.scales.get(key, (0.0, None))
+        return scale if self.state.fit.rms > TOO_SMALL * rms else None
+
+    def _keep_scale(self, key: Any, scale: Any) -> None:
+        if self._scale(key) is None or self.state.fit.rms > self.scales[key][0]:
+            self.scales[key] = self.state.fit.rms, scale
+
+    def show(self, name: str, place: ui.element, figure: Any, *, kind: str = "", revision: str = "") -> None:
         """Draw a figure at its place: into the plot that is there, where it is as high and of the same kind.
 
         While `revision` stays the same a user's zoom stays, too.
         """
-        made = drawn(figure, dark=self.dark, width=self.place, revision=revision)
-        height = made.content["layout"]["height"]
+        about, alt, content = drawn(
+            figure, dark=self.dark, width=self.place, drag=self.drag, revision=revision
+        )
+        height = content["layout"]["height"]
         slot = self.plots.get(name)
         if slot is None or (slot.height, slot.kind) != (height, kind):
             with anew(place):
                 slot = self.plots[name] = Slot(
-                    ui.element("div").classes("soft"),
-                    ui.element("div").classes("legend"),
-                    ui.plotly(made.content).props('role="img"').style(f"height:{height}px"),
+                    ui.html(sanitize=False),
+                    ui.plotly(content).props('role="img"').style(f"height:{height}px"),
                     height,
                     kind,
                 )
                 slot.plot.on("plotly_selected", guarded(self._brushed), js_handler=SELECTED)
                 slot.plot.on("plotly_click", guarded(self._clicked), js_handler=SELECTED)
         else:
-            slot.plot.update_figure(made.content)
-        slot.plot.props["aria-label"] = made.alt
-        with anew(slot.note):
-            ui.label(f"{made.title}. {made.note}")
-        with anew(slot.legend):
-            for sign, colour, words in made.legend:
-                with ui.element("span"):
-                    ui.label(sign).style(f"display:inline;color:{colour or 'inherit'}").props(
-                        "aria-hidden=true"
-                    )
-                    ui.label(html.unescape(words)).style("display:inline;margin-left:4px")
-        return made
+            slot.plot.update_figure(content)
+        slot.plot.props["aria-label"] = alt
+        slot.about.set_content(about)
 
     def _draw_other(self) -> None:
         name, fit = self.tabs.value, self.state.fit
         if not name:
             return
-        self.exaggerated.set_visibility(name in {"Map", "In space"})
         both: dict[str, Any] = {"before": self._before(), "selected": sorted(self.selected)}
         aside = np.flatnonzero(self.state.aside).tolist()
         ahead = both | {"planned": self._planned()}
+        times = self._scale(name) or 0.0
         makers: dict[str, Callable[[], Any]] = {
-            "Map": lambda: figures.residual_map(fit, exaggeration=self.times, **ahead),
-            "In space": lambda: figures.residual_vectors(fit, exaggeration=self.times, **ahead),
+            "Map": lambda: figures.residual_map(fit, exaggeration=times, **ahead),
+            "In space": lambda: figures.residual_vectors(fit, exaggeration=times, **ahead),
             "Polar": lambda: figures.polar_plot(fit, self._round(), aside=aside, **ahead),
             "Q-Q": lambda: figures.quantiles_of_residuals(fit, **both),
             "Autocorrelation": lambda: figures.autocorrelation_of_residuals(fit),
             "Errors": lambda: figures.ladder(self.desk.session.ladder),
         }
         made = makers[name]()
+        if made is not None and "exaggeration" in made.layout.meta:
+            self._keep_scale(name, made.layout.meta["exaggeration"])
         if made is None:
             self.plots.pop("other", None)
             with anew(self.other):
@@ -496,11 +432,8 @@ class Page:
     def _round(self) -> str:
         """Return the joint that a polar plot goes round: that of the x axis where it does."""
         found = figures.joints_that_go_round(self.state.fit)
-        return self.against if self.against in found else found[0]
-
-    async def _exaggerate(self, event: Any) -> None:
-        self.times = round(10 ** float(event.value), 0) if event.value else 0.0
-        self._draw_other()
+        against = self.options["against"]
+        return against if against in found else found[0]
 
     # selecting ---------------------------------------------------------------------------------------------------
 
@@ -518,100 +451,56 @@ class Page:
         self._fill_rows()
 
     def _fill_rows(self) -> None:
-        state = self.state
-        chosen = np.array(sorted(self.selected), int)
-        with anew(self.rows):
-            with ui.element("div").classes("line"):
-                heading(f"{len(chosen)} rows selected" if len(chosen) else "Rows")
-                why = (
-                    ui.input("Note", placeholder="why")
-                    .props("dense outlined maxlength=200")
-                    .style("width:140px")
-                )
-                aside = button("Set aside", partial(self._aside, why))
-                back = button("Bring back", self._back)
-                none = button("Select none", self._none)
-                aside.set_enabled(len(chosen) > 0 and not state.aside[chosen].all())
-                back.set_enabled(bool(state.aside[chosen].any()) if len(chosen) else bool(state.aside.any()))
-                none.set_enabled(len(chosen) > 0)
-            self._rule()
-            if not len(chosen):
-                size = np.where(
-                    np.isfinite(state.fit.sizes).all(axis=1), np.linalg.norm(state.fit.sizes, axis=1), -1
-                )
+        state, chosen = self.state, np.array(sorted(self.selected), int)
+        count = len(chosen)
+        with anew(self.rows, f"{count} rows selected" if count else "Rows"):
+            if count or state.aside.any():
+                with ui.element("div").classes("line"):
+                    why = field("Note", example="why", most=200)
+                    aside = button("Exclude", partial(self._aside, why))
+                    back = button("Include again", self._back)
+                    none = button("Select none", partial(self.select, set()))
+                    aside.set_enabled(count > 0 and not state.aside[chosen].all())
+                    back.set_enabled(bool(state.aside[chosen].any()) if count else bool(state.aside.any()))
+                    none.set_enabled(count > 0)
+            if not count:
+                soft("Drag over a plot, or click marks, to select. The largest residuals:")
+                finite = np.isfinite(state.fit.sizes).all(axis=1)
+                size = np.where(finite, np.linalg.norm(state.fit.sizes, axis=1), -1)
                 chosen = np.argsort(-size, kind="stable")[:8]
-                ui.label("Drag over a plot, or click marks, to select. The largest residuals:").classes(
-                    "soft"
-                )
-            self._table(chosen[:MOST_IN_TABLE])
-            if len(chosen) > MOST_IN_TABLE:
-                ui.label(f"The first {MOST_IN_TABLE} of {len(chosen)} rows.").classes("soft")
+            shown_blocks([self._table(chosen[:MOST_IN_TABLE])])
+            if count > MOST_IN_TABLE:
+                soft(f"The first {MOST_IN_TABLE} of {count} rows.")
+            with folded("Select by a rule"), ui.element("div").classes("line"):
+                rule = field("Rule", example="EL < 20 deg and load > 50 N")
+                completing(rule, lambda: state.data.columns)
+                button("Select", partial(self._by_rule, rule), label="Select by the rule")
 
-    def _table(self, rows: Any) -> None:
+    def _table(self, rows: Any) -> Table:
         state, fit = self.state, self.state.fit
-        data = state.observations.data
-        names = list(data.columns)
-        shown = [
-            {
-                "row": int(state.numbers[i]),
-                "state": "set aside" if state.aside[i] else "",
-                **{f"c{k}": _cell(data.columns[name], i) for k, name in enumerate(names)},
-                **{f"r{k}": f"{fit.residuals[i, k]:.4g}" for k in range(fit.residuals.shape[1])},
-            }
-            for i in rows
-        ]
-        columns: list[dict[str, Any]] = [
-            {"name": "row", "label": data.counted, "field": "row", "sortable": True},
-            *(
-                {"name": f"r{k}", "label": f"residual {name} [{fit.unit}]", "field": f"r{k}"}
-                for k, name in enumerate(fit.machine.measurand.labels)
-            ),
-            *(
-                {"name": f"c{k}", "label": data.columns[name].text, "field": f"c{k}"}
-                for k, name in enumerate(names)
-            ),
-            {"name": "state", "label": "state", "field": "state"},
-        ]
-        table = ui.table(columns=columns, rows=shown, row_key="row", pagination=8).classes("w-full")
-        table.props(
-            'dense flat :rows-per-page-options="[8]" role=group aria-label="Rows of the measurements"'
+        columns = state.observations.data.columns
+        header = [state.observations.data.counted]
+        cells: list[Any] = [state.numbers[rows].tolist()]
+        if state.aside[rows].any():
+            header.append("state")
+            cells.append(["excluded" if aside else "" for aside in state.aside[rows]])
+        for name, values in zip(fit.machine.measurand.labels, fit.residuals[rows].T, strict=True):
+            header.append(f"residual {name} [{fit.unit}]")
+            cells.append(_numbers(values, fit.rms, 3))
+        for column in columns.values():
+            header.append(column.text)
+            values = column.take(rows).values
+            size = max((abs(x) for x in values if not isinstance(x, str) and np.isfinite(x)), default=0.0)
+            cells.append(_numbers(values, size, DIGITS))
+        return Table(
+            header, [*zip(*[[str(x) for x in each] for each in cells], strict=True)], "r" * len(header)
         )
 
-    def _rule(self) -> None:
-        drivers = self._drivers()
-        with ui.element("div").classes("line"):
-            name = ui.select([*drivers], value=next(iter(drivers)), label="Rule").props(
-                "dense options-dense outlined"
-            )
-            name.style("min-width:110px")
-            sign = ui.select([">", "<", "="], value=">").props('dense outlined aria-label="Comparison"')
-            value = ui.input("Value").props("dense outlined").style("width:90px")
-            button("Select", partial(self._by_rule, name, sign, value), label="Select by the rule")
-
-    async def _by_rule(self, name: Any, sign: Any, value: Any) -> None:
-        driver = {d.name: d for d in self.state.observations.drivers()} | dict(
-            DrawnRows(self.state.fit, most=10**9).drivers
-        )
-        found = driver[name.value]
-        text = str(value.value or "").strip()
-        unit, comparison = found.unit, "=" if found.categories else sign.value
-        if found.categories:
-            if text not in found.categories:
-                raise RodgenError(f"no {name.value} {text!r}; expected {listed(found.categories)}")
-            mask = found.values == found.categories.index(text)
-        else:
-            try:
-                limit = float(text)
-            except ValueError:
-                raise RodgenError(
-                    f"value {text!r}; expected a number, in {found.unit or 'the unit of the column'}"
-                ) from None
-            noted = np.asarray(found.noted, float)
-            mask = {">": noted > limit, "<": noted < limit, "=": noted == limit}[sign.value]
-        rows: set[int] = set(np.flatnonzero(mask).tolist())
-        rule = {"where": f"{name.value} {comparison} {text} {unit}".strip()}
-        of_column = name.value in self.state.data.columns
-        self.ruled = (rows, {"run": text} if name.value == "run" else rule) if of_column else (set(), {})
+    async def _by_rule(self, rule: Any) -> None:
+        text, o = str(rule.value or "").strip(), self.state.observations
+        mask = SetAside(where=text).of(self.state.data, ()) if text else None
+        rows = set() if mask is None else set(np.flatnonzero(~o.counted(~mask)).tolist())
+        self.ruled = rows, {"where": text}
         await self.select(rows)
 
     def _which(self, rows: set[int]) -> dict[str, Any]:
@@ -630,103 +519,19 @@ class Page:
         gone = self.selected & set(np.flatnonzero(self.state.aside).tolist())
         await self.desk.do(Back(**self._which(gone)) if self.selected else Back())
 
-    async def _none(self) -> None:
-        await self.select(set())
-
     # doing -------------------------------------------------------------------------------------------------------
 
-    async def _undo(self) -> None:
-        await self.desk.undo()
-
-    async def _redo(self) -> None:
-        await self.desk.redo()
+    async def _leave(self) -> None:
+        self.leave()
+        ui.navigate.reload()
 
     async def _key(self, event: Any) -> None:
         if not event.action.keydown or not (event.modifiers.ctrl or event.modifiers.meta):
             return
         if event.key == "z" and not event.modifiers.shift:
-            await self._undo()
+            await self.desk.undo()
         elif event.key == "y" or (event.key == "Z" and event.modifiers.shift):
-            await self._redo()
-
-    def _fill_doing(self) -> None:
-        with anew(self.doing, "Done so far"):
-            actions = [state.action for state in self.desk.session.done if state.action]
-            for action in actions:
-                ui.label(f"{action.title}{f' ({action.why})' if action.why else ''}")
-            if not actions:
-                ui.label("Nothing yet.").classes("soft")
-
-    def _fill_wrong(self) -> None:
-        check = self.state.__dict__.get("check")
-        self.wrong.set_visibility(check is not None and check.wrong)
-        if check is None or not check.wrong:
-            return
-        with anew(self.wrong):
-            ui.label(check.sentence)
-            with ui.element("div").classes("line"):
-                for repair in check.repairs[:4]:
-                    if not repair.of_data:
-                        button(f"Repair: {repair.words}", partial(self._repair, repair.words))
-            if any(repair.of_data for repair in check.repairs[:1]):
-                ui.label(
-                    f"The data are at fault; the command 'rodgen check {self.state.file} {self.desk.session.data_file} "
-                    "--repaired-data FILE' writes repaired ones."
-                ).classes("soft")
-
-    async def _repair(self, words: str) -> None:
-        await self.desk.do(Repair(words))
-        await asyncio.to_thread(lambda: self.state.check)
-        self._fill_wrong()
-
-    # in the background -------------------------------------------------------------------------------------------
-
-    def _fill_work(self) -> None:
-        work = self.desk.work
-        self.working.set_visibility(work is not None)
-        self.asking.set_enabled(work is None)
-        if work is not None:
-            with anew(self.working), ui.element("div").classes("line"):
-                ui.spinner(size="1.2em")
-                text = ui.label(work.text).props('role="status"')
-                button("Stop", partial(_stopped, work))
-                ui.timer(0.5, lambda: text.set_text(work.text))
-        self._fill_suggested()
-
-    def _fill_suggested(self) -> None:
-        found = self.desk.diagnosis
-        self.suggested.set_visibility(found is not None)
-        if found is None:
-            return
-        state, diagnosis = found
-        with anew(self.suggested, "Suggestions of the diagnosis"):
-            if state is not self.state:
-                ui.label("Of the model as it was when it was asked for.").classes("soft")
-            there = {effect.identity for effect in self.state.machine.effects}
-            for one in diagnosis.found:
-                with ui.element("div").classes("suspect"):
-                    take = button("Take", partial(self._take, one), label=f"Take {one.effect.title}")
-                    take.set_enabled(one.effect.identity not in there)
-                    with ui.element("div").classes("what"):
-                        ui.label(one.effect.title)
-                        said = f"odds {odds_text(one.odds)}, leaves {sized(one.rms, state.fit.unit)}"
-                        ui.label(said).classes("soft")
-            if rows := diagnosis.outlier_rows:
-                count = counted(len(rows), "outlier")
-                with ui.element("div").classes("suspect"):
-                    take = button("Set aside", partial(self._exclude, rows), label=f"Set aside {count}")
-                    take.set_enabled(state is self.state)
-                    ui.label(count).classes("what")
-            with ui.expansion("What it says").props("dense").classes("w-full"):
-                shown_blocks(diagnosis.document().blocks)
-
-    async def _exclude(self, rows: list[int]) -> None:
-        from rodgen.calibration.diagnosis import EXCLUDED
-
-        await self.desk.do(Aside(rows=rows, why=EXCLUDED))
-
-    async def _take(self, one: Any) -> None:
-        await self.desk.do(Add(keys(one.effect, self.state.machine), why="diagnosis"))
+            await self.desk.redo()
 
     async def _darken(self) -> None:
         self.dark = not self.dark
@@ -752,15 +557,7 @@ def _model(state: State) -> ErrorModel:
     return ErrorModel(title, rung.fit.rms, rung.held_out.rms, odds)
 
 
-def _in_cell(kind: str, words: str) -> None:
-    with ui.element(kind):
-        ui.label(words)
-
-
-def _cell(column: Any, row: int) -> Any:
-    value = column.take([row]).values[0]
-    return str(value) if isinstance(value, str) else f"{value:.10g}"
-
-
-async def _stopped(work: Any) -> None:
-    work.stop()
+def _numbers(values: Any, size: float, digits: int) -> list[str]:
+    """Return the numbers of a column with the decimals of one size in so many digits; texts as they are."""
+    decimals = max(int(last_decimal(size or 1.0, digits)), 0)
+    return [x if isinstance(x, str) else f"{x:.{decimals}f}" for x in values]

@@ -11,7 +11,7 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Effect
 from rodgen.output import figures
 from rodgen.workbench.desk import LIMITS, Window, Wish
-from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded, shown_blocks
+from rodgen.workbench.parts import anew, button, card, completing, dialog, downloaded, shown_blocks, soft
 
 _EXAMPLE = 'allowed = ["altitude > 20 deg"]\n[limits]\nC = [0, 270]\n[session]\nreadings = 20'
 PART = 8
@@ -38,13 +38,12 @@ class Planning:
             for each in (self.number, self.wanted, self.limits):
                 each.props("dense outlined stack-label maxlength=4000").classes("w-full")
             self.limits.props("debounce=300 rows=5").classes("mono")
-            ui.label(
+            soft(
                 "What is to be sharpened are parameters, or effects that the model may lack; left empty, what the last "
                 "diagnosis leaves open, else all parameters. Constraints are those of 'rodgen plan --constraints'."
-            ).classes("soft")
+            )
             with ui.element("div").classes("line"):
                 self.make = button("Make the plan", self._make)
-                ui.button("Cancel", on_click=self.dialog.close).props("flat dense no-caps")
 
     async def open(self) -> None:
         """Show the dialog."""
@@ -89,10 +88,10 @@ class Planning:
         self.card.set_visibility(found is not None)
         if found is None:
             return
-        state, plan, wish = found
+        state, plan, _ = found
         with anew(self.card, "Plan"):
             if state is not page.state:
-                ui.label("Of the model as it was when it was asked for.").classes("soft")
+                soft("Of the model as it was when it was asked for.")
             drawing = figures.planned_poses(state.fit, plan)
             page.plots.pop("plan", None)
             if drawing is not None:
@@ -102,7 +101,4 @@ class Planning:
                 if plan.count:
                     save = partial(downloaded, plan.csv(), "plan.csv")
                     button("Save the list", save, label="Download the plan as a table")
-                if wish.constraints:
-                    save = partial(downloaded, wish.constraints + "\n", LIMITS)
-                    button("Save the constraints", save, label="Download the constraints")
                 button("Discard", page.desk.discard_plan, label="Discard the plan")

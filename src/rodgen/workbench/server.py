@@ -23,12 +23,7 @@ from typing import Any, TypeAlias
 
 from rodgen.errors import InputFileError
 
-__all__ = [
-    "MOST_BYTES",
-    "Guard",
-    "prepare",
-    "serve",
-]
+__all__ = ["MOST_BYTES", "Guard", "prepare", "serve"]
 
 
 Scope: TypeAlias = MutableMapping[str, Any]

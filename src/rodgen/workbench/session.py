@@ -12,6 +12,7 @@ import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -35,6 +36,7 @@ from rodgen.workbench.actions import Action, action_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.check import Check
+    from rodgen.calibration.suspects import Suspects
 
 __all__ = ["ENDING", "Session", "State"]
 
@@ -114,6 +116,15 @@ class State:
         if self.before is None or self.action is None:
             return first_rung(self.fit)
         return next_rung(self.before.fit, self.fit, self.action.title)
+
+    @cached_property
+    def suspects(self) -> Suspects | None:
+        """The effects that the model may lack; None where candidates cannot be evaluated where the fit is."""
+        from rodgen.calibration.suspects import suspects
+
+        with suppress(RodgenError):
+            return suspects(self.fit)
+        return None
 
     @property
     def numbers(self) -> NDArray[np.int64]:

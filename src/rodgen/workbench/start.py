@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import shlex
 import shutil
 import tempfile
 from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -15,26 +16,20 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from nicegui import ui
 
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.errors import InputFileError, RodgenError, UnsaidError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.imports.denavit_hartenberg import is_table
 from rodgen.machines.imports.imported import Imported
 from rodgen.machines.templates import CODES, KINDS, machine_template
 from rodgen.workbench.keep import file_in
-from rodgen.workbench.parts import STYLE, anew, button, card, downloaded, guarded, heading
+from rodgen.workbench.parts import STYLE, anew, button, card, downloaded, field, folded, guarded, heading
 from rodgen.workbench.server import MOST_BYTES
 from rodgen.workbench.session import ENDING, Session
 
 if TYPE_CHECKING:
     from nicegui.events import MultiUploadEventArguments
 
-__all__ = [
-    "Dropped",
-    "Importer",
-    "Start",
-    "examples",
-    "opened",
-]
+__all__ = ["Dropped", "Importer", "Start", "examples", "opened"]
 
 
 Importer: TypeAlias = Callable[[Sequence[str], Sequence[str]], Imported]
@@ -43,20 +38,6 @@ Importer: TypeAlias = Callable[[Sequence[str], Sequence[str]], Imported]
 DATA = (".csv", ".csv.gz", ".parquet")
 """Endings of measurement files."""
 MOST_FILES = 20
-_CHOICES: dict[str, tuple[str, Any]] = {
-    "column": ("Columns of a table, parted by ;", "A=-A_axis [deg] + 90; x=X meas"),
-    "joints": ("Column of the first joint; others are numbered on", "q1"),
-    "units": ("Units of columns without", "mm,deg"),
-    "base": ("URDF: link that stands still", "base_link"),
-    "tip": ("URDF: link that is measured", "tool0"),
-    "convention": ("Denavit-Hartenberg convention", ["", "standard", "modified"]),
-    "estimate": ("URDF, Denavit-Hartenberg: a fit adjusts", ["", "target", "geometry"]),
-    "azimuth": ("Pointing run: azimuth 0 is", ["", "south", "north"]),
-    "format": ("Pointing run: TPOINT's format", ["", "1", "2", "3", "4"]),
-    "latitude": ("Equatorial mount: latitude", "31.7deg"),
-    "ballbar": ("Ballbar: plane and radius", "XY=150mm"),
-}
-"""By option of ``rodgen import``: what it is called here, and an example or the choices."""
 
 
 class Dropped:
@@ -71,11 +52,12 @@ class Dropped:
 
     def __init__(
         self,
-        open_: Callable[[Callable[[], Session | Imported]], Awaitable[Imported | None]],
+        open_: Callable[[Callable[[], Session | Imported]], Awaitable[Imported | UnsaidError | None]],
         importer: Importer,
     ) -> None:
         self.open_, self.importer = open_, importer
         self.files: dict[str, bytes] = {}
+        self.answers: list[str] = []
         with card("Dropped files"):
             heading("Drop files here")
             ui.label(
@@ -96,20 +78,16 @@ class Dropped:
             )
             self.upload.props('flat bordered aria-label="Drop files"').classes("w-full")
             self.listed = ui.element("div").classes("w-full")
-            with ui.expansion("What the files leave open").props("dense").classes("w-full") as self.open:
-                self.choices = {option: _field(option, *about) for option, about in _CHOICES.items()}
-            self.open.set_visibility(False)
-            self.made = ui.element("div").classes("w-full")
-
-    async def put(self, name: str, content: bytes) -> None:
-        """Take a file in; a machine file is shown, to be changed, other files are opened if they can be."""
-        await self._take({name: content})
+            self.asked = ui.element("div").classes("w-full")
+            with folded("Options of 'rodgen import'"):
+                self.options = field("Options", example="--azimuth north --estimate geometry")
 
     async def _taken(self, event: MultiUploadEventArguments) -> None:
-        await self._take({file.name: await file.read() for file in event.files})
+        await self.take({file.name: await file.read() for file in event.files})
         self.upload.reset()
 
-    async def _take(self, files: Mapping[str, bytes]) -> None:
+    async def take(self, files: Mapping[str, bytes]) -> None:
+        """Take files in; a machine file is shown, to be changed, other files are opened if they can be."""
         files = {_plain(name): content for name, content in files.items()}
         if sum(map(len, {**self.files, **files}.values())) > MOST_BYTES:
             raise RodgenError(f"more than {MOST_BYTES / 1e6:g} MB of files; expected fewer")
@@ -119,8 +97,8 @@ class Dropped:
             await self._open()
 
     def _list(self) -> None:
-        self.open.set_visibility(bool(self.files))
-        self.made.clear()
+        self.answers = []
+        self.asked.clear()
         with anew(self.listed):
             for name, content in self.files.items():
                 with ui.element("div").classes("line"):
@@ -156,32 +134,42 @@ class Dropped:
         del self.files[name]
         self._list()
 
-    def _arguments(self) -> list[str]:
-        given = {option: str(field.value or "").strip() for option, field in self.choices.items()}
-        columns = [f"--column={each.strip()}" for each in given.pop("column").split(";") if each.strip()]
-        return columns + [f"--{option}={text}" for option, text in given.items() if text]
-
     async def _open(self) -> None:
-        made = await self.open_(partial(opened, dict(self.files), self._arguments(), self.importer))
-        self.made.clear()
-        if made is None:
-            return
-        with self.made:
-            ui.label(f"{made.machine.name}: a machine without readings. Drop these, too.")
-            ui.label(made.machine.describe()).classes("code")
-            with ui.expansion("What was taken for what").props("dense").classes("w-full"):
-                for note in made.notes:
-                    ui.label(note).classes("soft")
-            button("Download the machine file", partial(downloaded, made.text, "machine.toml"))
+        try:
+            arguments = [*shlex.split(str(self.options.value or "")), *self.answers]
+        except ValueError as error:
+            raise RodgenError(f"options: {error}; expected closed quotation marks") from None
+        made = await self.open_(partial(opened, dict(self.files), arguments, self.importer))
+        with anew(self.asked):
+            if isinstance(made, UnsaidError):
+                self._ask(made)
+            elif made is not None:
+                ui.label(f"{made.machine.name}: a machine without readings. Drop these, too.")
+                ui.label(made.machine.describe()).classes("code")
+                with folded("What was taken for what"):
+                    for note in made.notes:
+                        ui.label(note).classes("soft")
+                button("Download the machine file", partial(downloaded, made.text, "machine.toml"))
 
+    def _ask(self, unsaid: UnsaidError) -> None:
+        """Ask for the one thing that the files leave open."""
+        heading("One thing is missing")
+        ui.label(f"{unsaid.file}, {unsaid.place}: {unsaid.found}.")
+        with ui.element("div").classes("line"):
+            if unsaid.choices:
+                of = unsaid.option.lstrip("-").strip("=").replace("=", " ")
+                answer: Any = ui.select([*unsaid.choices], label=f"It is: {of}", with_input=True)
+                answer.props('new-value-mode="add-unique"')
+            else:
+                answer = field(f"It is: {unsaid.expected}")
+            answer.props("dense options-dense outlined").classes("grow")
 
-def _field(option: str, words: str, kind: str | list[str]) -> Any:
-    words = f"{words} (--{option})"
-    if isinstance(kind, str):
-        made: Any = ui.input(words, placeholder=kind).props("maxlength=2000")
-    else:
-        made = ui.select({each: each or "not said" for each in kind}, value="", label=words)
-    return made.props("dense options-dense outlined").classes("w-full")
+            async def go_on() -> None:
+                if answer.value:
+                    self.answers.append(f"{unsaid.option}{answer.value}")
+                    await self._open()
+
+            button("Go on", go_on, look="first")
 
 
 def _is_machine(name: str, content: bytes) -> bool:
@@ -214,6 +202,8 @@ def opened(files: Mapping[str, bytes], arguments: Sequence[str], importer: Impor
     found: Session | Imported | None = None
     try:
         found = _opened_in(folder, files, arguments, importer)
+    except UnsaidError as error:
+        raise UnsaidError(os.path.basename(error.file), *error.args[1:]) from None
     except RodgenError as error:
         raise RodgenError(str(error).replace(folder + os.sep, "")) from None
     finally:
@@ -269,42 +259,53 @@ class Start:
     opened : callable
         Is called with the session that a user has opened.
     importer : Importer
+    left : sequence of Session, optional
+        That a user has left, and may go back to.
     """
 
-    def __init__(self, opened: Callable[[Session], object], importer: Importer) -> None:
-        self.opened = opened
+    def __init__(
+        self, opened: Callable[[Session], object], importer: Importer, left: Sequence[Session] = ()
+    ) -> None:
+        self.opened, self.left = opened, left
         ui.add_css(STYLE)
         with ui.element("div").classes("start"):
-            heading("rodgen: a machine and its measurements", 1)
+            with ui.element("header"):
+                heading("rodgen: a machine and its measurements", 1)
+                ui.label("See what a model misses, add it, and watch the error fall.").classes("soft")
             self.said = ui.label().props('role="alert"').classes("alert")
-            self._files()
+            for session in left:
+                back = partial(self._back, session)
+                button(f"Back to {session.state.machine.name}", back, icon="arrow_back", look="first")
             self.dropped = Dropped(self._open, importer)
             self._examples()
             self._templates()
+            self._files()
 
-    async def _open(self, open_: Callable[[], Session | Imported]) -> Imported | None:
-        """Open a session, or say why it cannot be opened; return what was imported without readings."""
-        self.said.set_text("")
+    async def _open(self, open_: Callable[[], Session | Imported]) -> Imported | UnsaidError | None:
+        """Open a session, or say why not; return what was imported without readings, or what files leave open."""
+        self.said.set_text("Reading …")
         try:
             found = await asyncio.to_thread(open_)
+        except UnsaidError as error:
+            self.said.set_text("")
+            return error
         except RodgenError as error:
             self.said.set_text(str(error))
             return None
+        self.said.set_text("")
         if isinstance(found, Imported):
             return found
-        self.opened(found)
-        ui.navigate.reload()
+        await self._back(found)
         return None
+
+    async def _back(self, session: Session) -> None:
+        self.opened(session)
+        ui.navigate.reload()
 
     def _files(self) -> None:
         with card("Files of this computer"):
             heading("Files of this computer")
-            machine = (
-                ui.input("Machine file, or a session")
-                .props("dense outlined maxlength=4000")
-                .classes("w-full")
-            )
-            data = ui.input("Measurements").props("dense outlined maxlength=4000").classes("w-full")
+            machine, data = field("Machine file, or a session", most=4000), field("Measurements", most=4000)
 
             async def open_them() -> None:
                 file, of = (os.path.expanduser(str(each.value or "").strip()) for each in (machine, data))
@@ -319,11 +320,8 @@ class Start:
             heading("Examples")
             with ui.element("div").classes("line"):
                 for name, files in found.items():
-                    button(
-                        name,
-                        partial(self._open, partial(Session.open, *files)),
-                        label=f"Open the example {name}",
-                    )
+                    opens = partial(self._open, partial(Session.open, *files))
+                    button(name, opens, label=f"Open the example {name}")
 
     def _templates(self) -> None:
         with card("A machine file to begin with"):
@@ -333,23 +331,19 @@ class Start:
                 kind = ui.select(kinds, value=next(iter(kinds)), label="Kind")
                 code = ui.input("Axes, from workpiece to tool", placeholder="[w C A b X Y Z t]")
                 latitude = ui.number("Latitude [deg]", value=0, min=-90, max=90)
-                balls = ui.number("Balls on the table, if probed", min=1, max=99, precision=0)
-                for each in (kind, code, latitude, balls):
+                for each in (kind, code, latitude):
                     each.props("dense options-dense outlined maxlength=100")
-                for each in (code, balls):
-                    each.bind_visibility_from(kind, "value", backward=CODES.__contains__)
                 latitude.bind_visibility_from(
                     kind, "value", backward=lambda name: name.startswith("equatorial")
                 )
+                code.bind_visibility_from(kind, "value", backward=CODES.__contains__)
 
                 async def begin() -> None:
+                    axes = code.value if kind.value in CODES else ""
                     text = machine_template(
-                        kind.value,
-                        code=(code.value or None) if kind.value in CODES else None,
-                        latitude=radians(latitude.value or 0.0),
-                        balls=int(balls.value) if balls.value and kind.value in CODES else None,
+                        kind.value, code=axes or None, latitude=radians(latitude.value or 0.0)
                     )
-                    await self.dropped.put(f"{kind.value}.toml", text.encode())
+                    await self.dropped.take({f"{kind.value}.toml": text.encode()})
 
                 button("Begin with it", begin, label="Begin with the machine file")
             ui.label("With comments, to be changed to your machine; then drop its measurements.").classes(
