@@ -136,7 +136,7 @@ def test_the_telescope_from_the_first_look_to_the_saved_session(files, serve, op
     page.get_by_text("Error 0.969").wait_for()
     page.get_by_label("Add refraction").click()
     page.get_by_text("Error 0.659").wait_for()
-    page.get_by_text("refraction explains more than chance does").wait_for()
+    page.get_by_text("refraction (TX) shows in these data").wait_for()
     page.keyboard.press("Control+z")
     page.get_by_text("Error 0.969").wait_for()
     page.keyboard.press("Control+y")
@@ -304,7 +304,7 @@ def test_everything_is_reached_and_done_by_keyboard(files, serve, opened):
 
     marks = page.locator(".js-plotly-plot").first.locator(".point")
     before = marks.count()
-    go_to("Add tube_flexure")
+    go_to("Add tube_flexure (TF)")
     page.wait_for_function(
         "n => document.querySelectorAll('.js-plotly-plot')[0].querySelectorAll('.point').length > n",
         arg=before,
@@ -316,7 +316,7 @@ def test_everything_is_reached_and_done_by_keyboard(files, serve, opened):
     page.keyboard.press("Enter")
     page.get_by_text("Residuals in space").wait_for()
     page.keyboard.press("Control+z")
-    page.get_by_text("Error 2.711").wait_for()
+    page.get_by_text("Error 2.71 arcsec").wait_for()
     go_to("Keep", "Shift+Tab")
     page.keyboard.press("Enter")
     go_to("Write: Session", most=20)
