@@ -16,7 +16,7 @@ from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
 from rodgen.cli.imports import imported_with
-from rodgen.errors import UnsaidError
+from rodgen.errors import MissingOptionError
 from rodgen.machines.imports.imported import Imported
 from rodgen.workbench.start import Start, opened
 
@@ -73,13 +73,13 @@ def test_a_robot_waits_for_its_readings(refuses, folders):
 
 def test_what_files_leave_open_is_asked_with_what_it_may_be(folders):
     strange = STARS.replace(b"AZ [deg]", b"Rotation [deg]", 1)
-    with pytest.raises(UnsaidError) as error:
+    with pytest.raises(MissingOptionError) as error:
         opened({"machine.toml": MACHINE, "stars.csv": strange}, (), imported_with)
     assert (error.value.file, error.value.option) == ("stars.csv", "--column=AZ=")
     assert "Rotation [deg]" in error.value.choices
     again = pickle.loads(pickle.dumps(error.value))
     assert (str(again), again.choices) == (str(error.value), error.value.choices)
-    with pytest.raises(UnsaidError) as error:
+    with pytest.raises(MissingOptionError) as error:
         opened({"arm.urdf": URDF.replace(b"</robot>", FORK)}, (), imported_with)
     assert (error.value.option, error.value.choices) == ("--tip=", ("tool", "probe"))
 

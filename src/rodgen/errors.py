@@ -14,12 +14,12 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 __all__ = [
     "InputFileError",
+    "MissingOptionError",
     "NotConvergedError",
     "RodgenError",
     "UnexpectedError",
     "UnfitArgumentError",
     "UnprovedError",
-    "UnsaidError",
     "counted",
     "joined",
     "listed",
@@ -110,8 +110,8 @@ class InputFileError(RodgenError):
         return _one_line(f"{self.file}: {self.place}: {self.found}; expected {self.expected}")
 
 
-class UnsaidError(InputFileError):
-    """A file that leaves something open, which an option of ``rodgen import`` says.
+class MissingOptionError(InputFileError):
+    """A file that lacks something which an option of ``rodgen import`` states.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from nicegui import ui
 
-from rodgen.errors import InputFileError, RodgenError, UnsaidError
+from rodgen.errors import InputFileError, MissingOptionError, RodgenError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.imports.denavit_hartenberg import is_table
 from rodgen.machines.imports.imported import Imported
@@ -52,7 +52,7 @@ class Dropped:
 
     def __init__(
         self,
-        open_: Callable[[Callable[[], Session | Imported]], Awaitable[Imported | UnsaidError | None]],
+        open_: Callable[[Callable[[], Session | Imported]], Awaitable[Imported | MissingOptionError | None]],
         importer: Importer,
     ) -> None:
         self.open_, self.importer = open_, importer
@@ -141,7 +141,7 @@ class Dropped:
             raise RodgenError(f"options: {error}; expected closed quotation marks") from None
         made = await self.open_(partial(opened, dict(self.files), arguments, self.importer))
         with anew(self.asked):
-            if isinstance(made, UnsaidError):
+            if isinstance(made, MissingOptionError):
                 self._ask(made)
             elif made is not None:
                 ui.label(f"{made.machine.name}: a machine without readings. Drop these, too.")
@@ -151,22 +151,22 @@ class Dropped:
                         ui.label(note).classes("soft")
                 button("Download the machine file", partial(downloaded, made.text, "machine.toml"))
 
-    def _ask(self, unsaid: UnsaidError) -> None:
+    def _ask(self, missing: MissingOptionError) -> None:
         """Ask for the one thing that the files leave open."""
         heading("One thing is missing")
-        ui.label(f"{unsaid.file}, {unsaid.place}: {unsaid.found}.")
+        ui.label(f"{missing.file}, {missing.place}: {missing.found}.")
         with ui.element("div").classes("line"):
-            if unsaid.choices:
-                of = unsaid.option.lstrip("-").strip("=").replace("=", " ")
-                answer: Any = ui.select([*unsaid.choices], label=f"It is: {of}", with_input=True)
+            if missing.choices:
+                of = missing.option.lstrip("-").strip("=").replace("=", " ")
+                answer: Any = ui.select([*missing.choices], label=f"It is: {of}", with_input=True)
                 answer.props('new-value-mode="add-unique"')
             else:
-                answer = field(f"It is: {unsaid.expected}")
+                answer = field(f"It is: {missing.expected}")
             answer.props("dense options-dense outlined").classes("grow")
 
             async def go_on() -> None:
                 if answer.value:
-                    self.answers.append(f"{unsaid.option}{answer.value}")
+                    self.answers.append(f"{missing.option}{answer.value}")
                     await self._open()
 
             button("Go on", go_on, look="first")
@@ -202,8 +202,8 @@ def opened(files: Mapping[str, bytes], arguments: Sequence[str], importer: Impor
     found: Session | Imported | None = None
     try:
         found = _opened_in(folder, files, arguments, importer)
-    except UnsaidError as error:
-        raise UnsaidError(os.path.basename(error.file), *error.args[1:]) from None
+    except MissingOptionError as error:
+        raise MissingOptionError(os.path.basename(error.file), *error.args[1:]) from None
     except RodgenError as error:
         raise RodgenError(str(error).replace(folder + os.sep, "")) from None
     finally:
@@ -281,12 +281,12 @@ class Start:
             self._templates()
             self._files()
 
-    async def _open(self, open_: Callable[[], Session | Imported]) -> Imported | UnsaidError | None:
+    async def _open(self, open_: Callable[[], Session | Imported]) -> Imported | MissingOptionError | None:
         """Open a session, or say why not; return what was imported without readings, or what files leave open."""
         self.said.set_text("Reading …")
         try:
             found = await asyncio.to_thread(open_)
-        except UnsaidError as error:
+        except MissingOptionError as error:
             self.said.set_text("")
             return error
         except RodgenError as error:

@@ -19,7 +19,7 @@ import numpy as np
 from rodgen.array_types import Array
 from rodgen.data.measurements import Measurements, Names
 from rodgen.data.units import ANGLE, LENGTH, Quantity, conversion_factor
-from rodgen.errors import InputFileError, UnsaidError, in_file, joined, listed, shown
+from rodgen.errors import InputFileError, MissingOptionError, in_file, joined, listed, shown
 from rodgen.machines.files.read import MOST_JOINTS
 from rodgen.machines.files.schema import unit_of
 from rodgen.machines.files.toml import NUMBER, PAIR, TEXT, VECTOR, Table, one_of, parse, read_text
@@ -156,7 +156,7 @@ def _told(file: str, rows: Sequence[_Row]) -> tuple[str, str]:
         found = "a and alpha of the first row and of the last are " + ("all 0" if first else "not 0")
         expected = ", or ".join(f"{name}, {order}" for name, order in CONVENTIONS.items())
         found = f"none, and the table does not tell it: {found}"
-        raise UnsaidError(file, "--convention", found, expected, "--convention=", [*CONVENTIONS])
+        raise MissingOptionError(file, "--convention", found, expected, "--convention=", [*CONVENTIONS])
     convention, end = ("modified", "first") if first else ("standard", "last")
     return (
         convention,

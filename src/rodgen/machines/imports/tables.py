@@ -23,8 +23,8 @@ from rodgen.data.tables.foreign import ForeignColumn, ForeignTable, is_number, r
 from rodgen.data.units import ANGLE, LENGTH, TIME, parse_unit
 from rodgen.errors import (
     InputFileError,
+    MissingOptionError,
     UnexpectedError,
-    UnsaidError,
     counted,
     in_file,
     joined,
@@ -511,7 +511,7 @@ def _check_all(columns: _Columns, machine: Machine, wide: Mapping[str, Any]) -> 
                 option, choices = "--joints=", [first]
                 expected = f"--joints {first}, where the columns from that on are the joints in their order"
             table, found = columns.table, f"no column of {what}"
-            raise UnsaidError(table.file, table.header, found, expected, option, choices)
+            raise MissingOptionError(table.file, table.header, found, expected, option, choices)
 
 
 def _first_of_numbered(columns: _Columns, count: int) -> str:
@@ -649,7 +649,7 @@ def _unit(
         if units is None:
             expected = "--units such as mm,deg for columns without, or the unit in brackets"
             place = f"column {shown(column.header)}"
-            raise UnsaidError(columns.table.file, place, "no unit", expected, "--units=", USUAL_UNITS)
+            raise MissingOptionError(columns.table.file, place, "no unit", expected, "--units=", USUAL_UNITS)
         return units[wanted == ANGLE], 1.0
     if unit:
         with in_file(columns.table.file, f"column {shown(column.header)}"):

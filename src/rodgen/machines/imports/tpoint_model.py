@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rodgen.data.units import ARCSEC
-from rodgen.errors import InputFileError, RodgenError, UnsaidError, joined, nearest_name, shown
+from rodgen.errors import InputFileError, MissingOptionError, RodgenError, joined, nearest_name, shown
 from rodgen.files import decoded, read_input
 from rodgen.machines.effects.catalogue import TERMS
 from rodgen.machines.effects.formula import Formula
@@ -415,7 +415,7 @@ def machine_from_tpoint(
     if latitude is None:
         if mount is EQUATORIAL:
             found, expected = "missing, for an equatorial mount", "such as --latitude 31.7deg"
-            raise UnsaidError(model or run or "", "--latitude", found, expected, "--latitude=")
+            raise MissingOptionError(model or run or "", "--latitude", found, expected, "--latitude=")
         latitude = 0.0
     notes: list[str] = []
     if pointings:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rodgen.array_types import Array
-from rodgen.errors import InputFileError, UnsaidError, joined, listed, shown, suggestion
+from rodgen.errors import InputFileError, MissingOptionError, joined, listed, shown, suggestion
 from rodgen.files import decoded, read_input
 from rodgen.machines.coupling import CouplingError
 from rodgen.machines.files.read import MOST_JOINTS
@@ -231,7 +231,9 @@ def _link(file: str, option: str, given: str | None, links: list[str], natural: 
         raise InputFileError(file, "link", found, "a robot whose links hang on one of them")
     if len(natural) != 1:
         found = f"{len(natural)} {words}, and no {option}"
-        raise UnsaidError(file, option, found, f"{option} LINK: {listed(natural)}", f"{option}=", natural)
+        raise MissingOptionError(
+            file, option, found, f"{option} LINK: {listed(natural)}", f"{option}=", natural
+        )
     return natural[0]
 
 
