@@ -60,6 +60,7 @@ from rodgen.machines.parameters import parameters_of
 from rodgen.machines.plausibility import plausibility
 from rodgen.machines.plausible import relative_corrections, stated_deviations, tolerances
 from rodgen.stages import each
+from rodgen.statistics.columns import inverse_root
 from rodgen.statistics.thresholds import CHECK
 from rodgen.views import Result, plain
 
@@ -214,8 +215,8 @@ class NearFit:
         square = self.problem.normal_equations(self.theta, self.frame)[1]
         size = np.sqrt(np.diag(square))
         size = np.where(size > 0, size, 1.0)
-        inverse = np.linalg.pinv(square / np.outer(size, size), hermitian=True)
-        return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size)
+        root = inverse_root(square / np.outer(size, size), relative=1e-14)
+        return np.asarray(np.linalg.norm(root, axis=1) / size)
 
     @property
     def is_rough(self) -> bool:
