@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from itertools import pairwise, takewhile
 from typing import Any
 
@@ -153,6 +154,15 @@ class _Subject:
     prefer: Collection[tuple[str, str | None]]
 
 
+class Refusal(Enum):
+    """Why an effect that the evidence selects is not reported, as its sentence says it."""
+
+    UNSOLVED = "with {} the model has no solution near these readings"
+    UNCONVERGED = "the fit with {} does not converge"
+    ZERO = "the fit of the whole model, which weighs all readings alike, estimates {} as zero within the uncertainty"
+    IDLE = "poses that a fit did not see are predicted no better with {}"
+
+
 @dataclass(frozen=True, eq=False)
 class _State:
     """What is known between two steps.
@@ -180,7 +190,7 @@ class _State:
     evidence: Evidence
     chosen: list[Candidate] = field(default_factory=list)
     fits: list[Fit] = field(default_factory=list)
-    refused: dict[tuple[str, str | None], str] = field(default_factory=dict)
+    refused: dict[tuple[str, str | None], Refusal] = field(default_factory=dict)
     stretch: DisplacedStretch | None = None
     gain: float = -math.inf
     numbered: Evidence | None = None
@@ -424,11 +434,11 @@ def _confirmed(state: _State) -> _State:
         if failed is None and not zero and not idle and not again:
             fits = [fits[0], *map(ended, fits[1:])]
             return replace(state, evidence=evidence, chosen=chosen, fits=fits, refused=refused)
-        refused |= {c.key: ZERO for c in zero} | {c.key: IDLE for c in idle}
+        refused |= {c.key: Refusal.ZERO for c in zero} | {c.key: Refusal.IDLE for c in idle}
         if failed is not None:
             refused[failed[0].key] = failed[1]
         were, out = chosen, failed is not None or bool(zero or idle)
-        most, again = 0 if out else MOST_FORMS, out and IDLE not in refused.values()
+        most, again = 0 if out else MOST_FORMS, out and Refusal.IDLE not in refused.values()
         if out:
             if idle:  # without a form that predicts nothing there is none, but other waves of drives
                 named = [c for c in evidence.candidates if not (c.driver or c in state.evidence.candidates)]
@@ -458,7 +468,7 @@ def _with_forms(evidence: Evidence, chosen: list[Candidate], most: int) -> tuple
 @stage("further fits")
 def _with_effects(
     known: Sequence[Fit], were: Sequence[Candidate], evidence: Evidence, chosen: Sequence[Candidate]
-) -> tuple[list[Fit], tuple[Candidate, str] | None]:
+) -> tuple[list[Fit], tuple[Candidate, Refusal] | None]:
     """Fit the model with one effect after the other; an effect with which there is no fit is returned, with why.
 
     The fits of a set before, `were`, are known as far as it begins with the same effects.
@@ -475,18 +485,11 @@ def _with_effects(
             if not fit.solution.converged:  # slow along a narrow valley: once more, from where it ended
                 fit = base.refit(fit.machine, outliers=base.outliers)
         except FitError:
-            return fits, (c, UNSOLVED)
+            return fits, (c, Refusal.UNSOLVED)
         if not fit.solution.converged:
-            return fits, (c, UNCONVERGED)
+            return fits, (c, Refusal.UNCONVERGED)
         fits.append(without_wrong_bounds(fit))
     return fits, None
-
-
-UNSOLVED = "with {} the model has no solution near these readings"
-UNCONVERGED = "the fit with {} does not converge"
-ZERO = (
-    "the fit of the whole model, which weighs all readings alike, estimates {} as zero within the uncertainty"
-)
 
 
 def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
@@ -498,9 +501,6 @@ def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
     p_values = {c: estimates.significance(c.effect) for c in reversed(chosen)}
     found = [c for c, p_value in p_values.items() if p_value > VERDICT.zero]
     return [max(found, key=p_values.__getitem__)] if found and fits[-1].dependence.independent else found
-
-
-IDLE = "poses that a fit did not see are predicted no better with {}"
 
 
 def _idle_forms(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
@@ -574,7 +574,7 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         if not (rest or chosen) and moved[1] and seen.size("wander") > VERDICT.wander * seen.white:
             rest, shared = seen.text, ""
     refused = _on_refused(state)
-    unsolved = {UNSOLVED, UNCONVERGED} & {*state.refused.values()}
+    unsolved = {Refusal.UNSOLVED, Refusal.UNCONVERGED} & {*state.refused.values()}
     if (len(state.refused) > MOST_REFUSED and not rest) or (unsolved and not (steps or forms)):
         rest, refused = " ".join(refused), []
     verdict, reason = "nothing_missing", None
@@ -672,13 +672,13 @@ def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut
 
 def _on_refused(state: _State) -> list[str]:
     """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
-    found, titles = [], dict[str, dict[str, None]]()
+    found, titles = [], dict[Refusal, dict[str, None]]()
     for c in state.evidence.candidates:  # a refused form has no name that a reader knows
         if c.key in state.refused and not c.driver:
             titles.setdefault(state.refused[c.key], {})[c.effect.title] = None
     for why, out in titles.items():
         are, it = ("is", "it") if len(out) == 1 else ("are", "them")
-        found.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.format(it)}.")
+        found.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.value.format(it)}.")
     return found
 
 
