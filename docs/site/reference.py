@@ -28,8 +28,11 @@ PLACES = {
     "machine": "The whole machine",
     "target": "Targets",
     "leg": "Legs",
+    "legs": "All legs alike",
     "tower": "Towers of a linear delta",
+    "towers": "All towers of a linear delta alike",
     "arm": "Arms of a rotary delta",
+    "arms": "All arms of a rotary delta alike",
 }
 
 
