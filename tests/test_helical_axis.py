@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 from kinematics_cases import unit
@@ -17,7 +18,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 
+from rodgen.generated import numpy as generated
 from rodgen.kinematics.axis_fit import AxisFit, AxisFitStatus, fit_axis, fit_pose_axis, instantaneous_axes
+from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.screws import ScrewStatus
 
 EPS = np.finfo(float).eps
@@ -64,6 +67,43 @@ def poses(
 
 def from_line(fit: AxisFit) -> float:
     return float(np.linalg.norm(np.cross(fit.point - POINT, AXIS)))
+
+
+# Kernels ------------------------------------------------------------------------------------------
+
+
+def exact_screw(x: Any, y: Any, angle: float, slide: float, e: Any, p: Any) -> list[Any]:
+    with mpmath.workdps(50):
+        x, y, e, p = ([mpmath.mpf(float(c)) for c in v] for v in (x, y, e, p))
+        c, s = mpmath.cos(mpmath.mpf(angle)), mpmath.sin(mpmath.mpf(angle))
+        a = [x[i] - p[i] for i in range(3)]
+        cross = [e[1] * a[2] - e[2] * a[1], e[2] * a[0] - e[0] * a[2], e[0] * a[1] - e[1] * a[0]]
+        along = sum(e[i] * a[i] for i in range(3))
+        square = sum(c * c for c in e)
+        # Rodrigues' formula, whose double cross product has |e|², not 1: a float axis is not quite a unit vector
+        double = [e[i] * along - square * a[i] for i in range(3)]
+        return [y[i] - x[i] - s * cross[i] - (1 - c) * double[i] - mpmath.mpf(slide) * e[i] for i in range(3)]
+
+
+@pytest.mark.parametrize("functions", [kernels, generated.ALL], ids=["compiled", "numpy"])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.3, math.pi - 1e-9, math.pi, -7.0])
+def test_screw_residual_agrees_with_50_digits(functions: Any, angle: float) -> None:
+    y = screwed(BALLS, angle, 0.3) + np.array([0.01, -0.02, 0.03])
+    d, jacobian = functions.screw_residual(BALLS, y, angle, 0.25, AXIS, POINT)
+    for k, ball in enumerate(BALLS):
+        exact = [float(c) for c in exact_screw(ball, y[k], angle, 0.25, AXIS, POINT)]
+        assert d[k] == pytest.approx(exact, abs=8 * EPS * np.abs(BALLS).max())
+        alone, alone_jacobian = functions.screw_residual(ball, y[k], angle, 0.25, AXIS, POINT)
+        assert alone == pytest.approx(d[k], abs=EPS * 300)
+        assert alone_jacobian == pytest.approx(jacobian[k], abs=EPS * 300)
+    h = 1e-5  # central differences: h² and eps/h are below 1e-8 of lengths of 300
+    start = np.concatenate([BALLS[0], [angle, 0.25], AXIS, POINT])
+
+    def value(v: np.ndarray) -> np.ndarray:
+        return functions.screw_residual(v[:3], y[0], v[3], v[4], v[5:8], v[8:])[0]
+
+    slopes = np.stack([(value(start + h * u) - value(start - h * u)) / (2 * h) for u in np.eye(11)], axis=1)
+    assert jacobian[0] == pytest.approx(slopes, abs=1e-8 * 300)
 
 
 # Exact data ---------------------------------------------------------------------------------------
@@ -401,6 +441,30 @@ def test_a_bad_quaternion_is_named_by_its_line(refuses_command, tmp_path: Path) 
 
 
 # Instantaneous ------------------------------------------------------------------------------------
+
+
+def test_velocity_axis_moves_along_itself() -> None:
+    rng = np.random.default_rng(3)
+    omega, speed, at, near = rng.normal(size=(4, 50, 3)) * [[[1]], [[10]], [[100]], [[100]]]
+    for functions in (kernels, generated.ALL):
+        helical, jacobian = functions.velocity_axis(omega, speed, at, near)
+        axis, point, pitch, rate, slide = np.split(helical, [3, 6, 7, 8], axis=1)
+        assert axis * rate == pytest.approx(omega, abs=1e-14)
+        assert speed + np.cross(omega, point - at) == pytest.approx(pitch * omega, abs=1e-11)
+        assert ((point - near) * omega).sum(axis=1) == pytest.approx(np.zeros(50), abs=1e-11)
+        assert slide == pytest.approx(pitch * rate, rel=1e-12)
+        alone, slopes = functions.velocity_axis(omega[0], speed[0], at[0], near[0])
+        assert alone == pytest.approx(helical[0], rel=1e-13)
+        start, h = np.concatenate([omega[0], speed[0], at[0]]), 1e-6
+
+        def value(v: np.ndarray, functions: Any = functions) -> np.ndarray:
+            return functions.velocity_axis(v[:3], v[3:6], v[6:], near[0])[0]
+
+        differences = np.stack(
+            [(value(start + h * u) - value(start - h * u)) / (2 * h) for u in np.eye(9)], axis=1
+        )
+        assert slopes == pytest.approx(differences, rel=1e-5, abs=1e-6)
+        assert jacobian[0] == pytest.approx(slopes, rel=1e-13)
 
 
 def trajectory(

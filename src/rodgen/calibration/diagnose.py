@@ -404,9 +404,10 @@ def _instead_of(state: _State) -> list[Equal]:
     """Return the numbers that all legs share that may be in the place of the effects that were found."""
     if state.numbered is None or not state.chosen:
         return []
-    there = {c.key: c for c in state.numbered.candidates}
-    chosen = [there[c.key] for c in state.chosen if c.key in there]
-    return _on_numbers(state.numbered, chosen) if len(chosen) == len(state.chosen) else []
+    there = {(c.key, *c.searched.items()): c for c in state.numbered.candidates}
+    effects = [(c.key, *c.searched.items()) for c in state.chosen if not c.driver]
+    known = all(effect in there for effect in effects)
+    return _on_numbers(state.numbered, [there[effect] for effect in effects]) if known else []
 
 
 @stage("further fits")

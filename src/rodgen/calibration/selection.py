@@ -35,8 +35,8 @@ MOST_REPLACED = 3
 def select(evidence: Evidence, before: Sequence[Candidate] = ()) -> list[Candidate]:
     """Return the cheapest set of candidates: a beam forwards, then exchanges, removals and merges.
 
-    They begin with what was chosen before, among fewer candidates or with another noise. Empty where no set is so
-    many times as probable as none; see `COST.something`.
+    They begin with what was chosen before among these candidates, or fewer of them. Empty where no set is so many
+    times as probable as none; see `COST.something`.
     """
     best = _grown(evidence, [c for c in before if c in evidence.candidates])
     while (better := _improved(evidence, best)) is not None:
