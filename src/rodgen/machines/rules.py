@@ -195,8 +195,8 @@ def _check_acts(machine: MachineData, effect: Effect) -> None:
         raise UnfitEffectError(
             "name", f"{effect.name} on a {machine.kinematics.family}", f"its numbers in [estimate]: {numbers}"
         )
-    of_plate = definition.of_all_legs and effect.name.endswith("_radius")
-    if of_plate and machine.kinematics.dimension(effect.name) is None:
+    outwards = definition.of_all_legs and "U" in definition.formula.names
+    if outwards and machine.kinematics.dimension(effect.name) is None:
         found = f"{effect.name} of joints that lie in no plane across z"
         raise UnfitEffectError("name", found, "another effect")
     if nothing:

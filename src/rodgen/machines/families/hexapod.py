@@ -73,8 +73,8 @@ class Hexapod(OnLegs):
 
         None of a plate that does not lie about so.
         """
-        plate = effect.removesuffix("_radius")
-        if plate == effect:
+        plate = {"base_radius": "base", "platform_radius": "platform"}.get(effect)
+        if plate is None:
             return None
         joints = getattr(self._geometry(), plate)
         ways = joints - joints.mean(axis=0)
