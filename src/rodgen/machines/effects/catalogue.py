@@ -754,7 +754,7 @@ _LEG = (
         meaning="The zeros of all legs or towers are off alike: they were homed against a gauge, a stop or switches "
         "that are elsewhere than the control believes, or what is measured is nearer or farther than in the drawing.",
         usual_size="0.01 to 1 mm after homing",
-        remedy="Enter the offset in the home position of every leg or tower; of a printer in position_endstop, or M665 H.",
+        remedy="Enter the offset in the home position of every leg or tower; of a printer, position_endstop or M665 H.",
         source=f"{_KUREKOVA}, section 3; {_VISCHER}",
     ),
     _row(
