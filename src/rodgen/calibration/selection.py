@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,12 +86,18 @@ def _grown(evidence: Evidence, best: list[Candidate]) -> list[Candidate]:
 
 
 def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | None:
-    """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without."""
+    """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without.
+
+    Two of single legs are tried in the place of two of which one is of all legs.
+    """
     others, cost = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))], evidence.cost(chosen)
     tried = [*others]
     for rest, near in zip(others, evidence.promising(others, PROMISING, cost), strict=True):
         tried += [[*rest, c] for c in near]
         tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, cost)]
+    for two, terms in _sums(evidence, chosen):
+        rest = [c for c in chosen if c not in two]
+        tried += [[*rest, a, b] for a, b in terms]
     (more,) = evidence.promising([chosen], PROMISING)
     tried += (merged := evidence.weighed([*chosen, c] for c in more))
     while merged := [some for some in merged if len(some) > 2]:
@@ -127,6 +133,20 @@ def _pairs(
         for b in some:
             found.setdefault(frozenset({a.key, b.key}), (a, b))
     return list(found.values())
+
+
+def _sums(
+    evidence: Evidence, chosen: Sequence[Candidate]
+) -> Iterator[tuple[tuple[Candidate, ...], list[tuple[Candidate, ...]]]]:
+    """Yield pairs with an effect of all legs, and pairs of its terms, the same at each leg: these may be the cause."""
+    for two in itertools.combinations(chosen, 2):
+        for whole in (c.effect.definition for c in two if c.effect.definition.of_all_legs):
+            terms = [
+                c
+                for c in evidence.candidates
+                if c.effect.place and c.effect.definition.formula == whole.formula
+            ]
+            yield two, [*itertools.combinations(terms, 2)]
 
 
 def _needed(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
@@ -245,7 +265,8 @@ def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> lis
 def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     """Return what these data cannot distinguish from the effects of a set, the likeliest first.
 
-    One effect in the place of one, two or as many as it has columns in the place of one, and one in that of several.
+    One effect in the place of one, two or as many as it has columns in the place of one, and one in that of several;
+    two of single legs in the place of two of which one is of all legs.
     """
     found = list[Equal]()
     for one in chosen:
@@ -256,6 +277,8 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
         (near,) = evidence.promising([[c for c in chosen if c not in several]], FEW)
         found += _alike(evidence, chosen, several, [(c,) for c in near])
+    for two, terms in _sums(evidence, chosen):
+        found += _alike(evidence, chosen, two, terms)
     found += _shared(evidence, chosen, found)
     return sorted(found, key=lambda one: one.cost)
 
