@@ -69,6 +69,8 @@ def test_a_robot_waits_for_its_readings(refuses, folders):
     assert session.state.fit.rms < 1e-3
     assert any("Columns without a unit are in m and rad" in remark for remark in session.remarks)
     refuses(opened, {"arm.urdf": URDF}, ["--tip=elbow"], imported_with)
+    for options in (["--help"], ["-o", "m.toml"], ["--plot=a.svg"], ["x.urdf"], ["--", "x.urdf"]):
+        refuses(opened, {"arm.urdf": URDF}, options, imported_with)
 
 
 def test_what_files_leave_open_is_asked_with_what_it_may_be(folders):

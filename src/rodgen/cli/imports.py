@@ -45,22 +45,22 @@ check the two files. SOURCE is
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    command("import", _run, _IMPORT, *OPTIONS)
+    command("import", _run, _IMPORT, *_FILES, *_OPTIONS)
 
 
 def imported_with(sources: Sequence[str], arguments: Sequence[str]) -> Imported:
-    """Return what the command makes of files; `arguments` are its options, as on a command line.
+    """Return what the command makes of files; `arguments` are its options, as on a command line, but for its files.
 
     Raises
     ------
     RodgenError
         When an option is wrong, or the files are none that can be imported.
     """
-    parser = Parser(prog="rodgen import")
-    for each in OPTIONS:
+    parser = Parser(prog="rodgen import", add_help=False)
+    for each in _OPTIONS:
         each.add_to(parser)
     try:
-        return _imported(parser.parse_args([*arguments, "--", *sources]))
+        return _imported(parser.parse_args(arguments, argparse.Namespace(sources=sources)))
     except UsageError as error:
         raise error.args[0] from None
 
@@ -123,11 +123,13 @@ _MISFITS = {
 }
 """By option, and whether it is needed: what was found, and what was expected."""
 
-OPTIONS = (
+_FILES = (
     argument("SOURCE", "the file, or files", InputFile, nargs="+", dest="sources"),
     option("-o --output MACHINE.toml", "the machine file, unless a SOURCE is one", OutputFile),
     option("-d --data DATA", "the measurements: .csv, .csv.gz or .parquet", OutputFile),
     plot("the machine's axes and targets, and the first readings, in space"),
+)
+_OPTIONS = (
     repeated("--column NAME=THEIRS", "of a table: what a column is, such as A='-A_axis [deg] + 90'"),
     option("--joints FIRST", "of a table: the column of the first joint, such as q1, then q2, q3 …"),
     option(
