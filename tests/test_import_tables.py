@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables.foreign import read_foreign
 from rodgen.machines.files.read import column_source
+from rodgen.machines.imports.files import import_files
 from rodgen.machines.imports.tables import measurements_of
 from rodgen.machines.machine import Machine
 from rodgen.machines.mounts import ALTAZ, EQUATORIAL
@@ -598,6 +599,34 @@ def test_numbered_columns_are_the_joints_in_their_order(tmp_path, rodgen_command
     assert [data.columns[name].values.tolist() for name in ("C", "A")] == [[10, 30], [20, 40]]
     for first in ("q2", "q"):
         refuses_command(*files, "--joints", first)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"azimuth": "South"},
+        {"estimate": "Geometry"},
+        {"convention": "dh"},
+        {"format": 9},
+        {"format": "2"},
+        {"latitude": 0.0},
+        {"joints": 1},
+        {"units": ("mm", "deg")},
+        {"columns": "AZ=A"},
+        {"columns": {"AZ": 1}},
+        {"sources": 5},
+        {"sources": ["m.toml", None]},
+    ],
+    ids=str,
+)
+def test_an_argument_of_another_type_or_value_is_refused(refuses, wrong):
+    refuses(import_files, **{"sources": "m.toml", **wrong})
+
+
+def test_one_file_needs_no_list():
+    path = UR10 / "robot.urdf"
+    for sources in (path, str(path), [path]):
+        assert import_files(sources, tip="tool0").machine.name
 
 
 def test_a_matlab_matrix_alone_has_more_readings_than_columns(refuses, tmp_path):

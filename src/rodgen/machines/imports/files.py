@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, conversion_factor, typed_quantity
-from rodgen.errors import InputFileError, UnexpectedError, UnfitArgumentError, shown
+from rodgen.errors import InputFileError, UnexpectedError, UnfitArgumentError, joined, shown
 from rodgen.files import read_start
 from rodgen.machines.files.read import column_source, read_machine
 from rodgen.machines.imports.denavit_hartenberg import is_table, machine_from_table
@@ -35,7 +36,7 @@ _PRINTER, _LOG = "a printer.cfg", "a probe log"
 
 
 def import_files(
-    sources: Sequence[str],
+    sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
     columns: Mapping[str, str] | None = None,
     joints: str | None = None,
@@ -53,7 +54,7 @@ def import_files(
 
     Parameters
     ----------
-    sources : sequence of str
+    sources : str, path-like, or sequence of these
         A URDF, a Denavit-Hartenberg table, a pointing run, a model of TPOINT, a printer.cfg with a probe log, or a
         machine file; and tables of readings. What each is is told by its name and what it begins with.
     columns : mapping of str to str, optional
@@ -89,11 +90,27 @@ def import_files(
     InputFileError
         When the files are none that can be imported, or do not go together.
     """
-    lengths = _units(units) if units else None
-    circle = _ballbar(ballbar) if ballbar else None
-    angle = _quantity("latitude", latitude, ANGLE, "an angle", "31.7deg") if latitude else None
+    arguments: tuple[tuple[Any, ...], ...] = (
+        ("joints", joints, None, str),
+        ("base", base, None, str),
+        ("tip", tip, None, str),
+        ("convention", convention, None, "standard", "modified"),
+        ("estimate", estimate, "target", "geometry"),
+        ("azimuth", azimuth, "south", "north"),
+        ("format", format, None, 1, 2, 3, 4),
+        *(("columns", each, str) for pair in _pairs(columns) for each in pair),
+    )
+    for name, value, *allowed in arguments:
+        if value not in allowed and not (str in allowed and isinstance(value, str)):
+            words = ("text" if each is str else repr(each) for each in allowed)
+            raise UnfitArgumentError(name, repr(value), joined(words, "or"))
+    lengths = _units(str(units)) if units else None
+    circle = _ballbar(str(ballbar)) if ballbar else None
+    angle = None
+    if latitude is not None:
+        angle = _quantity("latitude", str(latitude), ANGLE, "an angle", "31.7deg")
     kinds: dict[str, list[str]] = {}
-    for source in sources:
+    for source in _files(sources):
         kinds.setdefault(_kind(source), []).append(source)
     for kind, files in kinds.items():
         if len(files) > 1 and kind != _READINGS:
@@ -140,6 +157,23 @@ def import_files(
     made = _with_readings(made, tables, stated, ("m", "rad") if of_urdf else lengths, circle)
     note = "Columns without a unit are in m and rad, as the URDF is; --units says otherwise."
     return replace(made, notes=(*made.notes, note)) if of_urdf else made
+
+
+def _pairs(columns: Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Return what columns are, by their names."""
+    try:
+        return [*dict(columns or {}).items()]
+    except (TypeError, ValueError):
+        expected = "a dict, such as {'A': '-A_axis [deg] + 90'}"
+        raise UnfitArgumentError("columns", repr(columns), expected) from None
+
+
+def _files(sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> list[str]:
+    """Return the names of files; one alone is a list of one."""
+    try:
+        return [*map(os.fsdecode, [sources] if isinstance(sources, str | os.PathLike) else sources)]
+    except TypeError:
+        raise UnfitArgumentError("sources", repr(sources), "the name of a file, or several") from None
 
 
 def _kind(source: str) -> str:
