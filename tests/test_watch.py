@@ -293,6 +293,35 @@ def run(folder: Path, *more: str, data: str = "new.csv") -> int:
     return cli.main(["watch", str(folder / "m.toml"), str(folder / data), *ref, *more])
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"learn": 0},
+        {"learn": 2.5},
+        {"rate": 0},
+        {"rate": "often"},
+        {"false_alarms": -1.0},
+        {"state": "s.watch"},
+    ],
+    ids=str,
+)
+def test_a_wrong_argument_is_refused_at_the_call(refuses, wrong) -> None:
+    refuses(rodgen.watch, rodgen.Machine.load(io_machine()), "new.csv", **wrong)
+
+
+@pytest.mark.thorough
+def test_a_loop_that_is_left_keeps_the_state(files) -> None:
+    (files / "new.csv").write_text("".join(changed()))
+    state = files / "kept.watch"
+    watching = {"reference": files / "ref.csv", "state": state}
+    for event in rodgen.watch(files / "m.toml", files / "new.csv", **watching):
+        assert event.is_alarm
+        break
+    said: list[str] = []
+    assert not [*rodgen.watch(files / "m.toml", files / "new.csv", remark=said.append, **watching)]
+    assert f"goes on after {BEFORE + 60} rows" in said[-2]  # each row counts once
+
+
 @pytest.mark.thorough
 def test_the_command_reports_lines_and_its_exit_code_is_that_of_an_alarm(files, capsys) -> None:
     (files / "new.csv").write_text("".join(csv_lines(readings(BEFORE, 2))))
@@ -370,9 +399,9 @@ def test_the_first_rows_are_the_reference_where_none_is_given(files, capsys) -> 
     alarm = json.loads(capsys.readouterr().out.splitlines()[0])
     assert alarm["after"] <= REFERENCE + BEFORE + 1 <= alarm["by"] + 1
     assert run(files, "--learn", "120", "--state", str(files / "kept.watch")) == 2
-    assert "--state: given without --reference" in capsys.readouterr().err
+    assert "--state: given without a reference" in capsys.readouterr().err
     assert run(files, "--learn", "1000") == 2
-    assert "240 rows; expected 1000 to learn from, or --reference" in capsys.readouterr().err
+    assert "240 rows; expected 1000 to learn from, or a reference" in capsys.readouterr().err
 
 
 @pytest.mark.thorough

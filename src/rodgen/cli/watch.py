@@ -84,7 +84,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
     alarms = 0
-    with _stopping() as stop:
+    with _stopping() as stop, arguments_as_options():
         events = watch(
             Machine.load(options.machine),
             options.data,
@@ -99,10 +99,9 @@ def _run(options: argparse.Namespace) -> int:
             remark=notify,
             stopped=stop,
         )
-        with arguments_as_options():
-            for event in events:
-                _report(options, event)
-                alarms += event.is_alarm
+        for event in events:
+            _report(options, event)
+            alarms += event.is_alarm
         publish_outputs()  # also after a signal
     return FAILED if alarms else OK
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, ClassVar
 
 from rodgen.calibration.fit import fit
 from rodgen.calibration.watch.events import Event
-from rodgen.calibration.watch.watch import Watch
+from rodgen.calibration.watch.watch import Watch, per_second
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables.parts import is_many
 from rodgen.data.tail import Lines, Tail
@@ -45,15 +47,15 @@ class BadRow:
 
 
 def watch(
-    machine: Machine,
-    data: str,
+    machine: Machine | str | os.PathLike[str],
+    data: str | os.PathLike[str],
     *,
-    reference: str | Measurements | None = None,
+    reference: str | os.PathLike[str] | Measurements | None = None,
     learn: int = LEARNED,
     follow: bool = False,
     rate: str | float | None = None,
     false_alarms: str | float = "1/year",
-    state: str | None = None,
+    state: str | os.PathLike[str] | None = None,
     until_alarm: bool = False,
     until_bad_row: bool = False,
     remark: Callable[[str], object] = lambda text: None,
@@ -63,16 +65,16 @@ def watch(
 
     Parameters
     ----------
-    machine : Machine
-    data : str
+    machine : Machine, or its file
+    data : str or path-like
         A measurement file, which may grow; ``"-"`` is CSV on standard input.
-    reference : str or Measurements, optional
+    reference : str, path-like or Measurements, optional
         Readings of the machine as it should stay; else the first `learn` rows of `data`.
     follow : bool
         Whether to wait for more rows at the end.
     rate, false_alarms
         As of `Watch`.
-    state : str, optional
+    state : str or path-like, optional
         A file that keeps what was seen; a later watch goes on from there. It needs a `reference`.
     until_alarm, until_bad_row : bool
         Whether to end after the first alarm, and with an error at a row that cannot be read.
@@ -89,24 +91,44 @@ def watch(
     Raises
     ------
     UnfitArgumentError
-        When arguments do not go together.
+        When an argument cannot be used, or arguments do not go together: at the call.
     InputFileError
         When a file cannot be used, or has too few rows to learn from.
     """
-    options = {"rate": rate, "false_alarms": false_alarms}
+    if not isinstance(learn, Integral) or learn < 1:
+        raise UnfitArgumentError("learn", repr(learn), "a whole number of rows, 1 or more")
+    if state and reference is None:
+        raise UnfitArgumentError("state", "given without a reference", "a reference with it")
+    options = {"false_alarms": per_second("false_alarms", false_alarms)}
+    if rate is not None:
+        options["rate"] = per_second("rate", rate)
+    if not isinstance(machine, Machine):
+        machine = Machine.load(machine)
+    if isinstance(reference, os.PathLike):
+        reference = os.fspath(reference)
     watching = _Watching(machine, learn, options, until_alarm, until_bad_row, remark)
-    place = None
+    return _watched(watching, os.fspath(data), reference, follow, state, stopped)
+
+
+def _watched(
+    watching: _Watching,
+    data: str,
+    reference: str | Measurements | None,
+    follow: bool,
+    state: str | os.PathLike[str] | None,
+    stopped: Callable[[], bool],
+) -> Iterator[Event | BadRow]:
+    """Yield what the rows of a file show; where the caller goes, the state is kept, too."""
+    place, remark = None, watching.remark
     if reference is not None:
         watching.begin(_read(reference) if isinstance(reference, str) else reference)
         if state and os.path.exists(state):
-            place = watching.known.restore(state)
+            place = watching.known.restore(os.fspath(state))
             remark(f"{state}: goes on after {watching.known.rows} rows")
-    elif state:
-        raise UnfitArgumentError("state", "given without --reference", "--reference with it")
 
     def save() -> float:
         if state and watching.watch is not None:
-            write_file(state, watching.watch.state(place))
+            write_file(os.fspath(state), watching.watch.state(place))
         return time.monotonic()
 
     name = "standard input" if data == "-" else data
@@ -123,8 +145,15 @@ def watch(
             for lines in tail:
                 if lines.notice:
                     remark(f"{name} {lines.notice}")
-                if lines.text:
-                    yield from watching.read(lines, name)
+                events = watching.read(lines, name) if lines.text else iter(())
+                try:
+                    while (event := next(events, None)) is not None:
+                        yield event
+                except GeneratorExit:
+                    deque(events, 0)  # of these lines all rows count, or none: the place is after them
+                    place = tail.place
+                    save()
+                    raise
                 place = tail.place
                 if time.monotonic() - saved > SAVED_EVERY:
                     with written_at_once():
@@ -132,7 +161,9 @@ def watch(
     if not stopped():
         if watching.watch is None:
             rows = 0 if watching.learned is None else watching.learned.rows
-            raise InputFileError(name, "file", f"{rows} rows", f"{learn} to learn from, or --reference")
+            raise InputFileError(
+                name, "file", f"{rows} rows", f"{watching.learn} to learn from, or a reference"
+            )
         if not state and not watching.ended:
             yield from watching.shown(watching.watch.finish())
         alarms = counted(watching.alarms, "alarm") if watching.alarms else "no alarm"

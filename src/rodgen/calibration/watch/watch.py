@@ -6,6 +6,7 @@ and times, what an alarm means in words and units, outliers, and a state that su
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
@@ -24,7 +25,7 @@ from rodgen.calibration.watch.columns import WatchedColumns
 from rodgen.calibration.watch.events import Changed, Event, OutlierSeen
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import TIME, UnitError, parse_unit
-from rodgen.errors import InputFileError, UnexpectedError, counted, joined, shown
+from rodgen.errors import InputFileError, UnexpectedError, UnfitArgumentError, counted, joined, shown
 from rodgen.files import read_input
 from rodgen.statistics.change_detector import ChangeDetector
 from rodgen.statistics.thresholds import WATCH
@@ -73,6 +74,21 @@ def frequency(text: str) -> float:
     raise UnexpectedError(shown(text), "a number above 0 per time, such as 100/h or 1/year")
 
 
+def per_second(argument: str, value: str | float) -> float:
+    """Return how often something happens, per second, as an argument says it.
+
+    Raises
+    ------
+    UnfitArgumentError
+    """
+    with contextlib.suppress(TypeError, ValueError):
+        found = frequency(value) if isinstance(value, str) else float(value)
+        if 0 < found < math.inf:
+            return found
+    expected = "a number above 0, per second, or with a time, such as '100/h' or '1/year'"
+    raise UnfitArgumentError(argument, repr(value), expected)
+
+
 class Watch:
     """New readings of a machine, compared with a fit as they come.
 
@@ -118,11 +134,11 @@ class Watch:
     def __init__(
         self, fit: Fit, *, rate: str | float | None = None, false_alarms: str | float = "1/year"
     ) -> None:
+        self._rate = None if rate is None else per_second("rate", rate)
+        self._limit = 1 / per_second("false_alarms", false_alarms)
         self.fit = fit
         self._demand(fit.degrees_of_freedom)
         self._watched = WatchedColumns(fit)
-        self._rate = frequency(rate) if isinstance(rate, str) else rate
-        self._limit = 1 / (frequency(false_alarms) if isinstance(false_alarms, str) else false_alarms)
         self.alternatives = self._watched.alternatives
         self.detector = ChangeDetector(
             self._watched.rows[..., :-1],
