@@ -118,6 +118,8 @@ def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_pat
 USAGE = [
     "",
     "frobnicate",
+    "diagnos",
+    "-x",
     "fit-axis",
     "fit-axis x.csv --fast",
     "apply f x.csv --sett",

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
-from rodgen.errors import InputFileError, RodgenError, UnfitArgumentError, nearest_hint
+from rodgen.errors import InputFileError, RodgenError, UnfitArgumentError, nearest_hint, shown
 from rodgen.files import publish_outputs, unwritable
 from rodgen.stages import stage
 
@@ -94,6 +94,13 @@ class Parser(argparse.ArgumentParser):
             else:
                 joined.append(argument)
         return joined
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a misspelt choice with the nearest one, others with all."""
+        choices = {str(choice): str(choice) for choice in action.choices or ()}
+        if str(value) not in choices and (hint := nearest_hint(str(value), choices)):
+            raise argparse.ArgumentError(action, f"invalid choice: {shown(value)}{hint}")
+        super()._check_value(action, value)
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as a `UsageError`."""

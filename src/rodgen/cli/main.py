@@ -304,7 +304,7 @@ def _parser(called: str | None = None) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
     parser.add_argument(DEBUG, action="store_true", help="after an error in rodgen itself, show where it was")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
     command = adder(commands, {name: summary for name, (_, summary) in _COMMANDS.items()})
     every = called in (None, "completion")  # it describes all
     for module in dict.fromkeys(of for name, (of, _) in _COMMANDS.items() if every or name == called):
@@ -312,7 +312,8 @@ def _parser(called: str | None = None) -> argparse.ArgumentParser:
     for name, (_, summary) in _COMMANDS.items():
         if name not in commands.choices:
             commands.add_parser(name, help=summary)
-    parser.set_defaults(parser=parser)
+    missing = "the following arguments are required: COMMAND"  # said after what is unknown
+    parser.set_defaults(parser=parser, run=lambda _: parser.error(missing))
     return parser
 
 
