@@ -17,25 +17,27 @@ from rodgen.machines.files.read import machine_of
 from rodgen.machines.machine import Machine
 
 
-def arm(ratio: float, first: float = 1.0) -> tuple[Machine, Measurements]:
-    """Two axes, of which each turns by a ratio of what it is commanded."""
-    random = np.random.default_rng(1)
-    q = random.uniform(-80, 80, (80, 2))
+def arm(
+    ratio: float, first: float = 1.0, *, rows: int = 80, frame: str = "machine", seed: int = 1
+) -> tuple[Machine, Measurements]:
+    """Two axes, of which each turns by a ratio of what it is commanded; of a first of zero, the second alone."""
+    random = np.random.default_rng(seed)
+    q = random.uniform(-80, 80, (rows, 2))
     turned = Rotation.from_euler("ZY", np.radians(q * [first, ratio]))
-    read = turned.apply([500, 20, 100]) + 0.01 * random.normal(size=(80, 3))
+    read = turned.apply([500, 20, 100]) + 0.01 * random.normal(size=(rows, 3))
     axes = {"A": [0.0, 0.0, 1.0], "B": [0.0, 1.0, 0.0]}
+    names = "AB" if first else "B"
     file = {
         "name": "arm",
         "units": {"length": "mm", "angle": "deg"},
         "joint": [
-            {"name": name, "type": "revolute", "axis": axis, "point": [0.0, 0, 0]}
-            for name, axis in axes.items()
+            {"name": name, "type": "revolute", "axis": axes[name], "point": [0.0, 0, 0]} for name in names
         ],
         "target": [{"name": "ball", "point": [500.0, 20, 100]}],
-        "measured": {"kind": "point", "frame": "machine"},
+        "measured": {"kind": "point", "frame": frame},
         "estimate": {"parameters": ["target"]},
     }
-    columns = {f"{name} [deg]": q[:, k] for k, name in enumerate("AB")}
+    columns = {f"{name} [deg]": q[:, "AB".index(name)] for name in names}
     columns |= {f"{x} [mm]": read[:, k] for k, x in enumerate("xyz")}
     return machine_of(toml(file), "arm.toml"), Measurements.from_frame(columns)
 
@@ -82,6 +84,15 @@ def test_ratios_of_two_axes_are_said_together(first, second, changes):
     assert all(change in found.repairs[0].words for change in changes)
     assert found.repairs[0].changes == len(changes)
     assert found.after < 0.02  # noise of 0.01 mm
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_change_is_named_where_readings_are_hardly_more_than_parameters(seed):
+    """Five places of three numbers, nine parameters, and a ratio and a sense that are wrong."""
+    found = check(*arm(-1, 0.5, rows=5, frame="free", seed=seed))
+    assert found.wrong
+    assert not found.repairs
 
 
 def of_one_axis(ratio: float) -> tuple[Machine, Measurements]:

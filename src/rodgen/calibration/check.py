@@ -61,7 +61,7 @@ from rodgen.machines.plausibility import plausibility
 from rodgen.machines.plausible import relative_corrections, stated_deviations, tolerances
 from rodgen.stages import each
 from rodgen.statistics.columns import inverse_root
-from rodgen.statistics.thresholds import CHECK
+from rodgen.statistics.thresholds import CHECK, EVIDENCE
 from rodgen.views import Result, plain
 
 TAILS = 3.0
@@ -598,8 +598,12 @@ def _is_named(repair: Repair, fit: NearFit, null: NearFit | None) -> bool:
     """Return whether a repair makes the data so much more probable that the file is wrong.
 
     What it saves must be errors of most rows, or corrections where usual ones are left: a little of both may be chance.
-    Several changes, which are chosen among very many, must leave no more than effects do.
+    Several changes, which are chosen among very many, must leave no more than effects do. Readings that are hardly more
+    than the parameters and the changes fit some change whatever is wrong.
     """
+    readings = fit.problem.observations.n * fit.problem.components
+    if readings - len(_adjusted(fit.model)) - repair.changes < EVIDENCE.fewest_residual_dof:
+        return False
     largest = CHECK.impossible_error if repair.changes < 2 else CHECK.imperfect
     if fit.scale >= largest * fit.moved or fit.farthest >= 1:
         return False
