@@ -87,6 +87,14 @@ def test_ratios_of_two_axes_are_said_together(first, second, changes):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(("ratio", "written"), [(1 / 3, "1/3"), (3, "3"), (0.4, "0.4")])
+def test_a_ratio_of_the_only_axis_is_found_by_places(ratio, written):
+    found = check(*arm(ratio, first=0))
+    assert f'coordinate = "{written}*B"' in found.repairs[0].words
+    assert found.after < 0.02  # noise of 0.01 mm
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_change_is_named_where_readings_are_hardly_more_than_parameters(seed):
     """Five places of three numbers, nine parameters, and a ratio and a sense that are wrong."""

@@ -356,7 +356,7 @@ def free_ratios(machine: Machine, observations: Observations) -> Iterator[Repair
         known = {f"{name}.scale.k": Known(prior=(0.0, LARGEST_RATIO)) for name in names}
         return replace(machine, known={**machine.known, **known})
 
-    several = len(names) > 1 and not machine.kinematics.is_closed
+    several = names and not machine.kinematics.is_closed
     for senses in product((1.0, -1.0), repeat=len(turning)) if several else ():
         yield Repair("", "ratios", 0, partial(changed, dict(zip(turning, senses, strict=True))))
 
