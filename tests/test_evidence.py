@@ -39,7 +39,7 @@ def candidate(
     """Return a candidate of any columns, (n,) or (n, k)."""
     columns = columns.reshape(len(columns), 1, -1)
     effect = SimpleNamespace(name=name, place=place, title=f"{name} at {place}", identity=(name, place))
-    effect.definition = SimpleNamespace(own=False)
+    effect.definition = SimpleNamespace(own=False, of_all_legs=False)
     names = tuple(f"{place}.{name}.{i}" for i in range(columns.shape[2]))
     sizes = {} if usual is None else {str(i): Size(usual, 100 * usual, positive) for i in range(len(names))}
     return Candidate(effect, names, columns, {}, prior=Plausibility(math.log(odds), sizes, certain))  # type: ignore[arg-type]

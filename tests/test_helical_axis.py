@@ -280,7 +280,9 @@ def _of_read_angles(angles: list[float], seed: int) -> AxisFit:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=[pytest.mark.slow] * (c == "poses, shared first")) for c in CASES]
+)
 def test_95_percent_intervals_hold_95_percent(case: str) -> None:
     angle = {"shared rest": 1.4, "small": 0.02, "read": 1.2, "half": math.pi - 1e-3, "shared first": 2.0}
     angle_of = next((a for words, a in angle.items() if words in case), 1.0)
@@ -511,7 +513,7 @@ def shares(spin: float, draws: int, n: int) -> list[float]:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("spin", [1.0, 10.0])
+@pytest.mark.parametrize("spin", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_instantaneous_95_percent_intervals_hold_95_percent(spin: float) -> None:
     # Errors of neighbours are alike: 40 draws of 80 poses have some 40 * 20 independent ones. The noise and the
     # roughness are estimated from the poses as well, which takes a share of up to 1 %.

@@ -96,7 +96,9 @@ def test_two_dimensions_that_are_off_are_two(tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("size", [2.0, 0.035], ids=["degrees", "arcminutes"])
+@pytest.mark.parametrize(
+    "size", [pytest.param(2.0, id="degrees", marks=pytest.mark.slow), pytest.param(0.035, id="arcminutes")]
+)
 def test_zeros_and_windups_are_told_apart(size, tmp_path):
     """The second order of zeros of degrees is some mm, of the windups 0.2 mm: what is small shows about the large.
 
