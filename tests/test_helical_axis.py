@@ -512,8 +512,8 @@ def shares(spin: float, draws: int, n: int) -> list[float]:
     return np.mean(held, axis=0).tolist()
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("spin", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("spin", [1.0, 10.0])
 def test_instantaneous_95_percent_intervals_hold_95_percent(spin: float) -> None:
     # Errors of neighbours are alike: 40 draws of 80 poses have some 40 * 20 independent ones. The noise and the
     # roughness are estimated from the poses as well, which takes a share of up to 1 %.
