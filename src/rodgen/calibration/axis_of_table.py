@@ -48,7 +48,7 @@ def fit_axis_of(
     UnfitArgumentError
         When an argument does not go with this table.
     InputFileError
-        When attitudes are none, or there is no time.
+        When an attitude is not a rotation, or the time is missing.
     RodgenError
         When there is nothing to fit.
     """

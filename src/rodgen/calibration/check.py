@@ -60,7 +60,7 @@ from rodgen.machines.parameters import parameters_of
 from rodgen.machines.plausibility import plausibility
 from rodgen.machines.plausible import relative_corrections, stated_deviations, tolerances
 from rodgen.stages import each
-from rodgen.statistics.columns import inverse_root
+from rodgen.statistics.columns import inverse_root, unit_diagonal
 from rodgen.statistics.thresholds import CHECK, EVIDENCE
 from rodgen.views import Result, plain
 
@@ -212,10 +212,8 @@ class NearFit:
     @property
     def deviations(self) -> Array:
         """Standard deviations of the parameters, (parameters,), internal units."""
-        square = self.problem.normal_equations(self.theta, self.frame)[1]
-        size = np.sqrt(np.diag(square))
-        size = np.where(size > 0, size, 1.0)
-        root = inverse_root(square / np.outer(size, size), relative=1e-14)
+        square, size = unit_diagonal(self.problem.normal_equations(self.theta, self.frame)[1])
+        root = inverse_root(square, relative=1e-14)
         return np.asarray(np.linalg.norm(root, axis=1) / size)
 
     @property

@@ -385,7 +385,7 @@ def _wrong_geometry(subject: _Subject, state: _State) -> tuple[float, tuple[Wron
 
 
 def _on_sets(found: Iterable[Equal]) -> tuple[SetAlias, ...]:
-    """Return what may be there in the place of effects, as a result has it."""
+    """Return alternatives to sets of effects in the form in which a result has them."""
     return tuple(
         SetAlias(
             tuple(c.effect for c in one.replaced), tuple(c.effect for c in one.candidates), _odds(one.cost)
@@ -401,7 +401,7 @@ def _on_numbers(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
 
 
 def _instead_of(state: _State) -> list[Equal]:
-    """Return the numbers that all legs share that may be in the place of the effects that were found."""
+    """Return the numbers shared by all legs that explain the readings as well as the effects that were found."""
     if state.numbered is None or not state.chosen:
         return []
     there = {(c.key, *c.searched.items()): c for c in state.numbered.candidates}

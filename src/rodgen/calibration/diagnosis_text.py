@@ -54,7 +54,7 @@ RATIOS = frozenset({"scale", "leg_scale"})
 AT_NOISE = 1.15
 """An error up to this multiple of the noise agrees with it."""
 NEAR = 100.0
-"""Distance in mm from the middle of a plate at which its form is told."""
+"""Distance in mm from the middle of a plate at which its height error is stated."""
 MOST_UNSEEN = 6
 """Effects that the data could not show, by name."""
 MOST_HIDDEN = 5

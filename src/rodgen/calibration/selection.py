@@ -88,7 +88,7 @@ def _grown(evidence: Evidence, best: list[Candidate]) -> list[Candidate]:
 def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | None:
     """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without.
 
-    Two of single legs are tried in the place of two of which one is of all legs.
+    An effect of all legs and a second one are also replaced by two effects of single legs.
     """
     others, cost = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))], evidence.cost(chosen)
     tried = [*others]
