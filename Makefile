@@ -110,7 +110,7 @@ study: .venv/study ## measure how often a diagnosis and a plan are right by two 
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 	$(if $(filter-out wrong,$(ONLY)),,$(BIN)/python study/wrong_files.py $(if $(N),-n $(N)))
 
-certify: .venv/study ## bound the rounding errors of kernels for whole boxes of inputs, and write docs/certified.md
+certify: .venv/study ## bound the rounding errors of kernels for whole boxes of inputs, and write docs/science/certified.md
 	$(BIN)/python study/certify.py -j $(JOBS)
 
 mutants: .venv/mutants ## measure how many small faults in codegen, statistics and machines the tests find (N=60 places of each; hours)
@@ -124,7 +124,7 @@ wheel: .venv/supply ## build the source distribution and a wheel into dist, with
 pythons: .venv/supply ## build and use wheels for Python 3.11 to 3.13 with NumPy 2.0 and the newest, by GCC and Clang; says what it skips
 	$(BIN)/python supply/pythons.py
 
-pictures: .venv/all ## redraw the pictures of the README and of docs/solver_method.md
+pictures: .venv/all ## redraw the pictures of the README and of docs/science/solver_method.md
 	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove everything that make wrote

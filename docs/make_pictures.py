@@ -1,6 +1,6 @@
 """Draw the pictures of the README and of the page on the solver.
 
-python docs/make_pictures.py        # writes docs/mount.png and docs/axes.png
+python docs/make_pictures.py        # writes docs/mount.png and docs/science/axes.png
 
 mount.png: a telescope's model against its measurements, before and after the two effects that ``make demo`` adds.
 axes.png: the two axes of one pair of points, and how exactly they are found.
@@ -199,8 +199,8 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
 
 
 def main() -> None:
-    for name, draw in (("mount.png", draw_mount), ("axes.png", draw_axes_and_accuracy)):
-        file = Path(__file__).with_name(name)
+    for name, draw in (("mount.png", draw_mount), ("science/axes.png", draw_axes_and_accuracy)):
+        file = Path(__file__).parent / name
         figures.save_figure(draw(), file)
         print(file)
 

@@ -13,7 +13,7 @@
 # 5. *add* the effect, and write the corrected model as C code;
 # 6. *report*: a page for the workshop.
 #
-# `docs/diagnose.md` shows the same steps on the command line. The machine is simulated, so the true answer is known and
+# `docs/start/first_diagnosis.md` shows the same steps on the command line. The machine is simulated, so the true answer is known and
 # can be compared with what is found.
 #
 # ## The machine

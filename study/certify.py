@@ -1,4 +1,4 @@
-"""Certify bounds of rounding errors for whole boxes of inputs, and write docs/certified.md: `make certify`."""
+"""Certify bounds of rounding errors for whole boxes of inputs, and write docs/science/certified.md: `make certify`."""
 
 from __future__ import annotations
 
@@ -424,7 +424,7 @@ def claims() -> list[Claim]:
 
 KEPT = Path(__file__).parents[1] / "build" / "certified"
 """Has the certificates of claims that were finished, so that a run goes on where one before it ended."""
-PAGE = Path(__file__).parents[1] / "docs" / "certified.md"
+PAGE = Path(__file__).parents[1] / "docs/science/certified.md"
 TOP = """# Certified bounds of rounding errors
 
 Made by `make certify`. What a row says holds for every input of its boxes, and is not sampled: the operations of

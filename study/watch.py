@@ -1,4 +1,4 @@
-"""How often a watch raises a false alarm, and how late it sees a change: tables for docs/watch.md.
+"""How often a watch raises a false alarm, and how late it sees a change: tables for docs/guides/watch.md.
 
     python study/watch.py            # both, some minutes
     python study/watch.py --alarms 4 # of four streams only

@@ -159,10 +159,10 @@ def test_files_are_written_by_the_set_of_outputs_alone() -> None:
 def test_the_page_of_the_command_line_has_the_commands_that_there_are(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.syspath_prepend(ROOT / "docs")
+    monkeypatch.syspath_prepend(ROOT / "docs/reference")
     make_command_line = importlib.import_module("make_command_line")
     page = make_command_line.PAGE.read_text(encoding="utf-8")
-    assert page == make_command_line.made(page), "python docs/make_command_line.py"
+    assert page == make_command_line.made(page), "python docs/reference/make_command_line.py"
 
 
 def test_modules_import_each_other_in_no_circle() -> None:
@@ -221,7 +221,7 @@ def test_each_method_that_a_class_names_has_its_function() -> None:
 
 
 def test_each_promise_names_a_check_that_there_is() -> None:
-    page = (ROOT / "docs" / "trust.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/science/trust.md").read_text(encoding="utf-8")
     tests = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "tests").glob("*.py"))
     rows = re.findall(r"^\| (?!promise|---)(.*) \| (.*) \|$", page, re.MULTILINE)
     assert len(rows) > 20
@@ -242,7 +242,7 @@ def test_the_page_of_benchmarks_is_made_of_what_was_measured() -> None:
     code = (
         "import json, pathlib, report\n"
         "kept = json.loads(pathlib.Path('results/latest.json').read_text(encoding='utf-8'))\n"
-        "page = pathlib.Path('../docs/benchmarks.md').read_text(encoding='utf-8')\n"
+        "page = pathlib.Path('../docs/science/benchmarks.md').read_text(encoding='utf-8')\n"
         "assert report.compose(kept) == page"
     )
     done = subprocess.run(

@@ -187,7 +187,7 @@ def test_the_page_does_the_same_with_pandas(
     points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pandas")
-    page = (Path(__file__).parent.parent / "docs/python.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parent.parent / "docs/guides/python.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n((?:(?!```).)*to_csv.*?)```", page, re.DOTALL)
     monkeypatch.chdir(tmp_path)
     exec(code, {})

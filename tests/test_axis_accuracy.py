@@ -2,7 +2,7 @@
 
 4 is the promise of `rodgen.solve_axis`, 12 where ρ′ is 3 to 9 times as long as ρ. A change of each of the seven inputs
 by one eps moves an axis by about 2 cond eps at worst, so the promise leaves as much again for the arithmetic; measured
-figures are in docs/accuracy.md.
+figures are in docs/science/accuracy.md.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 PROMISE = 4
-SCRIPT = Path(__file__).parents[1] / "docs" / "make_accuracy.py"
+SCRIPT = Path(__file__).parents[1] / "docs/science/make_accuracy.py"
 
 
 def load(path: Path) -> ModuleType:

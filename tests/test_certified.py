@@ -1,4 +1,4 @@
-"""Bounds of rounding errors that hold for whole boxes of inputs: docs/certified.md."""
+"""Bounds of rounding errors that hold for whole boxes of inputs: docs/science/certified.md."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_bound_holds_for_all_inputs_of_small_boxes(claim: certify.Claim) -> None
 
 
 def test_page_has_every_claim() -> None:
-    page = (ROOT / "docs" / "certified.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/science/certified.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \| ([\d.]+) .*?\| ([\d.]+) \|", page, re.MULTILINE)
     assert [(name, where, float(at_most)) for name, where, at_most, _ in rows] == [
         (c.kernel, c.where, c.bound) for c in CLAIMS

@@ -24,7 +24,7 @@ from rodgen.codegen.source_files import KernelModule, render
 
 ROOT = Path(__file__).resolve().parent.parent
 FOUR_BAR = (ROOT / "examples" / "own_equations" / "four_bar.py").read_text()
-HOW_TO = (ROOT / "docs" / "own_equations.md").read_text()
+HOW_TO = (ROOT / "docs/guides/own_equations.md").read_text()
 
 
 def run(*command: object, cwd: Path, code: int = 0, **environment: str) -> str:

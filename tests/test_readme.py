@@ -32,7 +32,7 @@ MOUNT = ROOT / "examples/machines/mount"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FILES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("*/*.md")),
 ]
 PAGES = "\n".join(file.read_text(encoding="utf-8") for file in FILES)
@@ -48,9 +48,9 @@ def mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.thorough("docs/solver.md-False")
+@pytest.mark.thorough("docs/reference/solve_axis.md-False")
 @pytest.mark.parametrize(
-    ("page", "emitted"), [("README.md", True), ("docs/similar_effects.md", True), ("docs/solver.md", False)]
+    ("page", "emitted"), [("README.md", True), ("docs/guides/similar_effects.md", True), ("docs/reference/solve_axis.md", False)]
 )
 def test_examples_print_what_the_page_says(page: str, emitted: bool, mount: Path) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
@@ -78,7 +78,7 @@ def test_diagnosis_of_the_readme_is_what_the_command_prints(
 
 @pytest.mark.slow
 def test_the_python_of_the_tricept_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    page = (ROOT / "docs/tricept.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/mechanisms/tricept.md").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
     exec("".join(re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)), names)
     volume = rodgen.tricept.workspace(rodgen.tricept.PAPER, rodgen.tricept.LEG_LIMITS).volume
@@ -87,7 +87,7 @@ def test_the_python_of_the_tricept_page_runs(capsys: pytest.CaptureFixture[str])
 
 
 def test_every_status_is_explained() -> None:
-    page = (ROOT / "docs/solver.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/reference/solve_axis.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([A-Z_]+)` \|", page, re.MULTILINE)
     assert rows == [status.name for status in rodgen.AxisStatus]
 
@@ -114,7 +114,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def test_every_page_and_derivation_is_on_the_site() -> None:
     pages = {file for section in outline.OUTLINE for file in section.pages.values()}
-    written = {f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md")}
+    written = {str(file.relative_to(ROOT)) for file in (ROOT / "docs").rglob("*.md")}
     assert written - pages == {"docs/README.md"}  # a list of the pages, for code hosts
     assert {file for file in pages if file and not (ROOT / file).is_file()} == set()
     assert sorted(outline.NAMES) == packaged_derivations()
@@ -141,14 +141,14 @@ def test_tutorial_prints_what_it_says(
 ) -> None:
     monkeypatch.chdir(ROOT)
     assert cli.main(["fit-axis", "examples/pairs.csv", "--loss", "huber"]) == 0
-    assert textwrap.indent(capsys.readouterr().out, "    ") in (ROOT / "docs/tutorial.md").read_text(
+    assert textwrap.indent(capsys.readouterr().out, "    ") in (ROOT / "docs/guides/axis.md").read_text(
         encoding="utf-8"
     )
 
 
 @pytest.mark.thorough
 def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
-    page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/guides/c.md").read_text(encoding="utf-8")
     examples = re.findall(r"```c\n(.*?)```.*?```text\n(.*?)```", page, re.DOTALL)
     assert len(examples) == 2
     assert cli.main(re.search(r"^    rodgen (.*)$", page, re.MULTILINE)[1].split()) == 0
@@ -164,7 +164,7 @@ def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
 
 @pytest.mark.thorough
 def test_examples_in_other_languages_print_what_the_c_does(cpp_compiler: str, mount: Path) -> None:
-    page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/guides/c.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```cpp\n(.*?)```", page, re.DOTALL)
     output = re.search(r"```text\n(AZ .*?)```", page, re.DOTALL)[1]
     command = re.search(r"^    rodgen (.*)$", page, re.MULTILINE)[1].replace("--lang c ", "--lang cpp ")
@@ -183,7 +183,7 @@ def test_examples_in_other_languages_print_what_the_c_does(cpp_compiler: str, mo
 def test_own_effect_is_fitted_as_the_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page = (ROOT / "docs/own_effect.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/guides/own_effect.md").read_text(encoding="utf-8")
     shutil.copytree(ROOT / "examples/off_by_20_um", tmp_path / "case")
     monkeypatch.chdir(tmp_path / "case")
     effect = re.search(r"```toml\n(.*?)```", page, re.DOTALL)[1]
@@ -200,7 +200,7 @@ def test_own_effect_is_fitted_as_the_page_says(
 
 
 def test_catalogue_of_the_formats_is_complete() -> None:
-    page = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/reference/machine_file.md").read_text(encoding="utf-8")
     table = page[page.index("### The catalogue") : page.index("For directions a frame")]
     listed: dict[str, set[str]] = {}
     place = ""
@@ -235,7 +235,7 @@ def test_commands_of_the_pages_have_arguments_that_there_are(page: Path) -> None
 
 
 def test_effect_is_added_as_the_page_says(mount: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    page = (ROOT / "docs/command_line.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/reference/command_line.md").read_text(encoding="utf-8")
     example = r"^    rodgen (add [^\n]*)\n\n```text\n(.*?)  \.\.\.\n```"
     command, quoted = re.search(example, page, re.MULTILINE | re.DOTALL).groups()
     (mount / "machine.toml").rename("mount.toml")
@@ -247,7 +247,7 @@ def test_effect_is_added_as_the_page_says(mount: Path, capsys: pytest.CaptureFix
 def test_table_of_corrections_that_the_page_makes_corrects(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page = (ROOT / "docs/command_line.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/reference/command_line.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     gantry = Machine.load(ROOT / "examples/machines/ballbar_gantry/machine.toml")
     gantry = replace(gantry, estimate=()).add("squareness", joint="Y", hold={"a": 0.02, "b": 0.0})
@@ -269,7 +269,7 @@ def test_table_of_corrections_that_the_page_makes_corrects(
 
 @pytest.mark.slow
 def test_plan_of_the_telescope_is_what_the_page_says(mount: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    page = (ROOT / "docs/plan.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/guides/plan.md").read_text(encoding="utf-8")
     command = re.search(r"^    rodgen (plan .*)$", page, re.MULTILINE)[1]
     quoted = page[page.index("    What to measure") : page.index("The plan first lists")]
     assert cli.main(command.replace("data.csv", "mmt_2021.csv").split()) == 0

@@ -598,7 +598,7 @@ def test_browser_shows_it_without_overlap_overflow_or_complaint(tmp_path: Path) 
 @pytest.mark.thorough
 def test_how_to_prints_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     root = Path(__file__).parent.parent
-    text = (root / "docs/diagnose.md").read_text(encoding="utf-8")
+    text = (root / "docs/start/first_diagnosis.md").read_text(encoding="utf-8")
     shutil.copytree(root / "examples/off_by_20_um", tmp_path / "case")
     monkeypatch.chdir(tmp_path / "case")
     parts = re.findall(r"^    rodgen ([^\n]*)\n(?:\n```text\n(.*?)```)?", text, re.MULTILINE | re.DOTALL)

@@ -13,7 +13,7 @@ from rodgen.cli import main as cli
 from rodgen.kinematics import spatial
 
 ROOT = Path(__file__).parent.parent
-PAGE = (ROOT / "docs/spatial_mechanisms.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/mechanisms/spatial_mechanisms.md").read_text(encoding="utf-8")
 
 
 def test_code_runs_and_gives_problem_6_2(monkeypatch: pytest.MonkeyPatch) -> None:

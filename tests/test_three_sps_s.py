@@ -462,7 +462,7 @@ def test_a_workspace_without_allowed_orientations_is_reported():
 
 
 def test_the_page_s_examples_run_and_give_what_it_says():
-    page = (Path(__file__).parents[1] / "docs/three_sps_s.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs/mechanisms/three_sps_s.md").read_text(encoding="utf-8")
     names: dict = {}
     for block in re.findall(r"```python\n(.*?)```", page, re.S):
         exec(block, names)

@@ -1,7 +1,7 @@
 """Each file operation of a command fails in turn, or is where Ctrl-C is pressed.
 
 Afterwards every output is the old one or the new one, whole; one line says what happened; the exit code is that of the
-table in docs/command_line.md; and no temporary file is left.
+table in docs/reference/command_line.md; and no temporary file is left.
 """
 
 from __future__ import annotations

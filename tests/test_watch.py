@@ -338,7 +338,7 @@ def test_the_command_reports_lines_and_its_exit_code_is_that_of_an_alarm(files, 
     assert run(files, "--json") == 1
     alarm, named = map(json.loads, capsys.readouterr().out.splitlines())
     assert (alarm["event"], named["event"]) == ("alarm", "named")
-    text = Path(__file__).parents[1].joinpath("docs/watch.md").read_text()
+    text = Path(__file__).parents[1].joinpath("docs/guides/watch.md").read_text()
     assert all(f"`{key}`" in text for key in (*alarm, *alarm["likely"][0]))
     assert named["after"] <= BEFORE + 1 <= named["by"] + 1  # the first changed line is 62
     assert "zero_offset at C" in [one["title"] for one in named["likely"]]

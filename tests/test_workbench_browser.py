@@ -113,7 +113,7 @@ def files(tmp_path):
 
 
 def picture(page, name):
-    """Keep a picture of a page where RODGEN_PICTURES names a folder: for those who look, and for docs/workbench.md."""
+    """Keep a picture of a page where RODGEN_PICTURES names a folder: for those who look, and for docs/start/page.md."""
     if folder := os.environ.get("RODGEN_PICTURES"):
         page.screenshot(path=f"{folder}/workbench_{name}.png")
 

@@ -39,7 +39,7 @@ def pages() -> dict[str, str]:
         for name, file in section.pages.items():
             if file:
                 found[file] = f"{section.folder}/{name}" + (".ipynb" if file.endswith(".py") else ".md")
-    return found | {f"derivation/{name}.py": f"explanation/derivations/{name}.ipynb" for name in NAMES}
+    return found | {f"derivation/{name}.py": f"science/derivations/{name}.ipynb" for name in NAMES}
 
 
 class Source:
@@ -80,12 +80,12 @@ def collect(names: list[str]) -> None:
     source.write("index.md", first_page(links))
     records = {name: notebooks.record(name) for name in NAMES}
     titles = {name: record["title"] for name, record in records.items()}
-    source.write("explanation/derivations.md", derivations_page(records))
-    source.write("explanation/errata.md", errata_page(records))
+    source.write("science/derivations.md", derivations_page(records))
+    source.write("science/errata.md", errata_page(records))
     for page, (title, those) in PAPERS.items():
         of_paper = {name: records[name] for name in those}
         text = paper_page(ROOT, title, of_paper, {name: shown_entries(name) for name in those})
-        source.write(f"explanation/{page}.md", text)
+        source.write(f"science/{page}.md", text)
     source.write("reference/effects.md", reference.effects_page())
     source.write("reference/kernels.md", reference.kernels_page(ROOT, titles))
     for name, text in reference.command_pages().items():

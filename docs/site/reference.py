@@ -153,7 +153,7 @@ def effects_page() -> str:
     ]
     lines += [
         "`rodgen effects` lists them in a terminal. How effects enter a model, and what the names in the formulas "
-        "mean, is described with the [file formats](formats.md#effects).",
+        "mean, is described with the [file formats](machine_file.md#effects).",
         "",
     ]
     for place, title in PLACES.items():
@@ -209,7 +209,7 @@ def kernels_page(root: Path, derivations: Mapping[str, str]) -> str:
         "",
         "Functions that the derivations generate, in NumPy (`generated/numpy`), in C99 (`generated/c`, for `double` "
         "and `float`, for one element and for many) and as a NumPy extension. Each is compared with its own evaluation "
-        "at 50 digits in every target. [The C code on a controller](/how-to/c.md) shows how to call them; public "
+        "at 50 digits in every target. [The C code on a controller](/guides/c.md) shows how to call them; public "
         "Python functions check their input before they call one.",
         "",
     ]
@@ -217,7 +217,7 @@ def kernels_page(root: Path, derivations: Mapping[str, str]) -> str:
         file = root / f"generated/numpy/{name}.py"
         if not file.is_file():
             continue
-        lines += [f"## `{name}`", "", f"Derivation: [{title}](/explanation/derivations/{name}.ipynb).", ""]
+        lines += [f"## `{name}`", "", f"Derivation: [{title}](/science/derivations/{name}.ipynb).", ""]
         lines += ["| kernel | inputs | outputs | does |", "| --- | --- | --- | --- |"]
         for function in ast.parse(file.read_text(encoding="utf-8")).body:
             if isinstance(function, ast.FunctionDef) and not function.name.startswith("_"):

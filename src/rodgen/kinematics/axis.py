@@ -4,7 +4,7 @@ A point of a body is at ρ before and at ρ′ after a rotation by the known ang
 the origin; the unit axes e with ρ′ = R(e, χ) ρ are wanted. With m = ρ′ + ρ, r = ρ′ - ρ and the perpendicular unit
 vectors m̂ = m / |m| and n = m × r / (|m| |r|) there are at most two: e± = n cos b ± m̂ sin b, where
 cos b = cot(χ/2) |r| / |m|. Derived, with the form that is computed, in ``derivation/axis.py``; see also
-docs/solver_method.md.
+docs/science/solver_method.md.
 
 Every function works on arrays of any shape, element by element, broadcasts, and passes Dask arrays through.
 """
@@ -61,7 +61,7 @@ def solve_axis(
     -----
     The paper is "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of Multi-Coordinate
     Systems". The error of an axis is at most 12 ε times :func:`axis_condition`, certified for the inputs in
-    docs/certified.md. The tests find at most 4 ε times it, and up to 10 ε times it where ρ′ is 3 to 9 times as long as
+    docs/science/certified.md. The tests find at most 4 ε times it, and up to 10 ε times it where ρ′ is 3 to 9 times as long as
     ρ. float32 input gives float32 results.
 
     Examples
