@@ -232,7 +232,7 @@ def as_html(blocks: Iterable[Block], level: int = 2) -> str:
 def _text(text: str) -> str:
     """Return text as HTML, with the signs that people write: µ after a number or as a unit, and minus before a number.
 
-    What stands in quotation marks is to be copied, and stays.
+    What is in quotation marks is to be copied, and stays.
     """
     parts = re.split(r"((?<!\w)'[^']*'(?!\w))", text)
     for k in range(0, len(parts), 2):

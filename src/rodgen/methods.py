@@ -1,4 +1,4 @@
-"""Methods of a class whose implementation stands in a module above it.
+"""Methods of a class whose implementation is in a module above it.
 
 A machine is data, and a fit is a result: neither imports what reads, judges, draws or writes it. The class names such a
 method here, and `rodgen.facade`, the top module, says which function it is. That function takes the object first.

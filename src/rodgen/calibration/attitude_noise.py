@@ -36,7 +36,7 @@ def attitude_arm(fit: Fit) -> float:
     -------
     float
         By repeated poses; else by the residuals of runs, or of all rows where these are too few; the arm of the
-        observations where nothing tells.
+        observations where that is not known.
     """
     arm = fit.observations.arm
     with one_thread_in_blas():

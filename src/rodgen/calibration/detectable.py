@@ -107,7 +107,7 @@ def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
             each.append(Detectable(candidate.effect, name, size / factor, unit, rms, possible, rare))
         if each:
             found.setdefault(candidate.key, []).append(max(each, key=attrgetter("rms")))
-    # of the values tried for a searched parameter that in the middle: some are all but a constant, and hide anything
+    # of the values tried for a searched parameter that in the middle: some are nearly constant, and hide anything
     middle = [sorted(several, key=attrgetter("rms"))[len(several) // 2] for several in found.values()]
     return tuple(sorted(middle, key=attrgetter("rms"), reverse=True))
 

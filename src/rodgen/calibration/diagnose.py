@@ -179,7 +179,7 @@ class _State:
     refused : dict
         Why effects were not confirmed, by name and place.
     stretch : DisplacedStretch or None
-        Rows that lie displaced: what they share is beside the effects.
+        Rows that lie displaced: what they share competes with the effects.
     gain : float
         By how much a geometry that differs everywhere from the file is cheaper than the effects.
     numbered : Evidence or None
@@ -241,7 +241,7 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             if asked and (state.refused or len(selected.chosen) < SEVERAL):
                 gain, found = _wrong_geometry(subject, state)
                 state = replace(state, gain=gain)
-        if found is not None:  # effects are looked for beside it
+        if found is not None:  # effects are looked for in addition to it
             first, (geometry, base) = geometry, found
             if first is not None:
                 estimate, effects = geometry.estimate, (*first.effects, *geometry.effects)
@@ -323,7 +323,7 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
     """Return rows one after the other that lie displaced; None where that is improbable.
 
     Errors that poses share, or that wander, may be likelier. A stretch may also be likelier than the effects: they are
-    then selected anew beside it.
+    then selected anew in addition to it.
 
     Parameters
     ----------
@@ -423,7 +423,8 @@ def _refitted(base: Fit, machine: Machine) -> Fit | None:
 def _confirmed(state: _State) -> _State:
     """Return the cheapest set of effects of which full fits confirm every one.
 
-    Forms are proposed beside the set that was selected, and, where fits refused some of that, beside what they confirm.
+    Forms are proposed in addition to the set that was selected, and, where fits refused some of that, to what they
+    confirm.
     """
     evidence, chosen, refused = state.evidence, state.chosen, dict(state.refused)
     were, fits, most, again = chosen, state.fits, MOST_FORMS, False
@@ -634,7 +635,7 @@ def _odds(cost: float) -> float:
 def _steps(
     state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut]
 ) -> tuple[list[DiagnosedEffect], list[SetAlias]]:
-    """Return the effects that were found, and what may be there in the place of several of them."""
+    """Return the effects that were found, and what may be there instead of several of them."""
     evidence, chosen = state.evidence, state.chosen
     found = sorted([*equals(evidence, chosen), *_instead_of(state)], key=lambda one: one.cost)
     steps = []

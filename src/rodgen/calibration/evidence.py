@@ -241,7 +241,7 @@ class Evidence:
         beside : ndarray, shape (n, m, k), optional
             Derivatives of the weighted residuals of all rows by what else is there.
         further : sequence of Candidate
-            Effects of a user, in the place of those of the catalogue that have their names and places.
+            Effects of a user, instead of those of the catalogue that have their names and places.
         like : Evidence, optional
             Made before with the same preference: that of the same fit has the candidates already.
         at : Fit, optional
@@ -270,7 +270,7 @@ class Evidence:
         known: Sequence[Candidate] = (),
         beside: Array | None = None,
     ) -> Evidence:
-        """Return the evidence of a fit for curves in the place of the catalogue's effects, which are to be included.
+        """Return the evidence of a fit for curves instead of the catalogue's effects, which are to be included.
 
         Parameters
         ----------
@@ -387,7 +387,7 @@ class Evidence:
     def dearer_without(self, chosen: Sequence[Candidate]) -> list[float]:
         """Return about how much dearer a set is without each of its candidates, widths and variance held.
 
-        With the covariance S of the sizes of the set, those of a candidate explain θᵀS⁻¹θ beside the others.
+        With the covariance S of the sizes of the set, those of a candidate explain θᵀS⁻¹θ in addition to the others.
         """
         best, index, found = self.estimated(chosen), self._index(chosen), list[float]()
         width, gram = best.width, self.model_for(chosen).gram[np.ix_(index, index)]
@@ -722,7 +722,7 @@ class Estimated:
 
 
 def _in_place(found: Sequence[Candidate], further: Sequence[Candidate]) -> list[Candidate]:
-    """Return candidates with a user's in the place of those that have the same names and places."""
+    """Return candidates with a user's instead of those that have the same names and places."""
     keys = {c.key for c in further}
     return [*(c for c in found if c.key not in keys), *further]
 
@@ -752,7 +752,7 @@ def _ridge(gram: Array, pull: Array, added: Array) -> Array:
 
 
 def _rank(gram: Array) -> int:
-    """Return how many directions of an effect's columns are determined beside the fitted parameters."""
+    """Return how many directions of an effect's columns are determined in addition to the fitted parameters."""
     values = np.linalg.eigvalsh(unit_diagonal(gram)[0])
     return int(np.count_nonzero(values > COST.visible**2))
 
@@ -818,8 +818,8 @@ def _dependences(
 ) -> list[Correlation]:
     """Return how readings may depend on each other: with all candidates, without any effect, and not at all.
 
-    Errors that poses share, or that wander, are estimated with all candidates beside them; so a wander is as small as
-    it can be. Where nothing is missing it is larger; where an effect does what looks like a wander, there is none.
+    Errors that poses share, or that wander, are estimated together with all candidates, so that a wander is as small
+    as it can be. Where nothing is missing it is larger; where an effect does what looks like a wander, there is none.
     Where readings of a position share errors, also with what candidates change within positions: else play, which
     they scatter by there, hides that a position has any error.
     """

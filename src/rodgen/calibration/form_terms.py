@@ -73,7 +73,7 @@ def drivers_of(o: Observations) -> list[Driver]:
 def word(driver: Driver, place: str | None, machine: Machine) -> str | None:
     """Return what a formula at a place calls a driver; None where it has no word for it.
 
-    A letter that is also the name of a joint stands in no formula.
+    A letter that is also the name of a joint is in no formula.
     """
     nameable = _IDENTIFIER.fullmatch(driver.name) is not None and driver.name not in _WORDS
     if driver.kind == "column":

@@ -181,12 +181,12 @@ class HeldOutGeometry(Result):
 
     @property
     def lowers(self) -> bool | None:
-        """Whether it falls by what is estimated; None where nothing tells."""
+        """Whether it falls by what is estimated; None where that is not known."""
         return None if self.reason else not self.fitted.rises_from(self.nominal)
 
     @property
     def reason(self) -> str | None:
-        """Why nothing tells: that of the fit without an error, or "no_common_rows"; None where it is known."""
+        """Why that is not known: that of the fit without an error, or "no_common_rows"; None where it is known."""
         missing = self.fitted.reason or self.nominal.reason
         return missing or (None if self.fitted.compares_with(self.nominal) else "no_common_rows")
 

@@ -10,7 +10,7 @@ those of independent normal readings whose sum of squares would scatter as this 
 
 Whether residuals are larger than the noise, that is, whether the model misses something, is tested. Where poses were
 repeated, the squares of the residuals split into those from the mean of the replicates (pure error) and those of that
-mean from the model, and their ratio is held against F. Where a noise is stated, their sum is held against chi-square
+mean from the model, and their ratio is compared with F. Where a noise is stated, their sum is compared with chi-square
 with it. A stated noise may be too small, and replicates that follow each other share errors and scatter too little: so
 where both are known the residuals exceed the noise only if they exceed either.
 """

@@ -188,7 +188,7 @@ def aliased(final: Fit, effects: Sequence[Effect]) -> Iterator[str]:
 def on_preferred(
     evidence: Evidence, chosen: Sequence[Candidate], prefer: Collection[tuple[str, str | None]]
 ) -> Iterator[str]:
-    """Yield a sentence for each preferred effect that was not chosen: its odds, in the place of another one or added.
+    """Yield a sentence for each preferred effect that was not chosen: its odds, instead of another one or added.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class Repair:
 
     @property
     def is_order(self) -> bool:
-        """Whether joints, or their columns, stand in another order."""
+        """Whether joints, or their columns, are in another order."""
         return self.kind.startswith(("order", "columns"))
 
     @property

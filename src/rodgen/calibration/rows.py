@@ -221,7 +221,7 @@ class Errors:
     dof : float
         Good readings less what was fitted to them.
     price : float
-        What was fitted beside the parameters, in -2 ln of odds.
+        What was fitted in addition to the parameters, in -2 ln of odds.
     """
 
     error: Array

@@ -1,4 +1,4 @@
-"""The cheapest set of effects, and what else would do in the place of each of them."""
+"""The cheapest set of effects, and what else would do instead of each of them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FEW = 8
 """Candidates of which pairs with their best partners are looked at."""
 
 MOST_REPLACED = 3
-"""Effects in the place of which one may be, such as one offset of a target for three zeros."""
+"""Effects that one may replace, such as three zeros by one offset of a target."""
 
 
 @stage("testing effects")
@@ -86,7 +86,7 @@ def _grown(evidence: Evidence, best: list[Candidate]) -> list[Candidate]:
 
 
 def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | None:
-    """Return a cheaper set, with one less, one or two in the place of one, or one in that of several; None without.
+    """Return a cheaper set, with one less, one or two instead of one, or one instead of several; None without.
 
     An effect of all legs and a second one are also replaced by two effects of single legs.
     """
@@ -186,7 +186,7 @@ def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
 
 
 def _named(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
-    """Return the set with effects of the catalogue in the place of forms that fit the readings hardly better.
+    """Return the set with effects of the catalogue instead of forms that fit the readings hardly better.
 
     What nobody has named has no usual size, so that the size of what has one decides nothing between the two.
     """
@@ -202,7 +202,7 @@ def _named(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
 def _dearer(
     evidence: Evidence, chosen: Sequence[Candidate], rest: Sequence[Candidate], new: Sequence[Candidate]
 ) -> float:
-    """Return how much dearer a set is with other effects in the place of some, as far as formulas are exact.
+    """Return how much dearer a set is with other effects instead of some, as far as formulas are exact.
 
     What the effects in question explain they explain to a part `Evidence.imperfect`: a difference in chi-square that is
     smaller says nothing. What says nothing is no more than what the other effects cost by what they leave: where they
@@ -224,7 +224,7 @@ def _dearer(
 
 @dataclass(frozen=True)
 class Equal:
-    """Effects that may be in the place of others that were chosen.
+    """Effects that may replace others that were chosen.
 
     Attributes
     ----------
@@ -247,7 +247,7 @@ def _is_listed(evidence: Evidence, c: Candidate) -> bool:
 
 
 def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> list[Candidate]:
-    """Return effects of fewer columns that together may be in the place of one, such as zeros in that of an offset.
+    """Return effects of fewer columns that together may replace one, such as zeros an offset.
 
     As many as it has columns at most: each explains most of what those before it leave.
     """
@@ -265,8 +265,8 @@ def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> lis
 def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     """Return what these data cannot distinguish from the effects of a set, the likeliest first.
 
-    One effect in the place of one, two or as many as it has columns in the place of one, and one in that of several;
-    two of single legs in the place of two of which one is of all legs.
+    One effect instead of one, two or as many as it has columns instead of one, and one in that of several;
+    two of single legs instead of two of which one is of all legs.
     """
     found = list[Equal]()
     for one in chosen:
@@ -289,10 +289,10 @@ def _alike(
     replaced: tuple[Candidate, ...],
     tried: Sequence[Sequence[Candidate]],
 ) -> list[Equal]:
-    """Return which of some sets, the smaller ones first, may be in the place of effects that were chosen.
+    """Return which of some sets, the smaller ones first, may replace effects that were chosen.
 
     More effects only where fewer of them would not do. The readings may make them `COST.tied` less probable, and what
-    machines have as much again: that is no reading. In the place of what every such machine has only readings count.
+    machines have as much again: that is no reading. Instead of what every such machine has only readings count.
     """
     rest = [c for c in chosen if c not in replaced]
     certain, choice = any(c.prior.certain for c in replaced), evidence.choice(chosen)

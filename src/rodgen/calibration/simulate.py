@@ -105,7 +105,7 @@ def simulate(
         directions in arcsec); of poses two, such as ``"0.02mm, 20arcsec"``. Left out: what data or machine state, else
         none.
     seed : int, optional
-        The same seed gives the same data; left out, it is drawn, and stands in the truth.
+        The same seed gives the same data; left out, it is drawn, and is in the truth.
 
     Returns
     -------

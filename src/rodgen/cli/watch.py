@@ -1,4 +1,4 @@
-"""``rodgen watch``: readings as they come, against a fitted machine, until something is no longer as it was."""
+"""``rodgen watch``: readings as they arrive, against a fitted machine, until something is no longer as it was."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ ARITHMETIC_GUARD = """\
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
 #error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
 #endif"""
-"""Stands in every C source: a compiler that is told to change arithmetic makes no program."""
+"""Is in every C source: a compiler that is told to change arithmetic makes no program."""
 
 AS_WRITTEN = ("-fno-fast-math", "-fno-unsafe-math-optimizations")
 """Undo such flags. GCC's linker looks at each by itself: one that stands makes it add code that sets subnormal numbers

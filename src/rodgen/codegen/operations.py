@@ -55,7 +55,7 @@ OPERATIONS = {
     "power_of_two_scale": Operation("power_of_two_scale({})", "", "", "power_of_two_scale({})"),
     "pi": Operation("", "", "", ""),
 }
-"""What stands in the kernels of papers only is not written on vectors of rows."""
+"""What is in the kernels of papers only is not written on vectors of rows."""
 
 CONDITION = "lt"
 """The operation that gives truth values in a program over rows."""

@@ -172,7 +172,7 @@ def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -
     Parameters
     ----------
     name : str
-        As for `script_path`; a script in jupytext's percent format, whose prose stands in Markdown cells.
+        As for `script_path`; a script in jupytext's percent format, whose prose is in Markdown cells.
     output : str or os.PathLike
         Ends in ``.ipynb``.
     then : str, optional

@@ -106,7 +106,7 @@ def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int
 
 
 def positions(values: NDArray[Any]) -> NDArray[np.intp]:
-    """Return the number of each value's position, (n,): equal where values of a joint are all but the same.
+    """Return the number of each value's position, (n,): equal where values of a joint are nearly the same.
 
     A command repeats, though an encoder reads a little off. Where values are so dense that they make a continuous way,
     only those that are the same share a position.

@@ -105,7 +105,7 @@ class Tail:
             self._begin()
 
     def __iter__(self) -> Iterator[Lines]:
-        """Yield lines as they come; where none have come for a while, none, so that a caller may do other things."""
+        """Yield lines as they arrive; where none have come for a while, none, so that a caller may do other things."""
         while not self._stopped():
             for lines in self._whole_lines():
                 notice, self._notice = self._notice, ""

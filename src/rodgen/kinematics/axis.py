@@ -61,8 +61,8 @@ def solve_axis(
     -----
     The paper is "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of Multi-Coordinate
     Systems". The error of an axis is at most 12 ε times :func:`axis_condition`, certified for the inputs in
-    docs/science/certified.md. The tests find at most 4 ε times it, and up to 10 ε times it where ρ′ is 3 to 9 times as long as
-    ρ. float32 input gives float32 results.
+    docs/science/certified.md. The tests find at most 4 ε times it, and up to 10 ε times it where ρ′ is 3 to 9 times
+    as long as ρ. float32 input gives float32 results.
 
     Examples
     --------

@@ -179,7 +179,7 @@ class Machine(MachineData):
         return q if self.couplings is None else self.couplings.coordinates(q)
 
     def followed(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return readings, (..., J), with the coordinate in the place of each joint that has no reading."""
+        """Return readings, (..., J), with the coordinate instead of each joint that has no reading."""
         if self.couplings is None:
             return q
         return np.where([joint.is_read for joint in self.joints], q, self.couplings.coordinates(q))

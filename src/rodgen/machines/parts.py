@@ -37,7 +37,7 @@ _OTHER_WORDS = {
 
 
 def suggested_type(word: str) -> str:
-    """Return what is expected in the place of a word that is no type of a joint, for an error message.
+    """Return what is expected instead of a word that is no type of a joint, for an error message.
 
     Examples
     --------

@@ -20,7 +20,7 @@ from rodgen.machines.structure import TENSION
 _JOINTS = frozenset({"revolute", "prismatic", *OF_A_LOOP})
 
 _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
-"""Words that stand in the keys of parameters in the place of an effect's name."""
+"""Words that are in the keys of parameters instead of an effect's name."""
 
 _SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
 """A component, and what [estimate] calls the same freedom."""

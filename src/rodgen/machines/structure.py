@@ -71,7 +71,7 @@ class Term:
     slope: str
     """As in the catalogue; `slope` is empty but for a beam."""
     parameters: tuple[str, ...]
-    """In the order in which they stand in ``e``."""
+    """In the order in which they are in ``e``."""
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
     """The column that each such name of the formula is, as in :attr:`Structure.columns`; ``("c", joint)`` is a
     coordinate that is no column, as it follows from readings."""

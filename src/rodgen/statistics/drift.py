@@ -2,7 +2,7 @@
 
 A value scatters by more than its own standard deviation says: machines do not repeat themselves exactly. How much is
 estimated from the successive differences of all series together, the large ones cut off, so that neither trends nor
-a few changes move it much; and that of each series from these and its own. Each series is then held against a constant
+a few changes move it much; and that of each series from these and its own. Each series is then compared with a constant
 in two ways: a straight line, and one change of the level, at whichever place it fits best. Both are weighted least
 squares.
 """

@@ -133,7 +133,7 @@ def _p_values(values: Array, std: Array, kept: Mask, variance: float) -> Array:
     """Return the probability that each subject is as far from the mean of the others, (n,).
 
     The variance of the truths is estimated: its information is half the sum of squared weights, so that a value is t
-    with the degrees of freedom of Satterthwaite (1946). A subject that was among those estimated from is held against
+    with the degrees of freedom of Satterthwaite (1946). A subject that was among those estimated from is compared with
     the others (externally studentised).
     """
     from scipy import special

@@ -39,7 +39,7 @@ class CostPolicy(NamedTuple):
     """Error of a formula, relative to what it explains, as noise: a straight guide, a round gear and a beam of one
     section hold to a percent or two."""
     shared: float = 2.0
-    """Factor on the uncertainty of a size from which on the same effect elsewhere is named beside it: how much of it is
+    """Factor on the uncertainty of a size from which on the same effect elsewhere is named, too: how much of it is
     where is then not known, as stated standard deviations say."""
     imperfect: float = 0.03
     """Part of an effect that may look like another one at the same place: nature's curve differs from the formula by

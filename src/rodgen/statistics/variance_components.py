@@ -255,7 +255,7 @@ class RestrictedLikelihood:
         return float(np.max(step[rising] ** 2 / spread[rising], initial=0.0)), start
 
     def _pruned(self, now: VarianceComponents) -> VarianceComponents:
-        """Return the components without those that are not worth their price beside the others."""
+        """Return the components without those that are not worth their price in addition to the others."""
         while len(now.names) > 1:
             fewer = min((self._without(now, i) for i in range(len(now.names))), key=lambda x: x.cost)
             best = fewer if fewer.cost > now.cost + 2 * self.price else self.climbed(fewer)

@@ -164,7 +164,7 @@ class MotionDeviations:
     wander: Array
     """Standard deviations of u and x along each degree of freedom, (k,)."""
     time: float
-    """After which x has forgotten 63 % of what it was."""
+    """After which x has forgotten 63 % of its value."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     run: Array = field(default_factory=lambda: np.zeros(0))
     """Of what all poses at one position, and of a run, share, (k,); empty where they share nothing."""

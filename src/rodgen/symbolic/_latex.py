@@ -225,7 +225,7 @@ def _lines(tex: str, width: int) -> list[str]:
 
 
 def _narrowed(tex: str, width: int) -> str:
-    """Break what stands in brackets, fractions, roots and the cells of matrices."""
+    """Break what is in brackets, fractions, roots and the cells of matrices."""
     if rendered_width(tex) <= width:
         return tex
     ends = [at for at, token, depth in _depths(tex) if depth == 0 and token in _CLOSING]

@@ -107,7 +107,7 @@ def diagnose_fleet(
 ) -> Fleet:
     """Diagnose machines, and return what they have in common.
 
-    What was diagnosed before, from the same files, is not diagnosed again; a run that was killed goes on where it was.
+    What was diagnosed before, from the same files, is not diagnosed again; a run that was killed continues.
 
     Parameters
     ----------

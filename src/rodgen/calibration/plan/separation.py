@@ -1,6 +1,6 @@
 """The fewest readings that tell effects apart, and with what probability they do.
 
-Each effect in question is fitted to the data in the place of the others, and the models are compared by pairs: of every
+Each effect in question is fitted to the data instead of the others, and the models are compared by pairs: of every
 pair, one is taken for true and the other for wrong.
 """
 

@@ -194,7 +194,7 @@ def weakest(o: Observations) -> int | None:
 def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
     """Return which commands, (n, legs), the machine of `o` can take: the legs close, and the platform turns no farther.
 
-    What the joints of platform and passive leg allow stands in no file. Where the platform was, it can go again: in
+    What the joints of platform and passive leg allow is in no file. Where the platform was, it can go again: in
     each of its degrees of freedom no farther than in the data.
     """
     machine = in_its_mode(o.machine, o)

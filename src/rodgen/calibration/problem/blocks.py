@@ -63,7 +63,7 @@ class Motion:
     ----------
     rows : int
     first, last : ndarray, shape (J,)
-        Commanded coordinates of the first and the last row, as they stand in the file.
+        Commanded coordinates of the first and the last row, as they are in the file.
     began, ended : ndarray of int8, shape (J,)
         Directions of the first and the last motion of each joint; 0 of one that does not move.
     before : list of int

@@ -78,7 +78,7 @@ class _Event(Documented):
 
 @dataclass(frozen=True)
 class Changed(_Event):
-    """The machine is no longer what it was.
+    """The machine has changed.
 
     Attributes
     ----------

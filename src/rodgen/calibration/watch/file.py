@@ -61,7 +61,7 @@ def watch(
     remark: Callable[[str], object] = lambda text: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Iterator[Event | BadRow]:
-    """Compare the rows of a file with what the machine was, as they come, and yield what they show.
+    """Compare the rows of a file with a fitted machine, as they arrive, and yield what they show.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def watch(
     rate, false_alarms
         As of `Watch`.
     state : str or path-like, optional
-        A file that keeps what was seen; a later watch goes on from there. It needs a `reference`.
+        A file that keeps what was seen; a later watch continues there. It needs a `reference`.
     until_alarm, until_bad_row : bool
         Whether to end after the first alarm, and with an error at a row that cannot be read.
     remark : callable, optional

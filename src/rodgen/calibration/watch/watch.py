@@ -1,4 +1,4 @@
-"""Watch a fitted machine: readings as they come, against the model, until something is no longer as it was.
+"""Watch a fitted machine: readings as they arrive, against the model, until something is no longer as it was.
 
 The statistics are in :mod:`rodgen.statistics.change_detector`. What is added here: the columns of the readings, rates
 and times, what an alarm means in words and units, outliers, and a state that survives restarts.
@@ -90,7 +90,7 @@ def per_second(argument: str, value: str | float) -> float:
 
 
 class Watch:
-    """New readings of a machine, compared with a fit as they come.
+    """New readings of a machine, compared with a fit as they arrive.
 
     Parameters
     ----------

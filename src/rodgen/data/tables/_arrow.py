@@ -167,7 +167,7 @@ class ParquetTable(_ArrowTable):
         self._check_types()
 
     def batches(self) -> Iterator[tuple[int, pa.RecordBatch]]:
-        """Yield the rows as they stand in the file, some at a time, with the number of the first among those read."""
+        """Yield the rows as they are in the file, some at a time, with the number of the first among those read."""
         start = 0
         try:
             for group in self._groups:

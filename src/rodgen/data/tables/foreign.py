@@ -49,7 +49,7 @@ class ForeignColumn:
     """A column."""
 
     header: str
-    """As it stands in the file."""
+    """As it is in the file."""
     name: str
     unit: str
     """Its parts; the unit may be empty."""

@@ -81,7 +81,7 @@ def map_table(
     Raises
     ------
     InputFileError
-        When the input or the output cannot be used. The output is then what it was before.
+        When the input or the output cannot be used. The output is then unchanged.
     """
     with OutputSet(), open_table(path, columns, keep_text=_keeps_text(output)) as table:
         units = table.units()

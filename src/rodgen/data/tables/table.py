@@ -53,7 +53,7 @@ class Table(abc.ABC):
     schema : pyarrow.Schema
         Of the columns as they are kept.
     gaps : bool
-        Whether NaN may stand in a column of numbers.
+        Whether NaN may be in a column of numbers.
     """
 
     file: str

@@ -303,9 +303,9 @@ def fit_axis(
 
     Notes
     -----
-    A reading that stands in several pairs, to the last digit, makes their errors dependent: the uncertainties
+    A reading that is in several pairs, to the last digit, makes their errors dependent: the uncertainties
     allow for it, and a remark says so. A known point is taken as exact. Without exact angles, readings of three points
-    or more that stand in several motions are one reading, whose error is one unknown.
+    or more that are in several motions are one reading, whose error is one unknown.
 
     Source: equation (1) of Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling
     Volumetric Geometric Accuracy of Multi-Coordinate Systems", for many pairs at once; with a slide, derivation

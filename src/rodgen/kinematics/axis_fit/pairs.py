@@ -43,7 +43,7 @@ pushed while it turns. A slide of s a pair, or of s for each radian, makes the r
 angle. It is one more parameter of the fit: where chance explains it, its estimate is reported and none is taken;
 otherwise it is fitted with the axis. Both are least squares of the same likelihood.
 
-A reading may stand in several pairs, such as one rest pose against which all others are paired; its errors are in
+A reading may be in several pairs, such as one rest pose against which all others are paired; its errors are in
 several residuals. With A_i the derivative of the score by the error of a reading in pair i, the score has the variance
 v Σ_g (Σ_i A_i)ᵀ (Σ_i A_i), over readings g and the pairs i in which they stand, where independent readings have
 v Σ_g Σ_i A_iᵀ A_i.
@@ -719,7 +719,7 @@ _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 
 @dataclass(frozen=True, eq=False)
 class SharedReadings:
-    """Readings that stand in more than one of the pairs that count.
+    """Readings that are in more than one of the pairs that count.
 
     Attributes
     ----------
@@ -735,7 +735,7 @@ class SharedReadings:
 
     @classmethod
     def of(cls, pairs: Pairs) -> SharedReadings | None:
-        """Return those of the pairs with a weight; None where each reading stands in one pair."""
+        """Return those of the pairs with a weight; None where each reading is in one pair."""
         counted = np.flatnonzero(pairs.weight > 0)
         points = np.concatenate([pairs.rho[counted], pairs.rho_prime[counted]]) + 0.0  # no zero with a sign
         bits = points.view(np.uint64)

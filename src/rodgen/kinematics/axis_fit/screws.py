@@ -140,7 +140,7 @@ def read_points(rho: ArrayLike, rho_prime: ArrayLike, move: Any, angle: Any) -> 
     labels, begins, motion = np.unique(
         np.zeros(N, int) if move is None else np.asarray(move), return_index=True, return_inverse=True
     )
-    order = np.argsort(begins)  # as they come
+    order = np.argsort(begins)  # as they arrive
     labels, motion = labels[order], np.argsort(order)[motion]
     if motion.shape != (N,):
         raise RodgenError(f"move has the shape {motion.shape}; expected one label a row: ({N},)")

@@ -47,8 +47,8 @@ def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[
 
     Notes
     -----
-    Z_r = (e_z × z_3; (z_3 · p) e_z) / sin χ_z, and so on. A line is as exact as its angle is away from 0 and π:
-    the direction to the machine epsilon over sin χ_i.
+    Z_r = (e_z × z_3; (z_3 · p) e_z) / sin χ_z, and so on. The error of a direction is the
+    machine epsilon over sin χ_i.
 
     Examples
     --------

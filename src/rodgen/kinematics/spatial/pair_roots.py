@@ -35,7 +35,7 @@ eight zeros."""
 SOLVABLE = 1e-14
 """Smallest over largest singular value of the matrix that is divided by: below this rounding may make it singular."""
 COMPLEX = 0.05
-"""Imaginary part of an angle up to which it may be a real one: eight solutions in one lose all but an eighth of sixteen
+"""Imaginary part of an angle up to which it may be a real one: eight solutions in one keep an eighth of sixteen
 digits."""
 ALONE = 1e-2
 """Distance from other eigenvalues beyond which a real one is that of a real solution: rounding moves those of badly

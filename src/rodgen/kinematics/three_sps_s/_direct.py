@@ -28,7 +28,7 @@ from rodgen.kinematics.numerics import roots
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, Geometry, nearest_proper
 
 COMPLEX = 0.1
-"""Imaginary part of a root, over its size, up to which it may be a real one: eight roots in one lose all but an eighth
+"""Imaginary part of a root, over its size, up to which it may be a real one: eight roots in one keep an eighth
 of sixteen digits."""
 NEARLY_SQUARE = 0.05
 """Sine of three times the phase of Z up to which the octic's roots are nearly double; the quartic's are taken, too."""

@@ -172,7 +172,7 @@ class EffectDefinition:
 
     @property
     def rung(self) -> int:
-        """Where it stands in the ladder of a robot: 0 a zero, 1 another dimension, 2 weight and loads, 3 the rest."""
+        """Where it is in the ladder of a robot: 0 a zero, 1 another dimension, 2 weight and loads, 3 the rest."""
         if (
             self.component == "reading"
             and len(self.parameters) == 1

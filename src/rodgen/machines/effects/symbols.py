@@ -1,6 +1,6 @@
 """Effects by the names of other systems: TPOINT's terms, such as TF, and the symbols of ISO 230, such as EBZ.
 
-TPOINT's terms stand in the rows of the catalogue. A symbol of ISO 230 is composed: E, the direction of an error (X Y Z
+TPOINT's terms are in the rows of the catalogue. A symbol of ISO 230 is composed: E, the direction of an error (X Y Z
 along, A B C about an axis of the machine), 0 for a location error, and the axis that has it. An axis named X, Y or Z
 slides along machine axis x, y or z, one named A, B or C turns about it.
 

@@ -133,8 +133,8 @@ def emit(
     Raises
     ------
     InputFileError
-        When the machine cannot be right, a parameter has no value, a travel is missing, a file stands in the place of
-        one of these that rodgen did not write, or the folder cannot be written.
+        When the machine cannot be right, a parameter has no value, a travel is missing, a file that rodgen did not
+        write has the name of one of these, or the folder cannot be written.
     NotConvergedError
         When the fit that the machine is from did not converge.
     RodgenError

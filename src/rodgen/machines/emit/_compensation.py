@@ -7,8 +7,9 @@ each joint pulls it there, and its derivatives. A language writes one loop,
     propose, look, judge     until the distance is within the tolerance, or the proposal is to end
     report
 
-where ``look`` is the place of a row with its Jacobian, and ``aim``. Beside the pose that is ``here`` it keeps the
-``best`` one where the steps came to rest, ``damping``, which starts with DAMPING, and ``attempt``, which starts with 0.
+where ``look`` is the place of a row with its Jacobian, and ``aim``. Apart from the pose that is ``here`` it keeps
+the ``best`` one where the steps came to rest, ``damping``, which starts with DAMPING, and ``attempt``, which
+starts with 0.
 
 A step is damped least squares with travels. With the scaled Jacobian S = J W (W: how freely each joint moves, 0 at an
 end of its travel) it is W y, where y is the damped least-squares solution of S y = e; it is solved in as many unknowns

@@ -86,7 +86,7 @@ class MachineKernels:
     """The columns of a row that it depends on, other than ``q``: input and component of each."""
     constants: tuple[Constant, ...]
     seen: Array
-    """The input ``seen`` of each target, and of one that there is not, (targets + 1, n)."""
+    """The input ``seen`` of each target, and of a missing one, (targets + 1, n)."""
     seen_of: tuple[str, ...]
     """What its components are."""
     values: _Values
@@ -184,7 +184,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
             column: place
             for column, place in conditions.items()
             if place in of_ports
-            or place[0] == "x" in read  # covariates, all or none: they stand in their order
+            or place[0] == "x" in read  # covariates, all or none: they are in their order
         },
         tuple(constant for constant in numbers.constants if constant.name in read),
         numbers.seen,

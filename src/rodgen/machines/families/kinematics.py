@@ -30,7 +30,7 @@ class Kinematics:
     numbers : mapping of str to tuple of str
         What ``[geometry]`` gives, each with the names of its components; ``""`` of a plain number.
     keys : tuple of str
-        All that may stand in ``[geometry]``.
+        All that may be in ``[geometry]``.
     number_words : mapping of str to tuple of str
         Of each number its name in emitted code, and what it is.
     pose_numbers : int

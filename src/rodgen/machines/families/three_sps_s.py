@@ -31,7 +31,7 @@ class ThreeSpsS(OnThreeLegs):
     """Rotation vector in radians; the assembly mode is the one nearest to it, else the one nearest to the readings."""
     seen: tuple[Vector, ...] = field(default=(), compare=False, repr=False)
     """Of a machine that was measured: further rotation vectors of that mode, from which all that were measured are
-    found; for code that finds poses by itself. They stand in no file."""
+    found; for code that finds poses by itself. They are in no file."""
 
     family = "3-sps-s"
     words = "3-SPS-S: three legs, and a pivot about which the platform turns"

@@ -119,7 +119,7 @@ PLATFORM = "platform"
 """Name of the target where the file of a closed chain gives none: the middle of its platform."""
 
 _OF_FAMILY, _OF_CHAIN = frozenset({"family", "geometry"}), frozenset({"branch", "joint"})
-"""Keys of the file that stand in that of a family of machines alone, and of a chain of joints alone."""
+"""Keys of the file that are in that of a family of machines alone, and of a chain of joints alone."""
 _TOP = (
     "name family units environment geometry branch joint target measured estimate known ties plausibility columns "
     "record effect"
@@ -571,7 +571,7 @@ _PLAUSIBLE = 'J2.gravity_windup = { odds = 2, usual = "3 arcmin" }'
 def _plausible(
     file: str, machine: Machine, content: dict[str, Any]
 ) -> Iterator[tuple[str, StatedPlausibility]]:
-    """Yield what is stated of each effect; those at a place may stand in a table of it, as TOML reads dots."""
+    """Yield what is stated of each effect; those at a place may be in a table of it, as TOML reads dots."""
     places = {*(joint.name for joint in machine.joints), *(target.name for target in machine.targets)}
     for name, entry in content.items():
         tables = isinstance(entry, dict) and entry and all(isinstance(x, dict) for x in entry.values())

@@ -270,7 +270,7 @@ class Table:
         Parameters
         ----------
         keys : collection of str
-            Those that may stand in it.
+            Those that may be in it.
         missing : str, optional
             What is expected where the table must be there.
         """

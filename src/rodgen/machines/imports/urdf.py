@@ -80,7 +80,7 @@ def machine_from_urdf(
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint as it stands in the file: metres and radians, in the frame of its parent."""
+    """A joint as it is in the file: metres and radians, in the frame of its parent."""
 
     name: str
     type: str

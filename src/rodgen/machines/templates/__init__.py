@@ -114,7 +114,7 @@ def machine_template(
 
 def _machine_tool(code: str, balls: int | None, *, ballbar: bool) -> str:
     """Return the file of a machine tool: a chain from the workpiece to the tool, or the table under balls."""
-    axes = re.findall(r"\(.*?\)|[A-Za-z]'?", code)  # what stands in parentheses is a spindle
+    axes = re.findall(r"\(.*?\)|[A-Za-z]'?", code)  # what is in parentheses is a spindle
     names = [axis.removesuffix("'") for axis in axes if not axis.startswith("(")]
     letters = [name for name in names if name not in ("w", "b", "t")]
     right = names[:1] == ["w"] and names[-1:] == ["t"] and "b" in names and len(names) == len(letters) + 3

@@ -101,7 +101,7 @@ def figure_block(number: int, figure: go.Figure) -> Figure:
 
 
 def figures_json(figures: Iterable[go.Figure]) -> str:
-    """Return the data of figures and the colours of a dark page, as JSON that can stand in a script element.
+    """Return the data of figures and the colours of a dark page, as JSON that can be in a script element.
 
     What is drawn at an element is the figure whose number, from 0, its attribute ``data-figure`` has.
     """
