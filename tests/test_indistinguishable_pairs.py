@@ -50,7 +50,7 @@ def test_two_parameters_of_a_leg_are_named_for_three_that_do_the_same(diagnosed)
     sets = found.indistinguishable_sets
     assert {e.title for s in sets for e in s.named} == {"leg_zero_offset at L1", "leg_scale at L1"}
     assert [e.name for s in sets for e in s.effects] == ["platform_joint_offset"]
-    said = "In the place of leg_zero_offset at L1 and leg_scale at L1, platform_joint_offset at L"
+    said = "Instead of leg_zero_offset at L1 and leg_scale at L1, platform_joint_offset at L"
     assert said in " ".join(found.summary().split())
     assert found.to_dict()["indistinguishable_sets"][0]["effects"][0]["effect"] == "platform_joint_offset"
 

@@ -281,7 +281,7 @@ def test_an_unknown_error_is_not_said_to_fall():
     known, unknown = HeldOut(0.003, "mm", 5, 40, "posture"), HeldOut(None, "mm", 5, 40, "posture")
     text = HeldOutGeometry(unknown, known).text
     assert text.endswith("falls by that: unknown with it, 3 um without.")
-    assert "nothing tells whether" in text
+    assert "the data do not show whether" in text
     found = HeldOutGeometry(known, unknown).to_dict()
     assert (found["lowers"], found["reason"], found["nominal"]) == (None, "each_pose_needed", None)
     assert HeldOutGeometry(known, known).text.endswith("does not fall by that: 3 um with it, 3 um without.")

@@ -404,7 +404,7 @@ def test_readings_that_would_sharpen_nothing_are_not_planned():
     assert (
         "12 further readings would lower no standard deviation of C.tilt_error_motion.u_c1" in goal.sentence
     )
-    assert goal.sentence.endswith("by more than 2 %, beside the 432 that there are.")
+    assert goal.sentence.endswith("by more than 2 %, compared with the 432 that there are.")
 
 
 @slow

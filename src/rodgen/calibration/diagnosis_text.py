@@ -248,7 +248,7 @@ def on_sets(diagnosis: Diagnosis) -> Iterator[str]:
     for one in diagnosis.indistinguishable_sets:
         named, others = (joined([e.title for e in effects]) for effects in (one.named, one.effects))
         fits = "fits" if len(one.effects) == 1 else "fit"
-        yield f"In the place of {named}, {others} alone {fits} these data, {comparison(one.odds)}."
+        yield f"Instead of {named}, {others} alone {fits} these data, {comparison(one.odds)}."
 
 
 def how_to_distinguish(diagnosis: Diagnosis) -> str:

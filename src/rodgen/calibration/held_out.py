@@ -200,9 +200,7 @@ class HeldOutGeometry(Result):
         estimated = "Axes and points of joints are estimated, and"
         rms = "the rms on poses that the fit did not see"
         if self.reason:
-            return (
-                f"{estimated} nothing tells whether {rms} falls by that: {with_} with it, {without} without."
-            )
+            return f"{estimated} the data do not show whether {rms} falls by that: {with_} with it, {without} without."
         falls = "falls" if self.lowers else "does not fall"
         return f"{estimated} {rms} {falls} by that: {with_} with it, {without} without."
 

@@ -33,7 +33,7 @@ not determine. The exit code is 3 where they determine no single line. The table
 
   rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]
              a pair of points a row, before and after a rotation by a known angle
-  the same with move in the place of angle
+  the same with move instead of angle
              the angle is not known; rows of one label, three points or more, are one motion
   x [mm],y [mm],z [mm],qw,qx,qy,qz
              a pose a row, of a body that turns and slides along one axis; also r11 ... r33, rx,ry,rz (axis times

@@ -49,7 +49,7 @@ def add_to(command: Command) -> None:
             default="1/year",
         ),
         option("--jobs N", "processes; default: one for each processor", whole(1)),
-        option("--scheduler WHERE", "a Dask scheduler in the place of --jobs: tcp://HOST:PORT"),
+        option("--scheduler WHERE", "a Dask scheduler instead of --jobs: tcp://HOST:PORT"),
         JSON,
     )
 

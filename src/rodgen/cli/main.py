@@ -65,7 +65,7 @@ _GROUPS: dict[str, dict[str, tuple[str, str]]] = {
         "check": ("check", "whether a machine file and its data can be right"),
         "plan": ("plan", "what to measure next"),
         "predict": ("predict", "positions of a fitted machine at other commands, with uncertainty"),
-        "watch": ("watch", "readings as they come: has the machine changed?"),
+        "watch": ("watch", "new readings: has the machine changed?"),
         "add": ("edit", "add effects to a machine, and see the error fall"),
         "remove": ("edit", "remove an effect from a machine"),
         "set": ("edit", "say what is known of a parameter, or tie it to others"),

@@ -16,8 +16,8 @@ from rodgen.stages import stage
 
 _REPORT = f"""\
 Diagnose a machine, plan what to measure next, and write both as one HTML page, which needs no network; its figures can
-be zoomed, and saved as PNG and SVG. Of the results of a fleet, a folder in the place of both files, it shows what
-'rodgen fleet' says. --images needs Chrome or Chromium.
+be zoomed, and saved as PNG and SVG. With the folder of a fleet's results instead of both files, it shows what
+'rodgen fleet' found. --images needs Chrome or Chromium.
 
 {FILES}
   rodgen report table.toml balls.csv -o report.html --radius C=40mm

@@ -34,9 +34,9 @@ LEARNED = 200
 _GO_ON = ("go-on", "stop")
 
 _WATCH = f"""\
-Compare new readings of a machine with what it was, as they come, and report what has changed, by how much, and since
-when. The reference is a fit to --reference, or to the first {LEARNED} rows of DATA, a measurement file that may grow
-(--follow), or '-', CSV on standard input. The exit code is 1 where there was an alarm.
+Compare new readings with a fitted machine, and report what has changed, by how much, and since when. The reference
+is a fit to --reference, or to the first {LEARNED} rows of DATA. DATA is a measurement file that may grow (--follow),
+or '-', CSV on standard input. The exit code is 1 where there was an alarm.
 
   rodgen watch arm.toml readings.csv --reference calibration.csv --follow --state arm.watch
 """

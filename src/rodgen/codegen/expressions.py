@@ -183,7 +183,7 @@ class _Walk:
             return number(FUNCTIONS[type(value)], *map(self, value.args))
         if isinstance(value, sp.Float):
             raise KernelError(
-                f"the float {float(value):.6g} stands in a kernel; expected an exact number, such as sp.Rational(1, 2)"
+                f"the float {float(value):.6g} is in a kernel; expected an exact number, such as sp.Rational(1, 2)"
             )
         known = ", ".join(sorted({*(f.__name__ for f in FUNCTIONS), "sqrt", "select"}))
         what = f"{type(value).__name__}()" if value.args else str(value)

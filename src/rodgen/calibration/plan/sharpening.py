@@ -113,7 +113,7 @@ class Sharpening(Planned):
         if self.rows is not None and idle:
             sentences.append(
                 f"{self.rows.n} further readings would lower no standard deviation of {names} by more than "
-                f"{100 * (1 - min(ratios)):.1g} %, beside the {count} that there are."
+                f"{100 * (1 - min(ratios)):.1g} %, compared with the {count} that there are."
             )
             self.rows = self.rows if asked else None
         if self.hidden:

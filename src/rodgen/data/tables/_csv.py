@@ -324,7 +324,7 @@ class CsvTable(Table):
         if _NUMBER.fullmatch(stripped):
             return f"{shown(stripped)}, too large for a double", "a finite number"
         if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[^\d\s.,;]+", stripped):
-            return shown(stripped), "a number alone (its unit stands in the header)"
+            return shown(stripped), "a number alone (its unit is in the header)"
         return shown(stripped), "a number"
 
 

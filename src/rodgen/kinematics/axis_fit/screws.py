@@ -236,7 +236,7 @@ def _check_body(points: Array, after: Array, label: Any, named: bool) -> None:
         )
     if len(np.unique(np.concatenate([points, after], axis=1), axis=0)) > count:
         raise RodgenError(
-            f"a reading before the motion stands in several rows of {of} with other readings after it; expected a "
+            f"a reading before the motion is in several rows of {of} with other readings after it; expected a "
             "label of its motion in each row, move"
         )
     size = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
