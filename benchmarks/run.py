@@ -1,6 +1,6 @@
 """Measure the speed of rodgen, compared with other libraries and with the limits of the hardware.
 
-python benchmarks/run.py                # the full run, below ten minutes; writes docs/science/benchmarks.md and results/
+python benchmarks/run.py                # the full run, ten minutes; writes README.md and results/
 python benchmarks/run.py --only fits    # or axis, ..., diagnose, workbench; the others stay
 python benchmarks/run.py --quick        # a short run of a minute or two; writes nothing
 python benchmarks/run.py --page         # measures nothing; writes the page and draws its picture of what was measured
@@ -20,7 +20,7 @@ from contenders import native
 
 PARTS = ("axis", "fits", *report.SUBJECTS)
 RESULTS = environments.HERE / "results" / "latest.json"
-PAGE = environments.HERE.parent / "docs/science/benchmarks.md"
+PAGE = environments.HERE / "README.md"
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Measure fits and diagnoses of a 6R arm in many files, for docs/guides/scale.md: time, processor time, memory and bytes.
+"""Measure fits and diagnoses of a 6R arm in many files: time, memory and bytes for docs/guides/scale.md.
 
 python benchmarks/scale.py --rows 1e6 1e7                          # makes the files first; removes them in the end
 python benchmarks/scale.py --rows 1e7 --where threads=2 --diagnose

@@ -1,7 +1,8 @@
 """Draw the pictures of the README and of the page on the solver.
 
-python docs/make_pictures.py        # writes docs/mount.png and docs/science/axes.png
+python docs/make_pictures.py        # writes docs/slide.png, docs/mount.png and docs/science/axes.png
 
+slide.png: a slide's error over its travel, before and after its thermal expansion is added.
 mount.png: a telescope's model against its measurements, before and after the two effects that ``make demo`` adds.
 axes.png: the two axes of one pair of points, and how exactly they are found.
 """
@@ -132,6 +133,32 @@ def draw_accuracy(figure: go.Figure) -> None:
     figure.update_yaxes(type="log", exponentformat="power", dtick=3, title=title, row=1, col=2)
 
 
+def draw_slide() -> go.Figure:
+    """The error of a slide along its travel, and how it falls with the effect that a diagnosis finds."""
+    folder = Path(__file__).parent.parent / "examples/off_by_20_um"
+    machine = rodgen.Machine.load(folder / "machine.toml")
+    data = rodgen.Measurements.load(folder / "data.csv")
+    fits = [m.fit(data) for m in (machine, machine.add("thermal_expansion", joint="X"))]
+    titles = ("Along the slide, 51 readings", "The error falls")
+    figure = make_subplots(1, 2, column_widths=[0.68, 0.32], horizontal_spacing=0.09, subplot_titles=titles)
+    marks = (
+        {"symbol": "circle-open", "color": ORANGE, "size": 8},
+        {"symbol": "circle", "color": BLUE, "size": 6},
+    )
+    for fit, mark, name in zip(fits, marks, ("as described", "with thermal expansion"), strict=True):
+        x, y = fit.observations.q[:, 0], 1000 * fit.residuals[:, 0]
+        figure.add_trace(go.Scatter(x=x, y=y, mode="markers", marker=mark, name=name), 1, 1)
+    figure.update_xaxes(title="X [mm]", row=1, col=1)
+    figure.update_yaxes(title="measured − predicted [µm]", row=1, col=1)
+    sizes = [1000 * fit.rms for fit in fits]
+    text = [f"{size:.2f} µm" for size in sizes]
+    bars = go.Bar(x=["before", "after"], y=sizes, text=text, marker_color=[ORANGE, BLUE], showlegend=False)
+    figure.add_trace(bars, 1, 2)
+    figure.update_yaxes(title="rms per reading [µm]", showgrid=False, row=1, col=2)
+    figure.update_layout(legend={"x": 0.02, "y": 0.98, "yanchor": "top", "bgcolor": "rgba(255,255,255,0.85)"})
+    return styled(figure, 360)
+
+
 def draw_mount() -> go.Figure:
     """The residuals of the telescope's mount, and how they fall with the effects that a diagnosis finds."""
     folder = Path(__file__).parent.parent / "examples/machines/mount"
@@ -199,7 +226,11 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
 
 
 def main() -> None:
-    for name, draw in (("mount.png", draw_mount), ("science/axes.png", draw_axes_and_accuracy)):
+    for name, draw in (
+        ("slide.png", draw_slide),
+        ("mount.png", draw_mount),
+        ("science/axes.png", draw_axes_and_accuracy),
+    ):
         file = Path(__file__).parent / name
         figures.save_figure(draw(), file)
         print(file)

@@ -13,8 +13,8 @@
 # 5. *add* the effect, and write the corrected model as C code;
 # 6. *report*: a page for the workshop.
 #
-# `docs/start/first_diagnosis.md` shows the same steps on the command line. The machine is simulated, so the true answer is known and
-# can be compared with what is found.
+# `docs/start/first_diagnosis.md` shows the same steps on the command line. The machine is simulated, so the true answer
+# is known and can be compared with what is found.
 #
 # ## The machine
 #

@@ -378,9 +378,7 @@ def claims() -> list[Claim]:
             [((0.5, 0.51), (1.0, 1.05)), ((20.0, 20.5), (0.1, 0.15))],
         )
     )
-    turns = (
-        "ratios of the axis's components to the largest 0.3 to 0.7, of that to w 0.4 to 0.8 and 1.25 to 2.5"
-    )
+    turns = "the box of conversions"
     near = [((0, 0), (0.5, 0.52), (0.4, 0.42), (0.7, 0.72)), ((2, 2), (0.35, 0.36), (0.6, 0.61), (2.0, 2.05))]
     for name, bound in CONVERSIONS.items():
         target, _, source = name.partition("_from_")
@@ -427,39 +425,30 @@ KEPT = Path(__file__).parents[1] / "build" / "certified"
 PAGE = Path(__file__).parents[1] / "docs/science/certified.md"
 TOP = """# Certified bounds of rounding errors
 
-Made by `make certify`. What a row says holds for every input of its boxes, and is not sampled: the operations of
-the generated NumPy function, whose order is that of the C code, are done with balls (of Arb, by python-flint)
-that hold all inputs of a box and all roundings, each result being (a ∘ b)(1 + δ) with any δ of at most 2⁻⁵³.
-Boxes are halved until the bound is below the one that is claimed; `study/rounding.py` says how,
-`study/certify.py` for what. It is a bound of the difference between the computed result and that of exact
-arithmetic on the same floating-point inputs, and every rounding may conspire: errors that are met are about a
-third of it.
+Made by `make certify`. A row holds for every input of its boxes. The operations of the generated NumPy function are
+evaluated with balls (of Arb, by python-flint). These contain all inputs of a box and all roundings `(a ∘ b)(1 +
+δ)`, `|δ| ≤ 2⁻⁵³`. The C code has the same order of operations. Boxes are halved until the bound is below the claim.
+The bound is that of the difference to exact arithmetic on the same floating-point inputs. Errors that occur are
+about a third of it, because roundings seldom all add up.
 """
 BOTTOM = """
-*At most* is what is claimed, *found* the largest bound of a box, where halving ended because it was below the claim.
+*At most* is the claim, *found* the largest bound of a box. `study/rounding.py` says how, `study/certify.py` for what.
 
-- **Counted in.** ε is 2⁻⁵². The error of an axis is a length; in conversions it is multiplied by the sine of half
-  the angle, and that of a Rodrigues vector, over its length, by the cosine: the axis of a small turn and the
-  length of the vector of a half turn are hardly determined. Of matrices and quaternions it is that of the worst
-  number, and of angles in rad. The elements of a given matrix may be off those of a rotation by 4 ε.
-- **Assumed.** Sine, cosine, tangent and arc tangent are off by at most one unit in the last place; nothing
-  overflows or underflows; no flag changes arithmetic. A product and a sum that are rounded once, as on processors
-  with fused operations, are included.
-- **`solve_axis`.** Points anywhere, of any length; half the angle between them is a, half the angle of the
-  rotation h, of either sign, up to a turn. In the program for all inputs half turns and points on the axis are among
-  them, and what is left out are points within 1e-6 rad of where both axes meet, h = a; in that for usual inputs, which
-  the kernel takes for some half turns, too, the rows say how near these it is certified. Lengths differ by up to 1e-3
-  of them, in the program for usual inputs by as much as it takes. The roundings of a vector's components have a bound
-  in any orientation, so boxes have two dimensions. At single inputs this bound is up to 9.4 cond ε, however small the
-  boxes; the tests find at most 4 cond ε in their [families](accuracy.md) of such lengths, as roundings do not conspire.
-- **Conversions.** Components of the axis have one sign. The others follow: changed signs of components change
-  signs and places in the program, and rounding has no preferred sign. The largest component may be any.
-- **`tricept_direct`.** The error is the distance from the exact pose of the given rods. All six steps are followed from
-  the start for all rods of a box at once: what Newton's method leaves by its second derivatives, what turning by an
-  arc tangent adds, and the roundings (`study/newton_program.py`). So it is certified, too, that the last step is small
-  enough for the status REACHABLE. Errors that are met are about 1 eps: in the bound all roundings of six steps add up.
-- **Not certified.** What is nearer to a case where nothing is determined than the rows say; which status is given
-  there; other iterations than that of `tricept_direct`; kernels that are not listed; and float32.
+- **Errors.** ε is 2⁻⁵². The error of an axis is a length. In conversions it is multiplied by the sine of half the
+  angle, and that of a Rodrigues vector, over its length, by the cosine. Of matrices and quaternions it is that of
+  the worst number. A given matrix may be off a rotation by 4 ε.
+- **Assumed.** Sine, cosine, tangent and arc tangent are accurate to one unit in the last place. Nothing overflows
+  or underflows, and no flag changes arithmetic. Fused operations are included.
+- **`solve_axis`.** Points are anywhere, of any length. Half the angle between them is a, half the angle of the
+  rotation is h, up to a turn. The program for all inputs is certified but for points within 1e-6 rad of h = a. The
+  rows say how near the program for usual inputs is. Lengths differ by up to 1e-3. At single inputs the bound is up
+  to 9.4 cond ε; the tests find at most 4 cond ε in their [families](accuracy.md).
+- **The box of conversions.** Ratios of the axis's components to the largest are 0.3 to 0.7, of that to w 0.4 to 0.8
+  and 1.25 to 2.5. Components have one sign; the others follow by symmetry.
+- **`tricept_direct`.** The error is the distance from the exact pose. All six steps of Newton's method are followed
+  for a box at once (`study/newton_program.py`). Errors that occur are about 1 eps.
+- **Not certified.** Inputs nearer to an undetermined case, the status there, other iterations, kernels that are not
+  listed, and float32.
 """
 
 

@@ -15,7 +15,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
 Run = Callable[..., tuple[int, str, str]]
-PAGE = (Path(__file__).parent.parent / "docs/guides/import.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parent.parent / "docs/guides/import_robots.md").read_text(encoding="utf-8")
 UR, KUKA = re.findall(r"```text\n(joint.*?)```", PAGE, re.DOTALL)[:2]
 MITSUBISHI = re.search(r"```toml\n(name = \"RV.*?)```", PAGE, re.DOTALL)[1]
 SLIDING = """type,theta [rad],d [m],a [inch],alpha [deg]

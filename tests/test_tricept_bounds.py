@@ -428,7 +428,11 @@ def test_influences_that_are_none_are_refused(refuses) -> None:
 
 
 def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:
-    page = (Path(__file__).parent.parent / "docs/mechanisms/tricept.md").read_text(encoding="utf-8").replace("−", "-")
+    page = (
+        (Path(__file__).parent.parent / "docs/mechanisms/tricept.md")
+        .read_text(encoding="utf-8")
+        .replace("−", "-")
+    )
     for n, name in enumerate(ELEMENTS):
         row = next(line for line in page.splitlines() if line.startswith(f"| {name} |"))
         numbers = [[float(x) for x in cell.split(" … ")] for cell in row.split("|")[2:7] if "…" in cell]

@@ -21,33 +21,25 @@ def page(result: dict) -> str:
     rows = result["rows"]
     devices = ", ".join(sorted({each["device"] for each in made})) or "no device"
     about = (
-        f"Written by `benchmarks/gpu/measure.py` on {devices}. The generated modules run on arrays of each library; "
-        f"the last contender is `generated/c/axis.c` as it stands, compiled for the device. {rows:,} rows; float64 "
-        "unless it says otherwise. *Share*: of the bandwidth of a copy by the same library, bytes read and written, "
-        "for the bytes that a call must read and write at least. *Error*: largest difference to NumPy's answer in "
-        "float64, relative to the largest number."
+        f"`benchmarks/gpu/measure.py`, {devices}, {rows:,} rows, float64 unless a row says otherwise. The generated "
+        "modules run on arrays of each library; the last contender is `generated/c/axis.c`, compiled for the device. "
+        "*Share* is that of the bandwidth of a copy by the same library. *Error* is the largest difference to NumPy."
     )
     lines = [
         TITLE,
         textwrap.fill(about, 118),
-        "\n| | | ns a row | GB/s | share | error | s to compile |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
+        "\n| | ns a row | share | error | s to compile |",
+        "| --- | ---: | ---: | ---: | ---: |",
     ]
     for each in made:
-        lines.append(
-            f"| {each['name']} ({each['version']}) | copy | | {each['bandwidth'] / 1e9:,.0f} | | | |"
-        )
         for title, row in each["tasks"].items():
+            name = f"{each['name']} ({each['version']}): {title}"
             if "seconds" not in row:
-                lines.append(
-                    f"| | {title} | {row.get('failed', 'not timed')} | | | | {row['to_compile']:.0f} |"
-                )
+                lines.append(f"| {name} | {row.get('failed', 'not timed')} | | | |")
                 continue
-            speed = row["bytes"] / row["seconds"]
-            lines.append(
-                f"| | {title} | {1e9 * row['seconds'] / rows:.3f} | {speed / 1e9:,.0f} | "
-                f"{speed / each['bandwidth']:.2f} | {row['error']:.0e} | {row['to_compile']:.0f} |"
-            )
+            share = row["bytes"] / row["seconds"] / each["bandwidth"]
+            time = f"{1e9 * row['seconds'] / rows:.3f}"
+            lines.append(f"| {name} | {time} | {share:.2f} | {row['error']:.0e} | {row['to_compile']:.0f} |")
     shares = [
         (row["bytes"] / row["seconds"] / each["bandwidth"], title, each["name"])
         for each in made

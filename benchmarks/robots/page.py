@@ -2,65 +2,31 @@
 
 from __future__ import annotations
 
+WORDS = """\
+## Robots with six revolute joints
 
-def caveats() -> str:
-    return (
-        "- rodgen takes arrays of poses, the peers one pose per call (EAIK also a list); a call from Python costs\n"
-        "  them about a microsecond. One pose per call is slower in rodgen than in the peers: see the row so called.\n"
-        "- ssik checks each solution by the forward analysis; rodgen does so only near degenerate poses. If there is\n"
-        "  no solution, EAIK returns a flagged least-squares answer, rodgen a status.\n"
-        "- ssik's compiled forward analysis is C++ without a Python interface; the row is its Python function.\n"
-    )
-
-
-def headline(result: dict) -> list[str]:
-    parts = []
-    for name, robot in result["robots"].items():
-        rows = {row["name"]: row for row in robot["rows"]}
-        reverse = min(
-            (
-                row
-                for row in robot["rows"]
-                if row["kind"] == "reverse" and not row["name"].startswith("rodgen")
-            ),
-            key=lambda row: row["ns"],
-        )
-        forward = min(
-            (
-                row
-                for row in robot["rows"]
-                if row["kind"] == "forward" and not row["name"].startswith("rodgen")
-            ),
-            key=lambda row: row["ns"],
-        )
-        parts.append(
-            f"- {name}, all solutions of a pose: {rows['rodgen: reverse']['ns']:.0f} ns; {reverse['name']} takes "
-            f"{reverse['ratio']:.0f} times as long. Forward: {rows['rodgen: forward']['ns']:.0f} ns; {forward['name']} "
-            f"takes {forward['ratio']:.0f} times as long."
-        )
-    return parts
+All solutions of a pose. rodgen takes arrays of poses; the peers take one pose a call, EAIK also a list. All three find
+as many solutions in {same} poses; angles differ by at most {apart:.0e} rad. Checks of each solution by the forward
+analysis are part of ssik, and in rodgen near degenerate poses. The forward analysis of ssik is timed in Python.
+"""
 
 
 def page(result: dict) -> str:
+    robots = result["robots"]
+    few = result["few"]
+    same = f"{sum(few - robot['counts'] for robot in robots.values())} of {few * len(robots)}"
+    rows = {name: {row["name"]: row for row in robot["rows"]} for name, robot in robots.items()}
+    order = sorted(next(iter(robots.values()))["rows"], key=lambda row: (row["kind"] == "forward", row["ns"]))
     lines = [
-        "## Robots with six revolute joints\n",
-        f"- poses a call: {result['n']:,} for rodgen, {result['few']:,} calls for the peers; rounds: "
-        f"{result['rounds']}; share of one processor that the samples had: {result['share']:.0%}\n",
+        WORDS.format(same=same, apart=max(robot["apart"] for robot in robots.values())),
+        "| ns a pose (ratio) | " + " | ".join(robots) + " |",
+        "| --- |" + " ---: |" * len(robots),
     ]
-    for name, robot in result["robots"].items():
-        lines += [
-            f"### {name} (ssik: {robot['family']})\n",
-            "| | ns a pose | spread | as a multiple of rodgen |",
-            "| --- | ---: | ---: | ---: |",
+    for one in order:
+        shown = f"**{one['name']}**" if one["name"].startswith("rodgen") else one["name"]
+        cells = [
+            f"{rows[name][one['name']]['ns']:,.0f} ({rows[name][one['name']]['ratio']:,.1f})"
+            for name in robots
         ]
-        differ, apart = robot["counts"], robot["apart"]
-        lines.insert(
-            -2,
-            f"All three find as many solutions in {result['few'] - differ} of {result['few']} poses; angles differ by "
-            f"{apart:.0e} rad at most.\n",
-        )
-        for row in sorted(robot["rows"], key=lambda row: (row["kind"] == "forward", row["ns"])):
-            shown = f"**{row['name']}**" if row["name"].startswith("rodgen") else row["name"]
-            lines.append(f"| {shown} | {row['ns']:,.0f} | {row['spread']:.0%} | {row['ratio']:.2f} |")
-        lines.append("")
+        lines.append(f"| {shown} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

@@ -12,36 +12,23 @@ USUAL = 0.3
 """Of actions on all other cases."""
 
 
-def caveats() -> str:
-    """Return the caveats that precede the figures."""
-    return (
-        "- The page of `rodgen open` is used in headless Chromium on a server of its own. The first view counts from\n"
-        "  the start of the command, with the browser open and nothing in its cache; an action from the click. Both\n"
-        "  end when the last plot that follows is painted. These are wall times, because two programs take turns: on\n"
-        "  a busy machine they are longer; the processor time of each, until then, says by how much.\n"
-        "- Headless Chromium draws by the processor; with a graphics processor less of it is needed.\n"
-    )
+WORDS = """\
+## The page of `rodgen open`
 
-
-def headline(result: dict[str, Any]) -> list[str]:
-    """Return the main figures, one per line."""
-    found = []
-    for name, case in result["cases"].items():
-        slowest = max(item["wall"] for what, item in case.items() if not what.startswith("first view"))
-        first = case["first view"]["wall"]
-        found.append(f"{name}: first view {first:.1f} s, slowest action {slowest:.2f} s")
-    return [f"- Workbench, wall time: {'; '.join(found)}."]
+Wall times in headless Chromium ({browser}), without a graphics processor. The first view counts from
+the start of the command, an action from the click. Both end when the last plot is painted. In brackets: the goal.
+"""
 
 
 def page(result: dict[str, Any]) -> str:
     """Return the table."""
-    body = []
-    for name, case in result["cases"].items():
-        for what, item in case.items():
-            bar = BARS.get("first view" if what.startswith("first view") else name, USUAL)
-            times = [f"{item[key]:.2f} s" for key in ("wall", "server", "browser")]
-            share = f"{item['wall'] / bar:.2f}"
-            body.append([f"{name}: {what}", times[0], f"{bar:g} s", share, *times[1:]])
-    header = ["", "wall time", "goal", "share of the goal", "processor, server", "processor, browser"]
-    said = f"\nChromium {result['browser']}; load of the machine after the run {result['load after the run']:.1f}.\n"
-    return "\n".join(["## The workbench\n", table(header, body), said])
+    cases = result["cases"]
+    body = [
+        [what, *(f"{case[what]['wall']:.2f} s ({_goal(name, what):g} s)" for name, case in cases.items())]
+        for what in next(iter(cases.values()))
+    ]
+    return "\n".join([WORDS.format(browser=result["browser"]), table(["", *cases], body)]) + "\n"
+
+
+def _goal(case: str, what: str) -> float:
+    return BARS.get("first view" if what.startswith("first view") else case, USUAL)

@@ -1,6 +1,6 @@
 """Write the measured table and the pictures of docs/mechanisms/spatial_mechanisms.md.
 
-python docs/mechanisms/make_spatial_mechanisms.py    # docs/mechanisms/spatial_mechanisms.md, and puma_postures.png and rrrcc.svg next to it
+python docs/mechanisms/make_spatial_mechanisms.py    # and puma_postures.png and rrrcc.svg next to the page
 
 The table holds `rodgen.spatial.reverse` against Newton's method from 300 starts a pose (tests/numeric_reverse.py).
 """

@@ -1,6 +1,6 @@
 """Write the numbers and the pictures of docs/mechanisms/tricept.md.
 
-python docs/mechanisms/make_tricept.py        # the table in docs/mechanisms/tricept.md, docs/mechanisms/tricept_map.png and docs/mechanisms/tricept_bounds.png
+python docs/mechanisms/make_tricept.py        # the table, tricept_map.png and tricept_bounds.png
 
 The table compares the paper's eq. (24) with the sums of influences, the paper's method, and with the true ranges.
 """

@@ -1,4 +1,4 @@
-"""Measure the accuracy of the axis solver and write the page docs/science/accuracy.md: ``python docs/science/make_accuracy.py``.
+"""Measure the accuracy of the axis solver and write its page: ``python docs/science/make_accuracy.py``.
 
 Each row of the page is a family of inputs that are hard in one way. An input is a pair of points and an angle in
 floating point; the reference is the axes for exactly these numbers, with 60 digits. The error is the length of the
@@ -283,27 +283,19 @@ PAGE = """# Accuracy of the axis solver
 
 Made by `python docs/science/make_accuracy.py`; seed {seed}, {count} inputs a row, reference with {digits} digits.
 
-Each row is a family of inputs that are hard in one way. The error of an input is the larger of the two axes' distances
-from the exact axes of the given numbers. *Worst* is the largest error over cond·ε, where cond is
-`axis_condition` and ε the spacing of floating-point numbers at 1 (2⁻⁵² in float64, 2⁻²³ in float32): the
-tests allow at most 4, and 12 where ρ′ is 3 to 9 times as long as ρ: of 30,000 generic inputs with ratios from 5 to 9,
-87 have more than 4 and the worst 7.4; the worst of all that were tried has 9.1. [Certified](certified.md), where
-lengths agree to 1e-3, is 12. *Median* is in units of ε.
+Each row is a family of inputs that are hard in one way. An error is the larger distance of the two axes from the
+exact axes of the given numbers. *Worst* is the largest error over cond·ε, where cond is `axis_condition` and ε is
+2⁻⁵² in float64, 2⁻²³ in float32. The tests allow at most 4, and 12 where ρ′ is 3 to 9 times as long as ρ. There, 87
+of 30,000 generic inputs have more than 4, and the worst of all that were tried has 9.1. 12 is
+[certified](certified.md) where lengths agree to 1e-3. *Median* is in units of ε. *Paper* is the largest error of
+the paper's own formulas, with the sign of the root corrected.
 
-float64, the compiled kernels (`{backend}` on the machine that made this page), the NumPy module, the C alone, and the
-paper's own formulas with the sign of the root corrected:
+{table}
 
-{float64}
-
-float32, the compiled kernels:
-
-{float32}
-
-Caveats: the last digits of these figures change with the instruction set and the mathematical library, because fused
-multiplications round once where others round twice. Where the exact problem has no axis after rounding of the inputs
-(some of the near tangent ones), the input is left out. *Merged* counts inputs whose two axes are so close together that
-the rounding of the angle decides whether there are any: the status says `ONE_AXIS` or `NO_AXIS`, and they are not among
-the errors. A turn by 1e-160 is none: the status is `EVERY_AXIS`, and the axis one of all.
+Compiled kernels are `{backend}`. Last digits change with the instruction set and the mathematical library. Inputs
+whose exact problem has no axis after rounding are left out. Inputs whose axes merge within rounding (`ONE_AXIS`,
+`NO_AXIS`) are not among the errors; in float32 these are up to 160 of {count}. A turn by 1e-160 is none: the status
+is `EVERY_AXIS`.
 """
 
 
@@ -328,32 +320,23 @@ def page() -> str:
         }
         rows = []
         for family in FAMILIES:
-            cells = [family.name]
-            for solver in solvers.values():
-                if solver is None:
-                    cells += ["-", "-"]
-                    continue
-                figures = measure(solver, family.name)
-                cells += [number(figures.largest), number(figures.worst)]
-            figures = measure(gufunc, family.name)
+            worst = [number(measure(s, family.name).worst) if s else "-" for s in solvers.values()]
+            figures, single = measure(gufunc, family.name), ""
+            if family.float32:
+                single = number(measure(gufunc, family.name, 32).worst)
             old = measure(paper, family.name, any_order=True)
-            cells += [number(figures.median), str(figures.merged)]
-            rows.append([*cells, number(old.largest), number(old.median)])
+            numbers = map(number, (figures.largest, figures.median, old.largest))
+            rows.append([family.name, *worst, single, *numbers])
     header = [
         "family",
-        *(f"{name} {what}" for name in solvers for what in ("largest error", "worst")),
-        *("median", "merged"),
+        *(f"worst, {name}" for name in solvers),
+        "float32",
+        "largest error",
+        "median",
+        "paper",
     ]
-    float64 = table([*header, "paper largest error", "paper median"], rows)
-    rows = []
-    for family in FAMILIES:
-        if family.float32:
-            figures = measure(gufunc, family.name, 32)
-            numbers = (figures.largest, figures.worst, figures.median)
-            rows.append([family.name, *map(number, numbers), str(figures.merged)])
-    float32 = table(["family", "largest error", "worst", "median", "merged"], rows)
     return PAGE.format(
-        seed=SEED, count=COUNT, digits=DIGITS, backend=rodgen.backend, float64=float64, float32=float32
+        seed=SEED, count=COUNT, digits=DIGITS, backend=rodgen.backend, table=table(header, rows)
     )
 
 

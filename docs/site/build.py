@@ -86,7 +86,7 @@ def collect(names: list[str]) -> None:
         of_paper = {name: records[name] for name in those}
         text = paper_page(ROOT, title, of_paper, {name: shown_entries(name) for name in those})
         source.write(f"science/{page}.md", text)
-    source.write("reference/effects.md", reference.effects_page())
+    source.write("reference/catalogue.md", reference.effects_page())
     source.write("reference/kernels.md", reference.kernels_page(ROOT, titles))
     for name, text in reference.command_pages().items():
         source.write(f"reference/{name}.md", text)

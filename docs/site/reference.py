@@ -153,7 +153,7 @@ def effects_page() -> str:
     ]
     lines += [
         "`rodgen effects` lists them in a terminal. How effects enter a model, and what the names in the formulas "
-        "mean, is described with the [file formats](machine_file.md#effects).",
+        "mean, is described on the page [effects](effects.md).",
         "",
     ]
     for place, title in PLACES.items():
