@@ -12,13 +12,6 @@ array([112.982,  75.326, 664.245])
 
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.tricept._bounds import ELEMENTS, Bounds, Cube, bounds, largest_cube, rod_bounds
-from rodgen.kinematics.tricept._budget import (
-    Budget,
-    BudgetLine,
-    MonteCarlo,
-    budget,
-    monte_carlo,
-)
 from rodgen.kinematics.tricept._geometry import ANGLES, GROUPS, GUIDE, LEG_LIMITS, PAPER, PARAMETERS, Geometry
 from rodgen.kinematics.tricept._kinematics import (
     direct,
@@ -63,21 +56,17 @@ __all__ = [
     "PARAMETERS",
     "Beams",
     "Bounds",
-    "Budget",
-    "BudgetLine",
     "Cube",
     "Ellipsoid",
     "Geometry",
     "Influence",
     "Matrices",
-    "MonteCarlo",
     "Singularity",
     "TriceptStatus",
     "UncertaintyMap",
     "Workspace",
     "beams",
     "bounds",
-    "budget",
     "covariance",
     "direct",
     "direct_all",
@@ -89,7 +78,6 @@ __all__ = [
     "largest_cube",
     "legs",
     "matrices",
-    "monte_carlo",
     "parameter_sensitivity",
     "point",
     "pose",

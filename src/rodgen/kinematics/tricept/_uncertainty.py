@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.array_types import Array
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy import tricept as generated
 from rodgen.generated.numpy import tricept_uncertainty as of_parameters
@@ -329,30 +328,6 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
         good, TriceptStatus.REACHABLE, np.where(bad, TriceptStatus.INVALID, TriceptStatus.SINGULAR)
     )
     return np.where(good[..., None, None], found, np.nan), status.astype(np.int8)
-
-
-def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Array, Array, Array]:
-    """Return one point as an array (3,), the pose of the assembled machine, and the sensitivity to all ``PARAMETERS``.
-
-    Raises
-    ------
-    RodgenError
-        When it is not a point, or one without a regular pose.
-    """
-    place = np.asarray(point, float)
-    if place.shape != (3,):
-        raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
-    found, _, reached = pose(place, geometry)
-    S, status = parameter_sensitivity(found, geometry)
-    if reached == TriceptStatus.UNREACHABLE:
-        raise RodgenError(
-            f"the point {place.tolist()} has no regular pose of the assembled machine; expected one before the base"
-        )
-    if status != TriceptStatus.REACHABLE or not np.isfinite(S).all():
-        raise RodgenError(
-            f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
-        )
-    return place, found, S
 
 
 @documented_by(generated.tricept_propagate)
