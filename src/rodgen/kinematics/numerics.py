@@ -64,27 +64,6 @@ class Polynomials:
 
     __rmul__ = __mul__
 
-    def __call__(self, x: Any) -> Any:
-        """Return the values (n, m) at points (n, m)."""
-        made = np.zeros_like(x)
-        for coefficient in self.values.T[::-1]:
-            made = made * x + coefficient[:, None]
-        return made
-
-    def of(self, inner: Polynomials) -> Polynomials:
-        """Return the polynomials of which the variable is itself a polynomial."""
-        made = Polynomials(self.values[:, -1:])
-        for power in range(self.values.shape[1] - 2, -1, -1):
-            made = made * inner + Polynomials(self.values[:, power, None])
-        return made
-
-    def derivative(self) -> Polynomials:
-        """Return the derivatives."""
-        count = self.values.shape[1]
-        return Polynomials(
-            self.values[:, 1:] * np.arange(1, count) if count > 1 else np.zeros_like(self.values)
-        )
-
 
 def roots(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return all complex roots (n, m) of polynomials (n, m + 1), the constant first.

@@ -11,7 +11,7 @@ array([112.982,  75.326, 664.245])
 """
 
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.tricept._bounds import ELEMENTS, Bounds, Cube, bounds, largest_cube, rod_bounds
+from rodgen.kinematics.tricept._bounds import ELEMENTS, Bounds, bounds, rod_bounds
 from rodgen.kinematics.tricept._geometry import ANGLES, GROUPS, GUIDE, LEG_LIMITS, PAPER, PARAMETERS, Geometry
 from rodgen.kinematics.tricept._kinematics import (
     direct,
@@ -44,7 +44,6 @@ from rodgen.kinematics.tricept._workspace import (
     uncertainty_map,
     workspace,
 )
-from rodgen.kinematics.tricept.influence import Influence, influence_map
 
 __all__ = [
     "ANGLES",
@@ -56,10 +55,8 @@ __all__ = [
     "PARAMETERS",
     "Beams",
     "Bounds",
-    "Cube",
     "Ellipsoid",
     "Geometry",
-    "Influence",
     "Matrices",
     "Singularity",
     "TriceptStatus",
@@ -72,10 +69,8 @@ __all__ = [
     "direct_all",
     "disturbed_point",
     "ellipsoid",
-    "influence_map",
     "inverse",
     "is_covariance",
-    "largest_cube",
     "legs",
     "matrices",
     "parameter_sensitivity",
