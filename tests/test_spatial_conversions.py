@@ -1,4 +1,4 @@
-"""Mechanisms from and to other conventions: Denavit-Hartenberg of both kinds, products of exponentials, machines.
+"""Mechanisms from and to other conventions: products of exponentials and machines.
 
 Each convention is evaluated here as its books write it, with plain matrices and `scipy.linalg.expm`; machines by the
 kernels of their own models. Lengths are about 1, so that a pose is right to some 1e-14; a link between axes that are
@@ -8,12 +8,10 @@ nearly parallel has its feet at a distance of about 1 over the sine, which is al
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from kinematics_cases import rx, rz, shift
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -162,9 +160,7 @@ def test_links_that_miss_the_axes_are_refused(refuses, monkeypatch):
         links = right(*arguments)
         return links._replace(a=links.a + 1e-5)
 
-    screws = spatial.to_product_of_exponentials(
-        spatial.from_denavit_hartenberg("RPR", [1, 0, 1], [1, 1, 0], [0, 1, 0])
-    )
+    screws = spatial.to_product_of_exponentials(Mechanism("RPR", [1, 0], [1, 1], [0, np.nan, 0]))
     monkeypatch.setattr(product_of_exponentials, "links_from_axes", wrong)
     refuses(spatial.from_product_of_exponentials, *screws)
 
@@ -174,72 +170,7 @@ def test_a_screw_of_another_length_is_an_error(refuses):
     refuses(spatial.from_product_of_exponentials, [0, 0, 1, 0, 0, 0])
 
 
-# Denavit and Hartenberg ----------------------------------------------------------------------------------------------
-
-
-def random_table(rng, kinds):
-    n = len(kinds)
-    zeros = rng.integers(0, 2, size=(4, n))
-    a, d, theta = (rng.normal(size=n) * z for z in zeros[:3])
-    alpha = np.where(zeros[3], rng.choice([0, np.pi / 2, -np.pi / 2, np.pi], n), rng.normal(size=n))
-    pitch = np.array([0.3 if kind == "H" else 0.0 for kind in kinds])
-    return a, alpha, d, theta, pitch
-
-
-def rows(kinds, d, theta, pitch, q):
-    """Offsets and angles of the rows for coordinates q."""
-    values = iter(q)
-    for j, kind in enumerate(kinds):
-        angle, offset = theta[j], d[j]
-        if kind in "RCH":
-            turn = next(values)
-            angle, offset = angle + turn, offset + pitch[j] * turn
-        if kind in "PC":
-            offset = offset + next(values)
-        yield offset, angle
-
-
-@pytest.mark.parametrize("kinds", ["RRRRRR", "RRPRRR", "PPPRRR", "RCH", "C", "RHPC"])
-@pytest.mark.parametrize("convention", ["standard", "modified"])
-def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, convention):
-    rng = np.random.default_rng(2)
-    make = partial(spatial.from_denavit_hartenberg, convention=convention)
-    for trial in range(6):
-        a, alpha, d, theta, pitch = random_table(rng, kinds)
-        base, end = (random_frame(rng), random_frame(rng)) if trial % 2 else (None, None)
-        robot = make(kinds, a, alpha, d, theta, pitch, base=base, end=end)
-        q = rng.uniform(-3, 3, size=len(robot.mechanism.variables))
-        expected = np.eye(4) if base is None else base
-        for j, (offset, angle) in enumerate(rows(kinds, d, theta, pitch, q)):
-            link, joint = shift(x=a[j]) @ rx(alpha[j]), shift(z=offset) @ rz(angle)
-            expected = expected @ (link @ joint if convention == "modified" else joint @ link)
-        expected = expected if end is None else expected @ end
-        np.testing.assert_allclose(robot.forward(q), expected, atol=1e-13)
-
-        table = spatial.to_denavit_hartenberg(robot, convention)
-        again = make(table.joints, *table[1:6], base=table.base, end=table.end)
-        assert again.mechanism == robot.mechanism
-        np.testing.assert_allclose(again.forward(q), expected, atol=1e-13)
-        if base is None:  # no frames besides the rows: the table itself comes back
-            np.testing.assert_array_equal(table.a, a)
-            np.testing.assert_allclose(np.exp(1j * table.alpha), np.exp(1j * alpha), atol=1e-15)
-            np.testing.assert_allclose(table.offset, d, atol=1e-15)
-            np.testing.assert_array_equal(table.angle, theta)
-            np.testing.assert_array_equal(table.base, np.eye(4))
-            np.testing.assert_array_equal(table.end, np.eye(4))
-
-
-def test_a_presets_standard_table_is_that_of_the_books():
-    """The Puma 560 of the notes: the twists of the standard table are those after each joint, as Paul writes them."""
-    table = spatial.to_denavit_hartenberg(spatial.PUMA_560)
-    assert np.degrees(table.alpha).round(9).tolist() == [90, 0, 270, 90, 90, 0]
-    assert table.offset.tolist() == [0, 5.9, 0, 17, 0, 4]
-
-
-def test_tables_that_do_not_fit_are_an_error(refuses):
-    refuses(spatial.from_denavit_hartenberg, "RR", [1.0, 2.0], [0.0], [0.0, 0.0])
-    refuses(spatial.from_denavit_hartenberg, "R", [np.nan], [0.0], [0.0], convention="modified")
-    refuses(spatial.to_denavit_hartenberg, spatial.PUMA_560, "craig")
+# Placements -----------------------------------------------------------------------------------------------------------
 
 
 def test_placements_of_loops_and_wrong_frames_are_an_error(refuses):

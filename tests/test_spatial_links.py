@@ -315,7 +315,6 @@ def test_the_tolerance_is_where_both_cases_are_alike():
         lambda: spatial.inverse_transform(1j * np.eye(4)),
         lambda: spatial.transform([[1.0], [2.0, 3.0]]),
         lambda: spatial.from_product_of_exponentials("x"),
-        lambda: spatial.from_denavit_hartenberg("R", [1j], [0], [0]),
         lambda: Mechanism("RR", [1j], [0.0]),
     ],
 )

@@ -13,7 +13,6 @@ from rodgen.kinematics.spatial import (
     equivalent_spherical,
     group,
     mobility,
-    mobility_of,
 )
 from rodgen.output.figures import planar_representation
 
@@ -112,26 +111,6 @@ def test_open_chains_have_the_sum_of_the_freedoms():
     found = mobility(spatial.PUMA_560)
     assert (found.value, found.bodies, found.freedoms) == (6, 7, (1,) * 6)
     assert mobility(Mechanism("CSE", [1, 1], [0, 0])).value == 8
-
-
-def test_mobility_of_any_bodies_and_joints():
-    legs = [("S", 0, 1), ("C", 1, 2), ("S", 2, 13)]
-    hexapod = [(k, i + 2 * n * (0 < i < 13), j + 2 * n * (0 < j < 13)) for n in range(6) for k, i, j in legs]
-    found = mobility_of(14, hexapod)
-    assert found.value == 6 * 13 - 6 * (3 + 4 + 3)
-    assert found.passive == 6
-    assert mobility_of(4, "RRRR", order=3).value == 1
-    assert mobility_of(4, "RRRR").value == -2
-    assert mobility_of(5, "").value == 24
-    assert "2 parts" in mobility_of(3, [("R", 0, 1)]).remarks[0]
-    # a rod between two ball joints spins; one that a third joint holds does not
-    assert mobility_of(4, [("R", 0, 1), ("S", 1, 2), ("S", 2, 3), ("R", 3, 0)]).passive == 1
-    assert mobility_of(4, [("R", 0, 1), ("S", 1, 2), ("S", 2, 3), ("R", 3, 0), ("C", 2, 0)]).passive == 0
-
-
-@pytest.mark.parametrize(("bodies", "joints"), [(0, ""), (2, "X"), (2, [("R", 0, 2)]), (2, [("R", 1, 1)])])
-def test_wrong_bodies_and_joints_are_an_error(refuses, bodies, joints):
-    refuses(mobility_of, bodies, joints)
 
 
 def test_a_wrong_number_of_variables_is_an_error(refuses):

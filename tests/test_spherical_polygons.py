@@ -222,25 +222,14 @@ def test_twists_and_angles_of_one_number_are_needed(refuses) -> None:
     refuses(sphere.notation, "X_123456", np.zeros(8), np.zeros(8), raises=ValueError)
 
 
-def test_direction_cosines_are_columns_of_the_product(refuses) -> None:
+def test_directions_of_a_chains_frames_are_direction_cosines() -> None:
     alpha, theta = RNG.uniform(-3, 3, size=(2, 10, 7))
-    joints, links = sphere.direction_cosines(alpha, theta)
-    for k in range(len(alpha)):
-        angles = {
-            (kind, j + 1): (np.cos(x), np.sin(x))
-            for kind, row in (("alpha", alpha[k]), ("theta", theta[k]))
-            for j, x in enumerate(row)
-        }
-        angles["theta", 1] = (1.0, 0.0)
-        chain = np.array(frames(7, angles))
-        assert np.abs(joints[k] - chain[:, :, 2]).max() < 16 * EPS
-        assert np.abs(links[k] - chain[:, :, 0]).max() < 16 * EPS
-    for j in range(4, 8):
-        row = "".join(map(str, range(j - 1, 1, -1)))
-        xyz = [sphere.notation(f"{letter}_{row}", alpha, theta) for letter in "XYZ"]
-        assert np.abs(joints[:, j - 1] - np.stack(xyz, axis=-1)).max() < 16 * EPS
-    refuses(sphere.direction_cosines, 0.0, 0.0, raises=ValueError)
-    refuses(sphere.direction_cosines, 1j * alpha, theta, raises=TypeError)
+    for twists, angles in zip(alpha, theta, strict=True):
+        chain = sphere.frames(sphere.Mechanism("R" * 7, np.zeros(6), twists[:6]), [0.0, *angles[1:]])
+        for j in range(4, 8):
+            row = "".join(map(str, range(j - 1, 1, -1)))
+            xyz = [sphere.notation(f"{letter}_{row}", twists, angles) for letter in "XYZ"]
+            assert np.abs(chain[j - 1, :3, 2] - np.stack(xyz, axis=-1)).max() < 16 * EPS
 
 
 # The printed toolkit -------------------------------------------------------------------------------------

@@ -18,12 +18,6 @@ from rodgen.kinematics.spatial.classification import (
     equivalent_spherical,
     group,
     mobility,
-    mobility_of,
-)
-from rodgen.kinematics.spatial.denavit_hartenberg import (
-    DenavitHartenberg,
-    from_denavit_hartenberg,
-    to_denavit_hartenberg,
 )
 from rodgen.kinematics.spatial.forward_analysis import (
     HypotheticalLink,
@@ -49,7 +43,6 @@ from rodgen.kinematics.spatial.product_of_exponentials import (
     to_product_of_exponentials,
 )
 from rodgen.kinematics.spatial.spherical_polygons import (
-    direction_cosines,
     notation,
     secondary_notation,
     spherical_pentagon,
@@ -64,7 +57,6 @@ __all__ = [
     "GE_P60",
     "PUMA_560",
     "T3_776",
-    "DenavitHartenberg",
     "Group",
     "HypotheticalLink",
     "HypotheticalStatus",
@@ -79,11 +71,9 @@ __all__ = [
     "SphericalEquivalent",
     "TrigStatus",
     "close_loop",
-    "direction_cosines",
     "equivalent_spherical",
     "forward",
     "frames",
-    "from_denavit_hartenberg",
     "from_product_of_exponentials",
     "group",
     "inverse_transform",
@@ -92,7 +82,6 @@ __all__ = [
     "link_transform",
     "load_mechanism",
     "mobility",
-    "mobility_of",
     "notation",
     "pair_from_biquadratics",
     "reverse",
@@ -102,7 +91,6 @@ __all__ = [
     "solve_trig",
     "spherical_pentagon",
     "spherical_quadrilateral",
-    "to_denavit_hartenberg",
     "to_product_of_exponentials",
     "toolkit",
     "transform",

@@ -18,7 +18,6 @@ spherical trigonometry alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +28,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.numerics import principal
 from rodgen.kinematics.spatial.arm_plan import plan
 from rodgen.kinematics.spatial.forward_analysis import frames, screws
-from rodgen.kinematics.spatial.mechanism import FREEDOMS, Mechanism, merge
+from rodgen.kinematics.spatial.mechanism import Mechanism, merge
 from rodgen.polygon_laws import POLYGONS
 from rodgen.views import with_html
 
@@ -144,72 +143,6 @@ def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
     return Mobility(value, formula, n, freedoms, exception, passive, instantaneous, tuple(remarks))
 
 
-def mobility_of(
-    bodies: int, joints: str | Sequence[str | tuple[str, int, int]], *, order: int = 6
-) -> Mobility:
-    """Return the mobility of any number of bodies and joints.
-
-    Parameters
-    ----------
-    bodies : int
-        How many there are, the fixed one among them.
-    joints : str or sequence
-        Kinds of the joints, such as ``"RRRR"``; or ``(kind, body, body)`` for each, with bodies counted from 0, the
-        fixed one. Only with bodies can idle spins between ball joints, and parts that nothing holds, be found.
-    order : int, optional
-        6, or that of the group in which all motions stay: 3 for planar and for spherical linkages.
-
-    Returns
-    -------
-    Mobility
-
-    Raises
-    ------
-    RodgenError
-        When there is no such joint or body.
-
-    Examples
-    --------
-    A hexapod: a base, a platform, and six legs of two bodies each with ball joints at both ends.
-
-    >>> from rodgen import spatial
-    >>> legs = [[("S", 0, 2 * k), ("P", 2 * k, 2 * k + 1), ("S", 2 * k + 1, 1)] for k in range(1, 7)]
-    >>> hexapod = spatial.mobility_of(14, sum(legs, []))
-    >>> hexapod.value, hexapod.passive
-    (12, 6)
-    """
-    if bodies < 1:
-        raise RodgenError(f"there are {bodies} bodies; expected at least the fixed one")
-    rows: list[tuple[str, int, int] | None] = []
-    kinds: list[str] = []
-    for number, joint in enumerate(joints, 1):
-        kind, i, j = joint if isinstance(joint, tuple) else (joint, -1, -1)
-        if kind not in FREEDOMS:
-            raise RodgenError(f"joint {number} is {kind!r}; expected one of {', '.join(FREEDOMS)}")
-        if isinstance(joint, tuple) and (min(i, j) < 0 or max(i, j) >= bodies or i == j):
-            raise RodgenError(
-                f"joint {number} joins the bodies {i} and {j}; expected two of 0 to {bodies - 1}, not the same"
-            )
-        kinds.append(kind)
-        rows.append((kind, i, j) if isinstance(joint, tuple) else None)
-    freedoms = tuple(min(FREEDOMS[kind], order) for kind in kinds)
-    lost = sum(order - f for f in freedoms)
-    value = order * (bodies - 1) - lost
-    edges = [row for row in rows if row is not None]
-    passive, remarks = 0, []
-    if edges and len(edges) == len(rows):
-        parts = _parts(bodies, edges)
-        if parts > 1:
-            remarks.append(f"the bodies are {parts} parts that no joint connects")
-        passive = _idle_bodies(bodies, edges)
-        if passive:
-            remarks.append(f"{passive} of the freedoms {_spins(passive)}")
-    if value < 1 and order == 6:
-        remarks.append("a planar, spherical or otherwise special geometry may move nevertheless")
-    formula = 6 * (bodies - 1) - sum(6 - FREEDOMS[kind] for kind in kinds)
-    return Mobility(value, formula, bodies, freedoms, "", passive, None, tuple(remarks))
-
-
 def _spins(count: int) -> str:
     return "is an idle spin between two ball joints" if count == 1 else "are idle spins between ball joints"
 
@@ -229,28 +162,6 @@ def _idle_spins(mechanism: Mechanism) -> int:
             # both bodies spin with the slide where its axis goes through both centres
             count += bool(in_line and abs(mechanism.a[k]) <= PARALLEL * _size(mechanism))
     return count
-
-
-def _idle_bodies(bodies: int, edges: Sequence[tuple[str, int, int]]) -> int:
-    """Return the idle spins of bodies, or of pairs with one slide between them, between two ball joints."""
-    at: list[list[tuple[str, int]]] = [[] for _ in range(bodies)]
-    for kind, i, j in edges:
-        at[i].append((kind, j))
-        at[j].append((kind, i))
-    count = sum(body > 0 and [kind for kind, _ in held] == ["S", "S"] for body, held in enumerate(at))
-    for kind, i, j in edges:
-        if kind in "PC" and i and j:
-            ends = [sorted(k for k, _ in at[b]) for b in (i, j)]
-            count += ends == [sorted([kind, "S"])] * 2
-    return count
-
-
-def _parts(bodies: int, edges: Sequence[tuple[str, int, int]]) -> int:
-    part = list(range(bodies))
-    for _, i, j in edges:
-        old, new = part[i], part[j]
-        part = [new if p == old else p for p in part]
-    return len(set(part))
 
 
 def _size(mechanism: Mechanism) -> float:

@@ -223,16 +223,6 @@ def mechanism_at(
     return Mechanism(kinds, a, alpha, constant, fixed, pitch, **labels), np.array(zero)
 
 
-def at_zero(robot: Placement) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return offsets and angles of all joints where the robot's coordinates are zero."""
-    mechanism = robot.mechanism
-    offset, angle = np.array(mechanism.offset), np.array(mechanism.angle)
-    for value, (j, which) in zip(robot.zero, mechanism.variables, strict=True):
-        (angle if which == "theta" else offset)[j] = value
-    screws = np.array([kind == "H" for kind in mechanism.joints])
-    return offset + np.where(screws, mechanism.pitch * angle, 0.0), angle
-
-
 def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     """Return every set of joint angles that brings the end of an arm to a pose.
 

@@ -128,66 +128,6 @@ def secondary_notation(
     return primary[..., _place(term)], secondary[..., _place(term)]
 
 
-def direction_cosines(alpha: ArrayLike, theta: ArrayLike) -> tuple[Any, Any]:
-    """Return the directions of all joints and links in the frame of the first link.
-
-    Parameters
-    ----------
-    alpha, theta : array_like (..., n)
-        Twists and joint angles in rad, as for :func:`notation`. The first joint's angle does not matter, nor does, for
-        an open chain, the last twist.
-
-    Returns
-    -------
-    joints : array (..., n, 3)
-        Unit vectors along S_1, S_2, …, S_n; S_1 is z.
-    links : array (..., n, 3)
-        Unit vectors along a_12, a_23, …, a_n1; a_12 is x.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not broadcast to at least one joint.
-    TypeError
-        When an angle is not real.
-
-    Notes
-    -----
-    Lecture notes "Robot Geometry" after Crane and Duffy, "Find 1S1" to "Rewrite 1a45 through 1a67": S_j is
-    (X, Y, Z) with the subscripts j-1 … 2, a_j,j+1 is (W, -U*, U) with j … 2 and j … 21.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from rodgen import spatial
-    >>> joints, links = spatial.direction_cosines([np.pi / 2, np.pi / 2], [0, np.pi / 2])
-    >>> np.round(joints, 6) + 0.0
-    array([[ 0.,  0.,  1.],
-           [ 0., -1.,  0.]])
-    >>> np.round(links, 6) + 0.0
-    array([[1., 0., 0.],
-           [0., 0., 1.]])
-    """
-    alpha, theta = np.broadcast_arrays(np.asarray(alpha), np.asarray(theta))
-    if not alpha.ndim or not alpha.shape[-1]:
-        raise ValueError("alpha and theta need a last axis with one component for each joint")
-    number = np.result_type(alpha, theta, np.float32)
-    if not np.issubdtype(number, np.floating):
-        raise TypeError(f"twists and joint angles are real numbers, not {number}")
-    c_twist, s_twist = np.cos(alpha, dtype=number), np.sin(alpha, dtype=number)
-    c_joint, s_joint = np.cos(theta, dtype=number), np.sin(theta, dtype=number)
-    joints, links = np.empty((*alpha.shape, 3), number), np.empty((*alpha.shape, 3), number)
-    x, y, z = (np.broadcast_to(row, (*alpha.shape[:-1], 3)) for row in np.eye(3, dtype=number))
-    for j in range(alpha.shape[-1]):
-        if j:
-            c, s = c_twist[..., j - 1, None], s_twist[..., j - 1, None]
-            y, z = c * y + s * z, c * z - s * y
-            c, s = c_joint[..., j, None], s_joint[..., j, None]
-            x, y = c * x + s * y, c * y - s * x
-        joints[..., j, :], links[..., j, :] = z, x
-    return joints, links
-
-
 def _gathered(name: str, alpha: ArrayLike, theta: ArrayLike) -> tuple[Term, Any]:
     """Return the term that a name stands for, and its angles in the order of the chain."""
     twists, joints = np.asarray(alpha), np.asarray(theta)
