@@ -96,6 +96,16 @@ def test_time_passes_where_nothing_happens(monkeypatch):
     assert stream.getvalue() == "\rcompiling\rcompiling, 7 s\r" + 14 * " " + "\r"
 
 
+def test_a_stage_that_is_broken_off_may_end_late():
+    """Of a loop that Ctrl-C leaves Python closes the generator later than the display."""
+    stream = io.StringIO()
+    with Display(stream).ticking() as shown, listening(shown):
+        items = each("deriving", ["axis", "rotations"])
+        next(items)
+    items.close()
+    assert stream.getvalue() == "\rderiving 1 of 2\r" + 15 * " " + "\r"
+
+
 # the progress callback of the library ------------------------------------------------------------------
 
 

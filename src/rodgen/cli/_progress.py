@@ -113,8 +113,7 @@ class Display:
         finally:
             ended.set()
             thread.join()
-            self._stages.clear()
-            self.clear()
+            self.clear()  # a stage that was broken off may end later still
 
 
 def _duration(seconds: float) -> str:
