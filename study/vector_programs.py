@@ -7,13 +7,28 @@ tests/test_certified.py checks that these programs, on floats, give bit for bit 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from flint import arb
-from rounding import EPS, ROOM, Condition, Number, Tape, U, upper
+from rounding import (
+    EPS,
+    FUNCTION_ULPS,
+    ROOM,
+    Box,
+    Condition,
+    Number,
+    Tape,
+    U,
+    UndecidedError,
+    ball,
+    bounds,
+    paths,
+    upper,
+)
 
 Vector = Sequence[Any]
 
@@ -205,3 +220,88 @@ def rotate(on: Floats, rho: Vector, turn: Vector) -> Vector:
     inner = on.itself_and_cross(turn, rho)
     x1 = 1.0 / divisor
     return on.plus(rho, on.times(on.times(on.cross(turn, inner), 2.0), x1))
+
+
+RIGHT = math.nextafter(math.pi / 2, 2)
+"""Not below a right angle."""
+
+
+def axis_box(box: Box, largest: str, usual: bool) -> float:
+    """Return the largest error of an axis over cond eps, by the program for usual inputs or by that for all.
+
+    Half the angle between the points is a, half the angle of the rotation h = a + g, and k what h lacks of a right
+    angle, which is a + g + k. The box is of the two of these that are not the largest.
+    """
+    (x_low, x_high), (y_low, y_high) = box
+    if RIGHT - x_low - y_low < max(x_low, y_low):
+        return 0.0  # the third is not the largest anywhere in the box
+    x, y = ball(x_low, x_high), ball(y_low, y_high)
+    both = (x + y).sin_cos()
+    # nothing small is a difference: sin g and sin(h + a), and sine and cosine of a and h
+    if largest == "a":
+        g, k = x, y
+        (sin_a, cos_a), (cos_h, sin_h), sin_g, sin_sum = both[::-1], k.sin_cos(), g.sin(), (2 * k + g).sin()
+    elif largest == "g":
+        a, k = x, y
+        (sin_a, cos_a), (cos_h, sin_h), sin_g, sin_sum = a.sin_cos(), k.sin_cos(), both[1], (a - k).cos()
+    else:
+        a, g = x, y
+        (sin_a, cos_a), (sin_h, cos_h), sin_g, sin_sum = a.sin_cos(), both, g.sin(), (2 * a + g).sin()
+    divisors = (cos_a, sin_h, sin_g, sin_sum, *([sin_a, cos_h] if usual else []))
+    if not all(x > 0 for x in divisors):
+        raise UndecidedError
+    under = sin_g * sin_sum
+    # relative difference of the lengths
+    e = arb(0, min(5e-4, 0.51 * float((sin_a * cos_a).abs_upper()))) if usual else arb(0, 1e-3)
+    zero, one = arb(0), arb(1)
+    longer = 2 * (1 + e) / (2 + e) if usual else one
+    up, across = cos_h * sin_a / (sin_h * cos_a), under.sqrt() / (sin_h * cos_a)
+    exact = {
+        "difference": [e * cos_a, (2 + e) * sin_a, zero],
+        "total": [(2 + e) * cos_a, e * sin_a, zero],
+        "gain": 2 * e + e * e,
+        "excess": e / (1 + e),
+        "x": e / (2 + e),
+        "m": [2 * longer * cos_a, zero, zero],
+        "r": [zero, 2 * longer * sin_a, zero],
+        "m_squared": 4 * longer * longer * cos_a * cos_a,
+        "root_squared": 4 * longer * longer * under / (cos_h * cos_h if usual else one),
+        "w": [zero, zero, 4 * longer * longer * sin_a * cos_a],
+        "straightness": 32 * EPS * 16 * sin_a * sin_a * cos_a * cos_a,
+        "base": [zero, zero, up],
+        "offset": [across, zero, zero],
+        "one": one,
+        "plus": [across, zero, up],
+        "minus": [-across, zero, up],
+    }
+
+    def program(tape: Tape) -> float:
+        u = [tape.input(x) for x in (cos_a, -sin_a, zero)]
+        v = [tape.input((1 + e) * x) for x in (cos_a, sin_a, zero)]
+        if usual:
+            T = tape.number(lambda: sin_h / cos_h, ulps=FUNCTION_ULPS)
+            axes, root_squared = solve_axis_usual(Balls(tape), u, v, T, exact)
+            return max(bounds(tape, axes))
+        S, C = (tape.number(lambda x=x: x, ulps=FUNCTION_ULPS) for x in (sin_h, cos_h))
+        axes, m_squared, r_squared, root_squared, area_squared = solve_axis(Balls(tape), u, v, S, C, exact)
+        # the conditions for two axes, for turns to both sides
+        band = 8 * EPS * S.value * (1 + arb.pi()) * abs(C.value) * (1 + arb(0, 1e-9))
+        plane = area_squared.value > m_squared.value * r_squared.value / 2 and area_squared.value > EPS**4
+        if not (root_squared.value > band and (plane or m_squared.value > r_squared.value)):
+            raise UndecidedError
+        return max(bounds(tape, axes))
+
+    return max(paths(program)) * upper(2 * under.sqrt())
+
+
+def rotate_box(box: Box) -> float:
+    """Return the largest error of a rotated vector over eps times its length.
+
+    The box is of half the length of the Rodrigues vector and its angle with the vector that is rotated.
+    """
+    size, angle = (ball(*side) for side in box)
+    tape = Tape()
+    sine, cosine = angle.sin_cos()
+    rho = [tape.input(x) for x in (cosine, sine, arb(0))]
+    turn = [tape.input(x) for x in (size, arb(0), arb(0))]
+    return bounds(tape, [rotate(Balls(tape), rho, turn)])[0]
