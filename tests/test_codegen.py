@@ -33,7 +33,7 @@ import rodgen
 import rodgen.generated
 from conftest import CPP_WARNINGS, compile_shared
 from rodgen.codegen import Kernel, KernelBuilder, KernelError, numpy_function
-from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
+from rodgen.codegen.source_files import KernelModule, check_kernels, render, write_kernels
 from rodgen.codegen.source_text import in_comment, in_docstring
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
 
@@ -212,6 +212,20 @@ def test_exact_powers_and_their_derivatives_are_those_of_floating_point() -> Non
             value = base**exponent
             expected = [value, exponent * base ** (exponent - 1), value * np.log(base)]
         np.testing.assert_allclose(np.array(found, float), expected, rtol=1e-15)  # three roundings
+
+
+def test_derivatives_at_a_pole_are_infinite_or_nan() -> None:
+    """1/(x y) and its derivative by x have no value at y = 0; that by y has an infinite one-sided limit."""
+    k = builder()
+    x, y = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
+    k.output("pole", 1 / (x * y), unit="1", doc="")
+    kernel = k.build().jacobian(values=True)
+    exact = kernel.evaluate({"x": 2, "y": 0})
+    value, slopes = numpy_function(kernel)(2.0, 0.0)
+    assert exact["pole"] == value == math.inf
+    assert mpmath.isnan(exact["pole_jacobian"][0])
+    assert np.isnan(slopes[0])
+    assert exact["pole_jacobian"][1] == slopes[1] == -math.inf
 
 
 # The usual case ------------------------------------------------------------------------------------------
@@ -516,9 +530,9 @@ def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: s
     k.output("sine_of_a_sum", sp.sin(x + 1), unit="1", doc="")
     k.output("sine_of_an_output", sp.sin(sp.Symbol("sine", real=True)), unit="1", doc="")
     module = KernelModule("printed", "Every construct.", "none", (k.build(),))
-    for name, text in {**render(module), **render_extension([module])}.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
+    printed = Derivation(module.name, title=module.summary, source=module.source)
+    printed.kernel(*module.kernels)
+    write_kernels([printed], tmp_path, extension=True)
     library = tmp_path / "loops.so"
     sources = [str(tmp_path / "c/printed.c"), str(tmp_path / "gufunc/printed_loops.c")]
     command = [

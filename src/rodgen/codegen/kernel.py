@@ -204,7 +204,8 @@ class Kernel:
         -------
         Kernel
             It has an output ``OUTPUT_jacobian`` for each differentiated output, with the inputs' components
-            one after the other as its last axis; statuses stay as they are.
+            one after the other as its last axis; statuses stay as they are. Where an output is infinite, such as
+            1/(x y) at y = 0, a derivative is infinite or NaN: the rule for products takes infinity times 0.
         """
         inputs = [p.name for p in self.inputs] if wrt is None else list(wrt)
         variables = [s for n in inputs for s in self.port(n).symbols]

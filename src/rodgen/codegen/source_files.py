@@ -151,12 +151,6 @@ def numpy_function(kernel: Kernel) -> Callable[..., Any]:
     return cast("Callable[..., Any]", functions[kernel.name])
 
 
-def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
-    """Return the text of the NumPy extension over several modules: loops and their registration."""
-    files = {name: text for module in modules for name, text in _loops(module).items()}
-    return files | _registration([gufunc for module in modules for gufunc in _gufuncs(module)])
-
-
 def _loops(module: KernelModule) -> dict[str, str]:
     kernels = [_loop(kernel, module) for kernel in module.kernels]
     return {f"gufunc/{module.name}_loops.c": _render("gufunc_loops.c.j2", module, kernels)}
