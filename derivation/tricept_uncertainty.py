@@ -22,7 +22,7 @@
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import Derivation, Letter, coordinate_rotation, cross, equal, factored, in_notebook, rot
+from rodgen.symbolic import Derivation, Letter, coordinate_rotation, cross, equal, in_notebook, rot
 
 d = derivation = Derivation(
     "tricept_uncertainty",
@@ -1036,7 +1036,7 @@ d.state(
 # ## The functions of the package
 #
 # They compute the sensitivity by $W$, $V$, $Q_p$ and $Q_\theta$ from $J$ and $G$ with the very functions that were
-# compared above, the closures with all errors, and the polynomials along a beam.
+# compared above, and the closures with all errors.
 
 
 # %%
@@ -1126,51 +1126,10 @@ def closure_kernel():
     return k.build()
 
 
-def beam_kernel():
-    k = KernelBuilder(
-        "tricept_beam",
-        summary="The polynomials in z of which the elements of U_y are made along a beam.",
-        source="Kureková et al., sec. 4; derivation tricept_uncertainty, entries degrees and stationary-points",
-        notes="Coefficients from z^0 up. Element (k, i) of A is numerator/determinant, times the rod's length for the "
-        "first three columns.",
-    )
-    angles = [k.input(name, unit="rad", doc="of the beam") for name in ("alpha", "beta")]
-    geometry = {R: k.input("R", unit="length", doc="radius of the fixed joints")}
-    geometry[r] = k.input("r", unit="length", doc="radius of the joints of the platform")
-    tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
-    geometry |= dict(zip(q, tool, strict=True))
-    for symbol, name, value in (
-        (c_a, "c_alpha", sp.cos(angles[0])),
-        (s_a, "s_alpha", sp.sin(angles[0])),
-        (c_b, "c_beta", sp.cos(angles[1])),
-        (s_b, "s_beta", sp.sin(angles[1])),
-    ):
-        geometry[symbol] = k.let(name, value)
-
-    def coefficients(polynomial, count):
-        return [factored(polynomial.coeff_monomial(z**n)).xreplace(geometry) for n in range(count)]
-
-    k.output(
-        "numerator",
-        sp.ImmutableDenseNDimArray([[coefficients(p, 5) for p in row] for row in parts]),
-        unit="length to a power",
-        doc="of element (k, i), without the rod's length",
-    )
-    k.output("determinant", sp.Matrix(coefficients(determinant, 4)), unit="length to a power", doc="of W33")
-    k.output(
-        "squares",
-        sp.Matrix([coefficients(sp.Poly(m, z), 3) for m in monic]),
-        unit="length to a power",
-        doc="of the rods' lengths",
-    )
-    return k.build()
-
-
 closing = closure_kernel().jacobian(("pose",), name="tricept_closure", values=True)
-beam = beam_kernel()
 
 # %%
-derivation.kernel(sensitivity_kernel(), closing, beam)
+derivation.kernel(sensitivity_kernel(), closing)
 
 # %% [markdown]
 # ## Figures 3 to 10
@@ -1182,6 +1141,6 @@ derivation.kernel(sensitivity_kernel(), closing, beam)
 if in_notebook():
     from rodgen.derivation.figures import show
     from rodgen.derivation.figures import tricept_uncertainty as figures
-    from rodgen.generated.numpy import tricept_uncertainty as generated
+    from rodgen.generated.numpy import tricept
 
-    show(figures.surfaces(figures.influences(generated.tricept_beam)))
+    show(figures.surfaces(figures.influences(tricept.tricept_legs, tricept.tricept_sensitivity)))

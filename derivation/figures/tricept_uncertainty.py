@@ -19,8 +19,8 @@ FIGURES = (
     (9, ("r", "r"), "yy", "least"),
     (10, ("R", "R"), "zz", "least"),
 )
-RADII = 330.0, 140.0
-"""R and r of the machine in Table 1, mm."""
+RADII = 140.0, 330.0
+"""r and R of the machine in Table 1, mm."""
 LIMITS = 568.0, 858.0
 """Least and greatest length of its rods, mm."""
 BEAMS = np.linspace(-39, 39, 40)
@@ -29,27 +29,24 @@ PLACES = np.linspace(300, 858, 280)
 """z, mm: no pose within the limits is outside."""
 
 
-def influences(beam: Callable[..., tuple[np.ndarray, ...]]) -> list[np.ndarray]:
+def influences(legs: Callable[..., np.ndarray], sensitivity: Callable[..., np.ndarray]) -> list[np.ndarray]:
     """Return the least or greatest influence of each figure along each beam; NaN where no rod lengths are allowed.
 
     Parameters
     ----------
-    beam : callable
-        Kernel ``tricept_beam``.
+    legs, sensitivity : callable
+        Kernels ``tricept_legs`` and ``tricept_sensitivity``.
     """
-    alpha, beta = np.meshgrid(np.radians(BEAMS), np.radians(BEAMS), indexing="ij")
-    numerator, determinant, squares = beam(alpha, beta, *RADII, np.zeros(3))
-    powers = PLACES ** np.arange(5)[:, None]
-    rods = np.sqrt(np.maximum(squares @ powers[:3], 0))
-    allowed = ((rods >= LIMITS[0]) & (rods <= LIMITS[1])).all(axis=-2)
-    values = numerator @ powers / (determinant @ powers[:4])[..., None, None, :]
-    values[..., :3, :] *= rods[..., None, :, :]  # element (k, i) of A, for each beam and place
+    angles = np.radians(BEAMS)
+    pose = np.stack(np.meshgrid(angles, angles, PLACES, indexing="ij"), axis=-1)
+    rods, values = legs(pose, *RADII), sensitivity(pose, *RADII, 0.0, 0.0, 0.0)
+    allowed = ((rods >= LIMITS[0]) & (rods <= LIMITS[1])).all(axis=-1)
     found = []
     for _, pair, element, end in FIGURES:
         (i, j), (k, m) = map(COLUMNS.index, pair), map("xyz".index, element)
-        influence = values[..., k, i, :] * values[..., m, j, :]
+        influence = values[..., k, i] * values[..., m, j]
         if i != j:  # a covariance stands twice in U_x
-            influence = influence + values[..., k, j, :] * values[..., m, i, :]
+            influence = influence + values[..., k, j] * values[..., m, i]
         unwanted = np.inf if end == "least" else -np.inf
         extreme = (np.min if end == "least" else np.max)(np.where(allowed, influence, unwanted), axis=-1)
         found.append(np.where(np.isfinite(extreme), extreme, np.nan))

@@ -52,23 +52,6 @@ void tricept_uncertainty_tricept_closure_batch_f64(size_t count, const double *p
 void tricept_uncertainty_tricept_closure_f32(const float pose[3], const float rods[3], const float fixed[9], const float moving[9], const float tool[3], const float guide[14], float residual[3], float place[3], float residual_jacobian[9], float place_jacobian[9]);
 void tricept_uncertainty_tricept_closure_batch_f32(size_t count, const float *pose, const float *rods, const float *fixed, const float *moving, const float *tool, const float *guide, float *residual, float *place, float *residual_jacobian, float *place_jacobian);
 
-/* The polynomials in z of which the elements of U_y are made along a beam.
- * Source: Kureková et al., sec. 4; derivation tricept_uncertainty, entries degrees and stationary-points
- * Operations: 653 add, 1002 mul, 5 div, 2 cos, 2 sin
- * alpha, rad: of the beam
- * beta, rad: of the beam
- * R, length: radius of the fixed joints
- * r, length: radius of the joints of the platform
- * tool (3), length: Q in the platform's axes
- * numerator (3, 5, 5), length to a power: of element (k, i), without the rod's length
- * determinant (4), length to a power: of W33
- * squares (3, 3), length to a power: of the rods' lengths
- */
-void tricept_uncertainty_tricept_beam_f64(double alpha, double beta, double R, double r, const double tool[3], double numerator[75], double determinant[4], double squares[9]);
-void tricept_uncertainty_tricept_beam_batch_f64(size_t count, const double *alpha, const double *beta, const double *R, const double *r, const double *tool, double *numerator, double *determinant, double *squares);
-void tricept_uncertainty_tricept_beam_f32(float alpha, float beta, float R, float r, const float tool[3], float numerator[75], float determinant[4], float squares[9]);
-void tricept_uncertainty_tricept_beam_batch_f32(size_t count, const float *alpha, const float *beta, const float *R, const float *r, const float *tool, float *numerator, float *determinant, float *squares);
-
 #ifdef __cplusplus
 }
 #endif

@@ -130,7 +130,6 @@ DECLARE_ALL(tricept_tricept_propagate)
 DECLARE_ALL(tricept_tricept_singularity)
 DECLARE_ALL(tricept_uncertainty_tricept_parameter_sensitivity)
 DECLARE_ALL(tricept_uncertainty_tricept_closure)
-DECLARE_ALL(tricept_uncertainty_tricept_beam)
 DECLARE_ALL(trig_equation_trig_solve)
 
 enum { BASELINE, AVX2, AVX512, LEVELS };
@@ -537,10 +536,6 @@ static const char types_tricept_uncertainty_tricept_closure[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
-static const char types_tricept_uncertainty_tricept_beam[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
-};
 static const char types_trig_equation_trig_solve[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
@@ -743,8 +738,6 @@ static const struct definition definitions[] = {
    ALL_LOOPS(tricept_uncertainty_tricept_parameter_sensitivity), types_tricept_uncertainty_tricept_parameter_sensitivity},
   {"tricept_closure", "(3),(3),(3,3),(3,3),(3),(14)->(3),(3),(3,3),(3,3)", "Derivatives of tricept_closure_values.", 6, 4, 10,
    ALL_LOOPS(tricept_uncertainty_tricept_closure), types_tricept_uncertainty_tricept_closure},
-  {"tricept_beam", "(),(),(),(),(3)->(3,5,5),(4),(3,3)", "The polynomials in z of which the elements of U_y are made along a beam.", 5, 3, 8,
-   ALL_LOOPS(tricept_uncertainty_tricept_beam), types_tricept_uncertainty_tricept_beam},
   {"trig_solve", "(),(),()->(2),()", "Both angles with A cos(theta) + B sin(theta) + D = 0.", 3, 2, 5,
    ALL_LOOPS(trig_equation_trig_solve), types_trig_equation_trig_solve},
 };

@@ -319,7 +319,6 @@ SHARED void TYPED(interleave_33)(REAL *restrict rows, REAL (*restrict columns)[B
 SHARED void TYPED(interleave_36)(REAL *restrict rows, REAL (*restrict columns)[BLOCK]) { TYPED(interleave)(rows, columns, 36); }
 SHARED void TYPED(interleave_42)(REAL *restrict rows, REAL (*restrict columns)[BLOCK]) { TYPED(interleave)(rows, columns, 42); }
 SHARED void TYPED(interleave_48)(REAL *restrict rows, REAL (*restrict columns)[BLOCK]) { TYPED(interleave)(rows, columns, 48); }
-SHARED void TYPED(interleave_75)(REAL *restrict rows, REAL (*restrict columns)[BLOCK]) { TYPED(interleave)(rows, columns, 75); }
 SHARED void TYPED(interleave_81)(REAL *restrict rows, REAL (*restrict columns)[BLOCK]) { TYPED(interleave)(rows, columns, 81); }
 SHARED void TYPED(interleave_129)(REAL *restrict rows, REAL (*restrict columns)[BLOCK]) { TYPED(interleave)(rows, columns, 129); }
 
@@ -443,10 +442,6 @@ static inline void store_block(struct writer *w, REAL (*restrict columns)[BLOCK]
   case 48:
     TYPED(interleave_48)(rows, columns);
     write_block(w, rows, 48 * sizeof *columns);
-    break;
-  case 75:
-    TYPED(interleave_75)(rows, columns);
-    write_block(w, rows, 75 * sizeof *columns);
     break;
   case 81:
     TYPED(interleave_81)(rows, columns);

@@ -59,24 +59,3 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
   (void)data;
   run(&kernel, args, dimensions[0], steps);
 }
-
-#ifndef ROW_BY_ROW
-SHARED int TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i)
-    TYPED(columns_tricept_uncertainty_tricept_beam)(input[0][i], input[1][i], input[2][i], input[3][i], input[4] + i, output[0] + i, output[75] + i, output[79] + i, output[88] + i);
-  return is_beyond(output + 88, 2);
-}
-#endif
-
-static void TYPED(tricept_beam_row)(const REAL *x, REAL *y, int8_t *codes) {
-  (void)codes;
-  TYPED(tricept_uncertainty_tricept_beam)(x[0], x[1], x[2], x[3], x + 4, y + 0, y + 75, y + 79);
-}
-
-void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  static const struct port ports[] = {{1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {1, 0, 0, {0}}, {3, 0, 1, {3}}, {75, 0, 3, {3, 5, 5}}, {4, 0, 1, {4}}, {9, 0, 2, {3, 3}}};
-  static const struct kernel kernel = {ports, 5, 3, 7, 88, 2, BLOCKWISE(tricept_beam), TYPED(tricept_beam_row)};
-  (void)data;
-  run(&kernel, args, dimensions[0], steps);
-}

@@ -107,7 +107,6 @@ _MODULES = {
     "tricept_singularity": "tricept",
     "tricept_parameter_sensitivity": "tricept_uncertainty",
     "tricept_closure": "tricept_uncertainty",
-    "tricept_beam": "tricept_uncertainty",
     "trig_solve": "trig_equation",
 }
 
