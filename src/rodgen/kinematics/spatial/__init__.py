@@ -27,7 +27,7 @@ from rodgen.kinematics.spatial.forward_analysis import (
     jacobian,
     link_transform,
 )
-from rodgen.kinematics.spatial.link_files import link_table, load_mechanism
+from rodgen.kinematics.spatial.link_files import load_mechanism
 from rodgen.kinematics.spatial.loop_reverse import reverse_loop
 from rodgen.kinematics.spatial.mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.kinematics.spatial.pair_equations import (
@@ -78,7 +78,6 @@ __all__ = [
     "group",
     "inverse_transform",
     "jacobian",
-    "link_table",
     "link_transform",
     "load_mechanism",
     "mobility",

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError, in_file, shown
 from rodgen.files import decoded, read_input
@@ -222,7 +221,7 @@ def _names(table: Sequence[_Row]) -> list[str]:
 
 
 def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
-    """Return the mechanism of a link table.
+    r"""Return the mechanism of a link table.
 
     Parameters
     ----------
@@ -248,11 +247,11 @@ def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
     >>> import pathlib, tempfile
     >>> from rodgen import spatial
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "puma.csv")
-    ...     _ = path.write_text(spatial.link_table(spatial.PUMA_560))
-    ...     puma = spatial.load_mechanism(path)
-    >>> puma.name, puma.unit, puma.offset.tolist()
-    ('puma', 'in', [0.0, 5.9, 0.0, 17.0, 0.0, 4.0])
+    ...     path = pathlib.Path(folder, "planar.csv")
+    ...     _ = path.write_text("type,S [in],a [in],alpha [deg]\nR,0,17,0\nR,5.9,,\n")
+    ...     arm = spatial.load_mechanism(path)
+    >>> arm.name, arm.unit, arm.a.tolist(), arm.offset.tolist()
+    ('planar', 'in', [17.0], [0.0, 5.9])
     """
     file = os.fspath(path)
     (place, header), *rows = _rows(file, _text(file))
@@ -266,63 +265,3 @@ def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
             raise InputFileError(file, f"line {line}", found, "a cell for each column")
         table.append(_Row(file, line, cells, fields))
     return _mechanism(file, table, unit)
-
-
-def link_table(mechanism: Mechanism) -> str:
-    """Return the text of a mechanism's link table, from which `load_mechanism` gets the same numbers.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-
-    Returns
-    -------
-    str
-        CSV. A column of angles is in degrees where that gives back every number to the last bit, else in rad.
-
-    Examples
-    --------
-    >>> from rodgen import spatial
-    >>> print(spatial.link_table(spatial.T3_776))
-    joint,type,S [in],theta [deg],pitch [in/rad],a [in],alpha [deg]
-    R1,R,0,,,0,90
-    R2,R,0,,,44,0
-    R3,R,0,,,0,90
-    R4,R,55,,,0,61
-    R5,R,0,,,0,61
-    R6,R,6,,,,
-    <BLANKLINE>
-    """
-    theta_unit, theta = _angle_cells(mechanism.angle)
-    alpha_unit, alpha = _angle_cells(mechanism.alpha)
-    offset, length = (list(map(_cell, values)) for values in (mechanism.offset, mechanism.a))
-    pitch = [_cell(value) if value else "" for value in mechanism.pitch]
-    units = {"S": mechanism.unit, "theta": theta_unit, "pitch": f"{mechanism.unit}/rad"}
-    units |= {"a": mechanism.unit, "alpha": alpha_unit}
-    out = [["joint", "type", *(f"{name} [{unit}]" for name, unit in units.items())]]
-    for j, (name, kind) in enumerate(zip(mechanism.names, mechanism.joints, strict=True)):
-        link = [length[j], alpha[j]] if j < len(length) else ["", ""]
-        out.append([name, kind, offset[j], theta[j], pitch[j], *link])
-    return "".join(",".join(map(_quoted, cells)) + "\n" for cells in out)
-
-
-def _cell(value: float) -> str:
-    if math.isnan(value):
-        return ""
-    return repr(float(value)).removesuffix(".0")
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace('"', '""') + '"' if re.search('[",\n\r]', text) else text
-
-
-def _angle_cells(values: NDArray[np.float64]) -> tuple[str, list[str]]:
-    cells = []
-    for value in values.tolist():
-        near = math.degrees(value)
-        candidates = [float(f"{near:.{digits}g}") for digits in (13, 15, 16, 17)]
-        cell = next((x for x in candidates if math.isnan(x) or math.radians(x) == value), None)
-        if cell is None:
-            return "rad", [_cell(x) for x in values]
-        cells.append(_cell(cell))
-    return "deg", cells
