@@ -119,9 +119,8 @@ d.check(
 ).prove(given={**machine_axes, **basis, a: dot(U, w), b: dot(V, w)})
 
 # %%
-turns, eighths = (
-    [f(n * q) for n in (1, 2) for f in (sp.cos, sp.sin)],
-    [f(n * q) for n in (4, 8) for f in (sp.cos, sp.sin)],
+turns, further, third, eighths = (
+    [f(n * q) for n in numbers for f in (sp.cos, sp.sin)] for numbers in ((1, 2), (3, 4), (3,), (4, 8))
 )
 nods = [f(n * q_before) for n in (2, 3) for f in (sp.cos, sp.sin)]
 
@@ -131,14 +130,24 @@ def series(names, waves, unit="its row's"):
     return sum(k * wave for k, wave in zip(amplitudes(names.split(), unit), waves, strict=True))
 
 
+leans, more = (
+    [series(names.replace("u", x), waves) for x in "uv"]
+    for names, waves in (("u_c1 u_s1 u_c2 u_s2", turns), ("u_c3 u_s3 u_c4 u_s4", further))
+)
+strained = series("a4 b4 a8 b8", eighths)
+a3, b3 = amplitudes(["a3", "b3"], "its row's")
 d.check(
     "waves",
-    defined(series("u_c1 u_s1 u_c2 u_s2", turns) * U + series("v_c1 v_s1 v_c2 v_s2", turns) * V),
+    defined(leans[0] * U + leans[1] * V),
+    defined((leans[0] + more[0]) * U + (leans[1] + more[1]) * V),
     defined(series("c1 s1 c2 s2", turns) * N),
-    defined(series("a4 b4 a8 b8", eighths)),
-    defined(series("a2 b2 a3 b3", nods)),
+    defined(strained),
+    defined(a3 * third[0] + b3 * third[1] + strained),
+    defined(series("a2 b2", nods[:2]) + a3 * nods[2] + b3 * nods[3]),
     text="Definition: what a turn repeats is a sum of waves; of each kind those are taken that its causes make. Error "
-    "motions of an axis have once and twice a turn, strained graduations four and eight, tracks two and three.",
+    "motions of an axis have once and twice a turn, strained graduations four and eight, tracks two and three. What "
+    "stands on an axis and leans by three waves a turn leans by two and four against what stands still; graduations of "
+    "mounts have three waves, too.",
 ).prove()
 
 # %%

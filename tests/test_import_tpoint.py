@@ -410,7 +410,7 @@ def test_an_effect_without_a_term_has_no_model(refuses, tmp_path):
 
 
 def test_an_effect_of_another_formula_is_no_term_of_that_name(refuses, tmp_path):
-    machine = machine_from_tpoint(None, model_file(tmp_path, {"IA": 10.0, "HASA3": 5.0})).machine
+    machine = machine_from_tpoint(None, model_file(tmp_path, {"IA": 10.0, "HASA5": 5.0})).machine
     (term,) = (effect for effect in machine.effects if effect.definition.own)
     doubled = Formula.parse(f"2*{term.definition.formula.text}", file="", place="")
     other = replace(term, definition=replace(term.definition, formula=doubled))

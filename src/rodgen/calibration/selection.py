@@ -188,14 +188,21 @@ def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
 def _named(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
     """Return the set with effects of the catalogue instead of forms that fit the readings hardly better.
 
-    What nobody has named has no usual size, so that the size of what has one decides nothing between the two.
+    What nobody has named has no usual size, so that the size of what has one decides nothing between the two. Nor does
+    the number of its parameters where an effect fits as well: the form is a part of it.
     """
     for form in [c for c in chosen if c.driver]:
-        rest = [c for c in chosen if c is not form]
-        near = [c for c in evidence.promising([rest], 2 * PROMISING)[0] if not c.driver]
-        best = min(near, key=lambda c: evidence.misfit([*rest, c]), default=None)
-        if best is not None and evidence.misfit([*rest, best]) < evidence.misfit(chosen) + COST.needed:
-            chosen = [*rest, best]
+        rest, model = [c for c in chosen if c is not form], evidence.model_for(chosen)
+        limit = evidence.misfit(chosen) + COST.needed
+        least = evidence.explained(chosen, model) - COST.needed * evidence.variance(model, chosen)
+        near = [
+            c
+            for c in evidence.promising([rest], 2 * PROMISING)[0]
+            if not c.driver
+            and (evidence.misfit([*rest, c]) < limit or evidence.explained([*rest, c], model) >= least)
+        ]
+        best = min(near, key=lambda c: evidence.misfit([*rest, c]), default=form)
+        chosen = [*rest, best]
     return chosen
 
 

@@ -117,7 +117,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("servo_lag", "revolute"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
     ("acceleration_lag", "revolute"): _row((0.3, 0.2, 0.2), "1e-4 s**2 < 1 s**2"),
     ("gravity_windup", "revolute"): _row(
-        (0.3, 1, 0.1), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
+        (0.3, 1, 0.03), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
     ),
     ("load_windup", "revolute"): _row((0.3, 0.5, 0.1), "1 arcsec/N < 1000 arcsec/N", positive="k"),
     ("lateral_windup", "revolute"): _row(
@@ -193,8 +193,8 @@ Where kinds of machines differ, the reasons are:
   where refraction is not exact), so 1; on other machines nothing is seen through them, so 0.01. Flexures of axis and
   fork are further terms (DAF, FO) of large or old equatorial mounts, 0.3. TPOINT has terms for the centring of a
   graduation (ACES, ECEC and so on), which two heads and tapes on drums remove on large telescopes, 0.1; it has none
-  for a scale, as a circle closes, 0.03. Balanced axes hardly wind up, 0.1, and run in preloaded bearings, of which a
-  race or a track that is not flat makes waves, 0.1.
+  for a scale, as a circle closes, 0.03, nor for a drive that winds up, as axes are balanced and read on the axis, 0.03.
+  They run in preloaded bearings, of which a race or a track that is not flat makes waves, 0.1.
 - Robots: every joint that bears weight yields by its gear (calibrations by Whitney, by Judd and Knasinski, and by
   Khalil and Dombre begin with it), 1, against 0.3 of a stiff or balanced machine tool; wrists are coupled through their
   gears, 0.1; error motions of bearings are a hundredth of their other errors, 0.05; gears and encoders have whole

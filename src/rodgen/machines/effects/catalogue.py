@@ -99,12 +99,13 @@ _LETTERS = {"azimuth": "A", "elevation": "E", "polar": "H", "declination": "D"}
 
 
 def _waves(**times: int) -> dict[str, str]:
-    """Return TPOINT's even harmonics of the reading of each axis by itself, by endings of parameters.
+    """Return TPOINT's harmonics of the reading of each axis by itself, by endings of parameters.
 
-    Azimuth counts from south, and is positive to the left.
+    Azimuth counts from south, and is positive to the left: sin(nA) and cos(nA) become -(-1)^n of it and (-1)^n.
     """
     return {
-        f"H{letter}{function}{letter}{n}": f"{'-' * (letter + function == 'AC')}{x}{ending[1:]} at the {axis} axis"
+        f"H{letter}{function}{letter}{n}": f"{'-' * (letter == 'A' and (function == 'C') ^ n % 2)}{x}{ending[1:]} "
+        f"at the {axis} axis"
         for axis, letter in _LETTERS.items()
         for ending, n in times.items()
         for function, x in (("S", "b"), ("C", "a"))
@@ -113,6 +114,12 @@ def _waves(**times: int) -> dict[str, str]:
 
 _TWO_HARMONICS_U = "u_c1*cos(q) + u_s1*sin(q) + u_c2*cos(2*q) + u_s2*sin(2*q)"
 _TWO_HARMONICS_V = _TWO_HARMONICS_U.replace("u_", "v_")
+
+
+def _four_waves(x: str) -> str:
+    return " + ".join(f"{x}_c{n}*cos({n}*q) + {x}_s{n}*sin({n}*q)" for n in range(1, 5))
+
+
 _EIGHT = "u_c1 u_s1 u_c2 u_s2 v_c1 v_s1 v_c2 v_s2"
 
 _REVOLUTE = (
@@ -198,12 +205,15 @@ _REVOLUTE = (
         "encoder_harmonics", "revolute", "reading", "a4*cos(4*q) + b4*sin(4*q) + a8*cos(8*q) + b8*sin(8*q)",
         _in("arcsec", "a4 b4 a8 b8"), entry="waves",
         iso="ECC (four and eight times per turn)",
-        tpoint=_waves(_4=4, _8=8),
+        tpoint=_waves(_3=3, _4=4, _8=8),
         meaning="The graduation is strained by four screws, or read by four heads that do not agree, or a resolver of "
         "four pole pairs has unequal windings. Four and eight waves in each turn.",
         usual_size="0.5 to 5 arcsec of a graduation, 10 to 60 arcsec of a resolver",
         remedy="Clamp the disc evenly, adjust offset and gain of the signals, or enter the waves in the control.",
         source=f"{_HEIDENHAIN}; {_SLOCUM}",
+    ).with_directions(
+        "a3*cos(3*q) + b3*sin(3*q) + a4*cos(4*q) + b4*sin(4*q) + a8*cos(8*q) + b8*sin(8*q)",
+        _in("arcsec", "a3 b3 a4 b4 a8 b8"),
     ),
     _row(
         "periodic_drive_error", "revolute", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
@@ -251,6 +261,9 @@ _REVOLUTE = (
         usual_size="0.2 to 2 arcsec for a good table, 2 to 10 arcsec for a large ring bearing",
         remedy="Renew or re-seat the bearing on a flat face; compensation needs two further rotary axes.",
         source=_ISO_7,
+    ).with_directions(
+        f"({_four_waves('u')})*U + ({_four_waves('v')})*V",
+        _in("arcsec", " ".join(f"{x}_{f}{n}" for x in "uv" for n in range(1, 5) for f in "cs")),
     ),
     _row(
         "backlash", "revolute", "reading", "-b/2*s", {"b": "arcsec"}, entry="backlash",
