@@ -59,6 +59,7 @@ from rodgen.calibration.remarks import (
     moved_one_way,
     on_preferred,
     uneven,
+    unknown_acceleration,
     unknown_approach,
 )
 from rodgen.calibration.rows import Rows, wrong_rows
@@ -594,6 +595,7 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
     notes += [
         _stated(last.machine, steps),
         unknown_approach(subject.fitted.observations),
+        unknown_acceleration(subject.fitted.observations) if rest else "",
         *contradictions(last),
     ]
     if not last.dependence.independent:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -144,9 +144,37 @@ def on_outliers(fit: Fit, rows: NDArray[np.bool_]) -> str:
         return ""
     off = how_far_off(fit, *_worst(fit, out))
     places = fit.observations.data.places(out)
-    stars = on_misidentified(fit, rows)
     said = f"{counted(len(out), 'outlier')}, taken out: {places}, off by {off}."
-    return f"{said} {capitalized(stars)}." if stars else said
+    stars = on_misidentified(fit, rows)
+    return " ".join(filter(None, [said, f"{capitalized(stars)}." if stars else "", *_at_reversals(fit, out)]))
+
+
+def _at_reversals(fit: Fit, rows: NDArray[np.intp]) -> Iterator[str]:
+    """Yield a sentence for each joint on rows that repeat the one before where it turned back.
+
+    It may have gone on and come back between the two, so that the order does not tell from which side it came.
+    """
+    o = fit.observations
+    again = (np.diff(o.q, axis=0) == 0).all(axis=1) & (np.diff(o.target) == 0)
+    repeated = rows[np.append(False, again)[rows]].tolist()
+    for joint, q in zip(o.machine.joints, o.q.T, strict=True):
+        before, after = (
+            [np.sign(way[way != 0][:1]) for way in ways]
+            for ways in (
+                [np.diff(q[: r + 1])[::-1] for r in repeated],
+                [np.diff(q[r:]) for r in repeated],
+            )
+        )
+        turned = [
+            r for r, a, b in zip(repeated, before, after, strict=True) if a.any() and not np.array_equal(a, b)
+        ]
+        if turned and f"dir_{joint.column}" not in o.columns_given and not joint.passive:
+            place, one = capitalized(o.data.places(turned)), len(turned) == 1
+            yield (
+                f"{place} repeat{'s' * one} the row before, where {joint.name} turned back: play shifts "
+                f"{'it' if one else 'them'} if {joint.name} came from the other side. Note that in "
+                f"dir_{joint.column}, +1 or -1."
+            )
 
 
 def on_gross_readings(fit: Fit) -> str:

@@ -111,6 +111,22 @@ def unknown_approach(o: Observations) -> str:
     )
 
 
+def unknown_acceleration(o: Observations) -> str:
+    """Return a sentence on joints that are read at several speeds without their acceleration; empty without."""
+    given = o.columns_given
+    names = [
+        joint.column
+        for joint, v in zip(o.machine.joints, np.abs(o.v).T, strict=True)
+        if f"v_{joint.column}" in given and f"a_{joint.column}" not in given and len(np.unique(v[v > 0])) > 1
+    ]
+    columns = joined([f"a_{name}" for name in names])
+    return (
+        f"What follows the acceleration of {joined(names)} is not seen: note it in {columns}."
+        if names
+        else ""
+    )
+
+
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
     """Return a sentence on joints that went from end to end once while the set-up wandered; empty where there are none.
 
