@@ -412,8 +412,11 @@ def _size(scope: Scope) -> float:
         float(np.linalg.norm(p))
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
     ]
-    usual = [machine.kinematics.usual_travel(k) for k in range(len(machine.joints))]
+    loop = machine.kinematics
+    usual = [loop.usual_travel(k) for k in range(len(machine.joints)) if not machine.joints[k].revolute]
     travel += [max(highest for _, highest in filter(None, usual))] if any(usual) else []
+    if loop.is_closed and not usual:  # of arms, which turn, and rods
+        travel += [float(np.linalg.norm(loop.number(name))) for name in loop.numbers]
     return float(sum(travel) + max(points)) or 1.0
 
 
