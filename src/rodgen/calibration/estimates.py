@@ -68,7 +68,7 @@ def _estimates(fit: Fit, of: Determinacy, covariance: Array) -> dict[str, Estima
         spread = None if held or lacking or at or np.isnan(std[i]) else float(std[i])
         convention = bool(of.undetermined[i]) and not lacking
         value = float(fit.values[i] / p.factor)
-        if convention and max(abs(fit.values[i]), spread or 0.0) < rounding[i]:
+        if of.undetermined[i] and max(abs(fit.values[i]), spread or 0.0) < rounding[i]:
             value, spread = 0.0, spread and 0.0
         spread = spread and spread / p.factor
         found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
