@@ -148,6 +148,23 @@ def test_rows_behind_a_reversal_are_not_wrong() -> None:
     assert not fit(new("linear-axis"), Measurements.from_frame(columns)).gross_readings
 
 
+@pytest.mark.thorough
+def test_a_row_that_is_read_again_behind_a_reversal_may_have_come_from_the_other_side() -> None:
+    """Beyond its end the axis turns back: with play of 12 um both rows of that command differ by as much."""
+    way = np.linspace(0, 1000, 26)
+    q, driven = np.append(way, way[:-4:-1]), np.concatenate([way, [1010], way[:-4:-1]])
+    columns = slid(q, np.delete(with_play(driven, 0.012), 26))
+    found = diagnosed("linear-axis", columns)
+    assert found.outliers == (26,)
+    assert "repeats the row before, where X turned back: play shifts it" in said(found)
+    told = diagnosed("linear-axis", columns | {"dir_X": np.append(np.ones(26), [-1, -1, -1])})
+    assert not told.outliers
+    assert named(told) == named(found) == {"backlash"}
+    assert estimate(told, "X.backlash.b") == pytest.approx(
+        0.012, abs=5 * 3e-4 / np.sqrt(3)
+    )  # of three readings
+
+
 # resolvers and lags
 
 

@@ -155,8 +155,14 @@ def run_of(seed, waves, count=120, sigma=0.7):
             ("bearing_waves", "EL"),
             {"HESA2": -5, "HECA2": 0, "HESA3": 0, "HECA3": 4},
         ),
+        (
+            lambda a, e: (6 * np.cos(3 * a) * np.cos(e), 0),
+            ("encoder_harmonics", "AZ"),
+            {"HACA3": 6, "HASA3": 0, "HACA4": 0},
+        ),
+        (lambda a, e: (5 * np.cos(3 * a + 1) * np.sin(e), 0), ("tilt_error_motion", "AZ"), {}),
     ],
-    ids=["encoder", "bearing"],
+    ids=["encoder", "bearing", "encoder, three", "lean, three"],
 )
 def test_waves_of_an_azimuth_axis_have_tpoint_s_names(waves, effect, sizes):
     q, seen = run_of(1, waves)
