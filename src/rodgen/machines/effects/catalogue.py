@@ -112,15 +112,19 @@ def _waves(**times: int) -> dict[str, str]:
     }
 
 
-_TWO_HARMONICS_U = "u_c1*cos(q) + u_s1*sin(q) + u_c2*cos(2*q) + u_s2*sin(2*q)"
-_TWO_HARMONICS_V = _TWO_HARMONICS_U.replace("u_", "v_")
+def _across(count: int) -> tuple[str, str]:
+    """Return so many waves a turn along U and along V as a formula, and the names of their amplitudes."""
+    names = [f"{x}_{f[0]}{n}" for x in "uv" for n in range(1, count + 1) for f in ("cos", "sin")]
+    waves = [f"{f}({f'{n}*' * (n > 1)}q)" for n in range(1, count + 1) for f in ("cos", "sin")]
+    u, v = (
+        " + ".join(f"{name}*{wave}" for name, wave in zip(some, waves, strict=True))
+        for some in (names[: len(waves)], names[len(waves) :])
+    )
+    return f"({u})*U + ({v})*V", " ".join(names)
 
 
-def _four_waves(x: str) -> str:
-    return " + ".join(f"{x}_c{n}*cos({n}*q) + {x}_s{n}*sin({n}*q)" for n in range(1, 5))
-
-
-_EIGHT = "u_c1 u_s1 u_c2 u_s2 v_c1 v_s1 v_c2 v_s2"
+_TWO_WAVES, _EIGHT = _across(2)
+_FOUR_WAVES, _SIXTEEN = _across(4)
 
 _REVOLUTE = (
     _row(
@@ -233,7 +237,7 @@ _REVOLUTE = (
         source=f"{_JUDD}; {_SLOCUM}",
     ),
     _row(
-        "radial_error_motion", "revolute", "translation", f"({_TWO_HARMONICS_U})*U + ({_TWO_HARMONICS_V})*V",
+        "radial_error_motion", "revolute", "translation", _TWO_WAVES,
         _in("{length}", _EIGHT), entry="waves",
         iso="EXC, EYC",
         meaning="The axis itself moves sideways while it turns, because races and rollers are not round. The target "
@@ -253,7 +257,7 @@ _REVOLUTE = (
         source=_ISO_7,
     ),
     _row(
-        "tilt_error_motion", "revolute", "rotation", f"({_TWO_HARMONICS_U})*U + ({_TWO_HARMONICS_V})*V",
+        "tilt_error_motion", "revolute", "rotation", _TWO_WAVES,
         _in("arcsec", _EIGHT), entry="waves",
         iso="EAC, EBC",
         meaning="The axis wobbles while it turns, as two bearings run out against each other or a large race is "
@@ -261,10 +265,7 @@ _REVOLUTE = (
         usual_size="0.2 to 2 arcsec for a good table, 2 to 10 arcsec for a large ring bearing",
         remedy="Renew or re-seat the bearing on a flat face; compensation needs two further rotary axes.",
         source=_ISO_7,
-    ).with_directions(
-        f"({_four_waves('u')})*U + ({_four_waves('v')})*V",
-        _in("arcsec", " ".join(f"{x}_{f}{n}" for x in "uv" for n in range(1, 5) for f in "cs")),
-    ),
+    ).with_directions(_FOUR_WAVES, _in("arcsec", _SIXTEEN)),
     _row(
         "backlash", "revolute", "reading", "-b/2*s", {"b": "arcsec"}, entry="backlash",
         of_drive=True,
