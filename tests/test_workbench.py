@@ -44,7 +44,7 @@ def test_the_error_of_the_telescope_falls_and_rises_again(session):
     assert session.redo() is after
     assert session.redo() is after
     found = session.ladder
-    assert [rung.title for rung in found.rungs] == ["base", "+ tube_flexure", "+ refraction"]
+    assert [rung.title for rung in found.rungs] == ["base", "+ tube_flexure (TF)", "+ refraction (TX)"]
     machine, data = session.states[0].machine, session.state.observations
     same = ladder(machine, data, [machine.effect("tube_flexure"), machine.effect("refraction")])
     for one, other in zip(found.rungs, same.rungs, strict=True):

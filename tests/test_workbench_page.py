@@ -131,7 +131,7 @@ def test_effects_are_added_taken_back_and_added_again(files):
         await walker.sees("Error 0.659")
         await walker.does("Remove tube_flexure (TF)", 3)
         await walker.sees("Error 1.89")
-        await walker.does("Go back to: + refraction", 2)
+        await walker.does("Go back to: + refraction (TX)", 2)
 
     async def in_another_window(walker):
         await walker.sees("Error 0.659")

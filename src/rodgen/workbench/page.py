@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from nicegui import ui
 
-from rodgen.calibration.error_table import THE_FILE, error_table, noise_name
 from rodgen.calibration.error_table import Model as ErrorModel
+from rodgen.calibration.error_table import error_table, noise_name
 from rodgen.calibration.words import odds_text, sized
 from rodgen.data.set_aside import SetAside
 from rodgen.document import Table
@@ -549,12 +549,11 @@ def _rows_of(event: Any) -> set[int]:
 
 def _model(state: State) -> ErrorModel:
     """Return a state as the table of errors shows it; what takes longer than the fit only where it is known."""
-    title = state.action.title if state.action else THE_FILE
     if "rung" not in state.__dict__:
-        return ErrorModel(title, state.fit.rms, None)
+        return ErrorModel(state.title, state.fit.rms, None)
     rung = state.rung
     odds = odds_text(rung.step.odds) if rung.step else ""
-    return ErrorModel(title, rung.fit.rms, rung.held_out.rms, odds)
+    return ErrorModel(state.title, rung.fit.rms, rung.held_out.rms, odds)
 
 
 def _numbers(values: Any, size: float, digits: int) -> list[str]:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.error_table import THE_FILE
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import Ladder, Rung, first_rung, fit_after, next_rung
 from rodgen.calibration.problem.binding import bind_once
@@ -110,12 +111,22 @@ class State:
             made = fit(machine, observations, outliers=aside)
         return State(self.file, text, machine, data, observations, aside, made, action, self)
 
+    @property
+    def title(self) -> str:
+        """What the action does, in a few words; a mount's effects have TPOINT's names."""
+        title = self.action.title if self.action else THE_FILE
+        for effect in (*self.machine.effects, *(self.before.machine.effects if self.before else ())):
+            plain = f"{effect.name} at {effect.place}" if effect.place else effect.name
+            if title.partition(":")[0].lstrip("+- ") == plain:
+                return title.replace(plain, effect.title)
+        return title
+
     @cached_property
     def rung(self) -> Rung:
         """The model on the ladder of errors, tested against that before."""
         if self.before is None or self.action is None:
             return first_rung(self.fit)
-        return next_rung(self.before.fit, self.fit, self.action.title)
+        return next_rung(self.before.fit, self.fit, self.title)
 
     @cached_property
     def suspects(self) -> Suspects | None:
@@ -334,7 +345,7 @@ class Session:
             if isinstance(rms, float) and not math.isclose(state.fit.rms, rms, rel_tol=AGREE, abs_tol=1e-12):
                 made = content["versions"]["rodgen"] if "versions" in content else "another version"
                 session.remarks.append(
-                    f"After {state.action.title if state.action else ''} the error is {state.fit.rms:.6g} "
+                    f"After {state.title} the error is {state.fit.rms:.6g} "
                     f"{state.fit.unit}; rodgen {made} had {rms:.6g}."
                 )
         session.go(at)
