@@ -155,20 +155,10 @@ def _at_reversals(fit: Fit, rows: NDArray[np.intp]) -> Iterator[str]:
     It may have gone on and come back between the two, so that the order does not tell from which side it came.
     """
     o = fit.observations
-    again = (np.diff(o.q, axis=0) == 0).all(axis=1) & (np.diff(o.target) == 0)
-    repeated = rows[np.append(False, again)[rows]].tolist()
-    for joint, q in zip(o.machine.joints, o.q.T, strict=True):
-        before, after = (
-            [np.sign(way[way != 0][:1]) for way in ways]
-            for ways in (
-                [np.diff(q[: r + 1])[::-1] for r in repeated],
-                [np.diff(q[r:]) for r in repeated],
-            )
-        )
-        turned = [
-            r for r, a, b in zip(repeated, before, after, strict=True) if a.any() and not np.array_equal(a, b)
-        ]
-        if turned and f"dir_{joint.column}" not in o.columns_given and not joint.passive:
+    again = np.append(False, (np.diff(o.q, axis=0) == 0).all(axis=1) & (np.diff(o.target) == 0))
+    for joint, s in zip(o.machine.joints, o.s.T, strict=True):
+        turned = rows[again[rows] & np.append(np.diff(s) != 0, True)[rows] & (s[rows] != 0)]
+        if len(turned) and f"dir_{joint.column}" not in o.columns_given and not joint.passive:
             place, one = capitalized(o.data.places(turned)), len(turned) == 1
             yield (
                 f"{place} repeat{'s' * one} the row before, where {joint.name} turned back: play shifts "
