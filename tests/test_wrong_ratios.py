@@ -103,6 +103,16 @@ def test_no_change_is_named_where_readings_are_hardly_more_than_parameters(seed)
     assert not found.repairs
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize(("rows", "seed"), [(6, 5), (8, 0)])
+def test_two_changes_are_named_on_few_rows_and_not_one_that_leaves_an_error(rows, seed):
+    """A free frame and the target leave 9 and 15 degrees of freedom: one of the two alone left 25 and 6 mm."""
+    (repair,) = check(*arm(-1, 0.5, rows=rows, frame="free", seed=seed)).repairs
+    assert "A turns by half" in repair.words
+    assert "B turns the other way" in repair.words
+    assert repair.changes == 2
+
+
 def of_one_axis(ratio: float) -> tuple[Machine, Measurements]:
     q = np.linspace(0, 350, 72)
     read = ratio * q + 0.3 + np.random.default_rng(2).normal(scale=5 / 3600, size=72)

@@ -3,12 +3,14 @@
 Each change (`repairs`) is a candidate, and the files as they are the null hypothesis. A candidate costs -2 ln of its
 probability, given the readings, in a fit that stays near the file::
 
-    n ln s² + (ν + m) Σ ln(1 + r²/(ν s²)) + Σ (correction / usual correction)²
+    n ln s² + (ν + m) Σ ln(1 + r²/(ν s²)) + Σ (correction / usual correction)² + Σ ln(1 + λ)
 
 The residuals r of a row, of m components, have a t distribution of few degrees of freedom ν, so that a wrong reading
 costs the logarithm of its error. Its scale s is profiled, and no less than a floor. Corrections have a prior, as well
 as drawings and assembly usually are, or as the file says: a fit may turn an axis by half a turn if the readings then
 agree, but that is improbable. Where readings say what is right they cost little: a roughly known machine loses nothing.
+Each eigenvalue λ is what the readings say of the corrections, over what the prior says: a fit that lowers the scale by
+corrections has only the degrees of freedom that these leave (Laplace's approximation of the integral over them).
 
 A change is named where it is many times as probable as the files as they are, and lowers the error; one that only makes
 corrections needless, where those that are left are usual ones. Equally probable changes are named together. None is
@@ -189,10 +191,28 @@ class NearFit:
         m = self.problem.components
         n = len(squares) * m
         tails = (TAILS + m) * np.sum(np.log1p(squares / (TAILS * scale**2)))
-        zeros = [*np.flatnonzero(self.is_of_target), *_zeros(self.model)]
-        free = np.count_nonzero(self.problem.file_values.precision[zeros] == 0)
         error = 2 * n * np.log(self.scale / self.enlarged)
-        return float(error + tails + self.prices.sum() + free * np.log(n))
+        return float(error + tails + self.prices.sum() + np.log1p(self.information).sum())
+
+    @cached_property
+    def information(self) -> Array:
+        """What readings say of the adjusted parameters, relative to the prior: eigenvalues, (adjusted,).
+
+        The prior of what may have any value is as good as one reading (Kass and Wasserman 1995).
+        """
+        free = _adjusted(self.model)
+        square = self.problem.normal_equations(self.theta, self.frame)[1][np.ix_(free, free)]
+        stated = self.problem.file_values.precision[free]
+        unit = np.where(stated > 0, stated, np.sqrt(np.diag(square) / self.problem.base_weight.size))
+        unit[unit == 0] = 1.0
+        return np.asarray(np.maximum(np.linalg.eigvalsh(square / np.multiply.outer(unit, unit)), 0.0))
+
+    @cached_property
+    def largest_scale(self) -> float:
+        """What the scale may be; the degrees of freedom are those that the parameters leave."""
+        n = self.problem.base_weight.size
+        left = n - np.sum(self.information / (1 + self.information))
+        return float(self.scale * np.sqrt(n / special.chdtri(max(left, 1.0), 1 - CHECK.chance)))
 
     @cached_property
     def rms(self) -> float:
@@ -224,7 +244,8 @@ class NearFit:
     @property
     def is_open(self) -> bool:
         """Whether more is remarkable than the places of targets, which may be guesses."""
-        return self.is_rough or self.prices[~self.is_of_target].sum() >= CHECK.decisive
+        rough = self.largest_scale >= CHECK.imperfect * self.moved
+        return rough or self.prices[~self.is_of_target].sum() >= CHECK.decisive
 
     @property
     def is_impossible(self) -> bool:
@@ -599,11 +620,11 @@ def _is_named(repair: Repair, fit: NearFit, null: NearFit | None) -> bool:
     Several changes, which are chosen among very many, must leave no more than effects do. Readings that are hardly more
     than the parameters and the changes fit some change whatever is wrong.
     """
+    largest = CHECK.impossible_error if repair.changes < 2 else CHECK.imperfect
     readings = fit.problem.observations.n * fit.problem.components
     if readings - len(_adjusted(fit.model)) - repair.changes < EVIDENCE.fewest_residual_dof:
         return False
-    largest = CHECK.impossible_error if repair.changes < 2 else CHECK.imperfect
-    if fit.scale >= largest * fit.moved or fit.farthest >= 1:
+    if fit.largest_scale >= largest * fit.moved or fit.farthest >= 1:
         return False
     if null is None:
         return True
