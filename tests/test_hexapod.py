@@ -285,6 +285,20 @@ def test_joints_that_do_not_hold_the_platform_are_named(refuses, wrong):
     refuses(machine_of, toml(hexapod_file(base=base, platform=platform)), "machine.toml")
 
 
+@pytest.mark.parametrize("wrong", ["radius", "shift", "zeros"])
+def test_one_freedom_twice_is_refused(refuses, wrong):
+    zeros = [{"name": "leg_zero_offset", "joint": f"L{k}"} for k in range(1, 7)]
+    estimate = ["geometry"] if wrong == "radius" else [f"P{k}" for k in range(1, 7)] * (wrong == "shift")
+    of_all = {"radius": "base_radius", "shift": "platform_radius", "zeros": "common_zero_offset"}[wrong]
+    file = hexapod_file(estimate=estimate)
+    before = machine_of(
+        toml(file | {"effect": [{"name": of_all}] * (not estimate) + zeros[1:]}), "machine.toml"
+    )
+    assert len(before.effects) == 6 - bool(estimate)
+    file["effect"] = [*zeros[1:], {"name": of_all}, *zeros[:1]]
+    refuses(machine_of, toml(file), "machine.toml")
+
+
 def test_two_legs_may_share_a_joint_of_the_base():
     base = BASE.copy()
     base[1] = base[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from rodgen.data.units import unit_factor
@@ -24,6 +24,13 @@ _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
 
 _SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
 """A component, and what [estimate] calls the same freedom."""
+
+_OF_A_LEG: Mapping[str, tuple[set[str], Sequence[str]]] = {
+    "reading": ({"zero_offset", "leg_zero_offset"}, ()),
+    "base_joint": ({"base_joint_offset"}, [f"B{k}" for k in range(1, 7)]),
+    "platform_joint": ({"platform_joint_offset"}, [f"P{k}" for k in range(1, 7)]),
+}
+"""The component of an effect of all legs: effects of one leg, and numbers in [estimate], that are the same there."""
 
 _ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "leg_thermal_expansion"}
 """Names at a leg of effects of joints, where it is not the same name after ``leg_``."""
@@ -239,6 +246,15 @@ def _check_freedom(machine: MachineData, effect: Effect) -> None:
         raise UnfitEffectError(
             "name", f"{effect.name}, which moves the targets alike", "target_offset, or 'target'"
         )
+    free = [e for e in (*machine.effects, effect) if not (e.hold or e.definition.own)]
+    for common in (e for e in free if e.definition.of_all_legs):
+        names, numbers = _OF_A_LEG[common.definition.component]
+        legs = [joint.name for joint in machine.joints]
+        each = {e.place for e in free if e.name in names}
+        each |= {j for j, x in zip(legs, numbers, strict=False) if {"geometry", x} & {*machine.estimate}}
+        if each >= {*legs}:
+            found = f"{common.title} and the same of each {machine.kinematics.leg} alone, one freedom twice"
+            raise UnfitEffectError("name", found, "one of the two")
     freedom = _SAME_FREEDOM.get(effect.definition.component)
     if freedom is None:
         return
