@@ -494,7 +494,8 @@ d.check(
 # ## Plates
 #
 # The height of a smooth plate is to second order a plane, which is where the plate lies, and half the quadratic form of
-# its curvatures. Half the mean curvature is a bowl; what is beside it bends the plate one way and the other.
+# its curvatures. Half the mean curvature is a bowl. The rest, a warp, bends the plate one way and the other: it has no
+# mean curvature.
 
 # %%
 h11, h12, h22 = d.letters(
@@ -507,10 +508,11 @@ d.check(
     "plate",
     equal(change((across.T * bowl * across)[0]), a * (read_x**2 + read_y**2)),
     equal(
-        change((across.T * curved * across)[0] / 2),
-        a * (read_x**2 + read_y**2) + b * (read_x**2 - read_y**2) + c * 2 * read_x * read_y,
+        change((across.T * (curved / 2 - bowl) * across)[0]),
+        b * (read_x**2 - read_y**2) + c * 2 * read_x * read_y,
     ),
-    text="The bowl is the part that is the same when the plate is turned.",
+    equal((curved / 2 - bowl).trace(), 0),
+    text="The bowl is the part that is the same when the plate is turned; the rest is a warp.",
 ).prove(given={a: (h11 + h22) / 4, b: (h11 - h22) / 4, c: h12 / 2})
 
 # %% [markdown]

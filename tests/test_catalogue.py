@@ -97,7 +97,7 @@ EXPECTED = {
     **{(at, "common_zero_offset"): ("reading", {"a": MM}) for at in ("legs", "towers")},
     ("arms", "common_zero_offset"): ("reading", {"a": "deg"}),
     ("machine", "plate_bowl"): ("plate", {"a": "1/mm"}),
-    ("machine", "plate_warp"): ("plate", dict.fromkeys("abc", "1/mm")),
+    ("machine", "plate_warp"): ("plate", dict.fromkeys("bc", "1/mm")),
 }  # fmt: skip
 
 

@@ -624,12 +624,10 @@ _MACHINE = (
         source=f"{_ISO_1}, flatness",
     ),
     _row(
-        "plate_warp", "machine", "plate",
-        "a*(read_x**2 + read_y**2) + b*(read_x**2 - read_y**2) + c*2*read_x*read_y", _in("1/{length}", "a b c"),
+        "plate_warp", "machine", "plate", "b*(read_x**2 - read_y**2) + c*2*read_x*read_y", _in("1/{length}", "b c"),
         entry="plate",
         meaning="The plate over which heights are read is warped: it rises one way and falls the other way, along x "
-        "and y by b, between the diagonals by c, as a bed does whose corners are screwed down unequally. By a it is a "
-        "bowl, too.",
+        "and y by b, between the diagonals by c, as a bed does whose corners are screwed down unequally.",
         usual_size="0.05 to 0.3 mm at 100 mm from the middle of a printer's bed",
         remedy="Turn the plate by a quarter turn and probe again: what turns along is the plate's, and the machine may "
         "be right.",
