@@ -679,6 +679,19 @@ _TARGET = (
     ).with_directions("a*U + b*V", _in("arcsec", "a b")).with_poses("rx*EX + ry*EY + rz*EZ", _in("arcsec", "rx ry rz")),
 )  # fmt: skip
 
+
+def _radius(plate: str, does: str) -> EffectDefinition:
+    """Return the effect of a plate of a hexapod whose joints stand on another circle."""
+    return _row(
+        f"{plate}_radius", "legs", f"{plate}_joint", "r*U", {"r": "{length}"}, entry="outwards",
+        meaning=f"The joints of the {plate} stand on a larger or smaller circle than in the drawing: the plate was "
+        f"drilled to another radius, or a radius was entered wrongly. {does}",
+        usual_size="0.01 to 0.5 mm as built; any size where a number was mistyped",
+        remedy="Measure across the plate, or enter the fitted joint centres in the control.",
+        source=f"{_MOORING}; {_MERLET}",
+    )  # fmt: skip
+
+
 _LEG = (
     _row(
         "base_joint_offset", "leg", "base_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
@@ -737,22 +750,8 @@ _LEG = (
         remedy="Stiffen or preload nut and joints, or let the control correct by the known payload.",
         source=f"{_MERLET}; {_KHALIL}",
     ),
-    _row(
-        "base_radius", "legs", "base_joint", "r*U", {"r": "{length}"}, entry="outwards",
-        meaning="The joints of the base stand on a larger or smaller circle than in the drawing: the plate was drilled "
-        "to another radius, or a radius was entered wrongly. All six legs lean by a little more or less.",
-        usual_size="0.01 to 0.5 mm as built; any size where a number was mistyped",
-        remedy="Measure across the plate, or enter the fitted joint centres in the control.",
-        source=f"{_MOORING}; {_MERLET}",
-    ),
-    _row(
-        "platform_radius", "legs", "platform_joint", "r*U", {"r": "{length}"}, entry="outwards",
-        meaning="The joints of the platform stand on a larger or smaller circle than in the drawing: the plate was "
-        "drilled to another radius, or a radius was entered wrongly. The platform turns less or more than it should.",
-        usual_size="0.01 to 0.5 mm as built; any size where a number was mistyped",
-        remedy="Measure across the plate, or enter the fitted joint centres in the control.",
-        source=f"{_MOORING}; {_MERLET}",
-    ),
+    _radius("base", "All six legs lean by a little more or less."),
+    _radius("platform", "The platform turns less or more than it should."),
     _row(
         "platform_shift", "legs", "platform_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"), entry="vector",
         meaning="All joints of the platform sit, together, elsewhere against what is measured on it than in the "
