@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import run
-from delta_cases import ARM, PRINTER, R_OF_ROBOT, ROD, TARGET, L, R, elbows, hung, probed
+from delta_cases import ARM, PRINTER, R_OF_ROBOT, ROD, TARGET, L, R, elbows, hung, probed, spiral
 from diagnosis_checks import diagnosis_of
 from hexapod_cases import BASE, PLATFORM, drawn_poses, hexapod_file, lengths, table
 from hidden_effects import Hidden, Sealed, Truth
@@ -411,6 +411,16 @@ def test_a_bowl_of_a_plate_of_unknown_height_is_not_told_from_the_radius(errors)
         assert not found.steps
         both = {e.title for one in found.geometry.alternatives for e in (*one.named, *one.effects)}
     assert both >= {"plate_bowl", "another R"}
+
+
+@pytest.mark.thorough
+def test_an_endstop_is_no_wander_of_the_plate():
+    """16 touches from row to row: that a plate lies askew all the time is no sign that it wanders."""
+    log = probed(16, offset=[0.3, 0, 0], noise=0.02)
+    order = np.argsort([y for _, y in spiral(16, 95)])
+    found = diagnose(printer(["R"]), Measurements.from_frame({x: log[x][order] for x in log}))
+    assert names(found) == {"zero_offset at A"}
+    assert abs(found.estimates["A.zero_offset.a"].value - 0.3) < 4 * found.estimates["A.zero_offset.a"].std
 
 
 @pytest.mark.thorough
