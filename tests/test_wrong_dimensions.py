@@ -424,6 +424,15 @@ def test_an_endstop_is_no_wander_of_the_plate():
 
 
 @pytest.mark.thorough
+def test_two_endstops_are_named_beside_the_third_and_all():
+    """An endstop and a bowl: with an estimated radius all endstops do what the bowl does, so that two do both."""
+    built, columns = bed(["R"], seed=5, offset=[0, 0.3, 0], plate=bowl, noise=0.015)
+    found = diagnose(built, Measurements.from_frame(columns))
+    sets = [names(found), *({e.title for e in one.effects} for one in found.indistinguishable_sets)]
+    assert {"common_zero_offset", "zero_offset at B"} in sets
+
+
+@pytest.mark.thorough
 def test_numbers_that_do_nearly_the_same_are_named_beside_each_other():
     built, columns = bed([], offset=0.3)
     (one,) = diagnose(built, Measurements.from_frame(columns)).steps

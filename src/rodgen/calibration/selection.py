@@ -88,16 +88,14 @@ def _grown(evidence: Evidence, best: list[Candidate]) -> list[Candidate]:
 def _improved(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate] | None:
     """Return a cheaper set, with one less, one or two instead of one, or one instead of several; None without.
 
-    An effect of all legs and a second one are also replaced by two effects of single legs.
+    An effect of all legs and a second one are also replaced by two effects of single legs, and the other way round.
     """
     others, cost = [chosen[:i] + chosen[i + 1 :] for i in range(len(chosen))], evidence.cost(chosen)
     tried = [*others]
     for rest, near in zip(others, evidence.promising(others, PROMISING, cost), strict=True):
         tried += [[*rest, c] for c in near]
         tried += [[*rest, a, b] for a, b in _pairs(evidence, rest, cost)]
-    for two, terms in _sums(evidence, chosen):
-        rest = [c for c in chosen if c not in two]
-        tried += [[*rest, a, b] for a, b in terms]
+    tried += [[*(c for c in chosen if c not in two), *new] for two, new in _sums(evidence, chosen)]
     (more,) = evidence.promising([chosen], PROMISING)
     tried += (merged := evidence.weighed([*chosen, c] for c in more))
     while merged := [some for some in merged if len(some) > 2]:
@@ -137,16 +135,19 @@ def _pairs(
 
 def _sums(
     evidence: Evidence, chosen: Sequence[Candidate]
-) -> Iterator[tuple[tuple[Candidate, ...], list[tuple[Candidate, ...]]]]:
-    """Yield pairs with an effect of all legs, and pairs of its terms, the same at each leg: these may be the cause."""
-    for two in itertools.combinations(chosen, 2):
-        for whole in (c.effect.definition for c in two if c.effect.definition.of_all_legs):
-            terms = [
-                c
-                for c in evidence.candidates
-                if c.effect.place and c.effect.definition.formula == whole.formula
-            ]
-            yield two, [*itertools.combinations(terms, 2)]
+) -> Iterator[tuple[tuple[Candidate, ...], tuple[Candidate, ...]]]:
+    """Yield pairs with an effect of all legs, and pairs of its terms, the same at each leg, and the other way round.
+
+    Either may be the cause.
+    """
+    for whole in (c for c in evidence.candidates if c.effect.definition.of_all_legs):
+        formula = whole.effect.definition.formula
+        terms = [c for c in evidence.candidates if c.effect.place and c.effect.definition.formula == formula]
+        for two in itertools.combinations(chosen, 2):
+            if whole in two:
+                yield from ((two, new) for new in itertools.combinations(terms, 2))
+            elif two[0] in terms and two[1] in terms:
+                yield from ((two, (whole, one)) for one in terms if one not in two)
 
 
 def _needed(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
@@ -272,8 +273,8 @@ def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> lis
 def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     """Return what these data cannot distinguish from the effects of a set, the likeliest first.
 
-    One effect instead of one, two or as many as it has columns instead of one, and one in that of several;
-    two of single legs instead of two of which one is of all legs.
+    One effect instead of one, two or as many as it has columns instead of one, one instead of several, and two
+    instead of two.
     """
     found = list[Equal]()
     for one in chosen:
@@ -281,11 +282,14 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
         (near,), parts = evidence.promising([rest], PROMISING), _parts(evidence, rest, one)
         tried = [(c,) for c in near] + _pairs(evidence, rest)
         found += _alike(evidence, chosen, (one,), [*tried, *(parts[:n] for n in range(3, len(parts) + 1))])
+    sums = [*_sums(evidence, chosen)]
     for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
-        (near,) = evidence.promising([[c for c in chosen if c not in several]], FEW)
-        found += _alike(evidence, chosen, several, [(c,) for c in near])
-    for two, terms in _sums(evidence, chosen):
-        found += _alike(evidence, chosen, two, terms)
+        rest = [c for c in chosen if c not in several]
+        (near,) = evidence.promising([rest], FEW)
+        others = [(c,) for c in near] + [new for two, new in sums if two == several]
+        if len(several) == 2 and not any(c.prior.certain for c in several):
+            others += _pairs(evidence, rest)
+        found += _alike(evidence, chosen, several, others)
     found += _shared(evidence, chosen, found)
     return sorted(found, key=lambda one: one.cost)
 
@@ -299,7 +303,7 @@ def _alike(
     """Return which of some sets, the smaller ones first, may replace effects that were chosen.
 
     More effects only where fewer of them would not do. The readings may make them `COST.tied` less probable, and what
-    machines have as much again: that is no reading. Instead of what every such machine has only readings count.
+    machines have one as much again: that is no reading. Instead of what every such machine has only readings count.
     """
     rest = [c for c in chosen if c not in replaced]
     certain, choice = any(c.prior.certain for c in replaced), evidence.choice(chosen)
@@ -312,7 +316,7 @@ def _alike(
         fewer = [x.cost - COST.needed * (other < keys) for other, x in found.items() if other <= keys]
         before = max(evidence.choice([*rest, *some]) - choice, 0.0)
         if not certain:
-            before = min(before, COST.tied) if len(some) <= len(replaced) else 0.0
+            before = min(before, COST.tied) if len(some) == 1 else 0.0
         if cost < min([COST.tied + before, *fewer]):
             found[keys] = Equal(replaced, tuple(some), cost)
     return [*found.values()]
