@@ -320,6 +320,23 @@ def test_a_robot_gets_a_target_for_each_that_a_row_reads(tmp_path, rodgen_comman
     assert Measurements.load(data).rows == 2 * len(rows)
 
 
+def test_a_robot_gets_a_target_for_each_that_a_column_names(tmp_path, rodgen_command: Run):
+    head, *rows = (UR10 / "calibration.csv").read_text().replace("x1,y1,z1", "x,y,z").splitlines()
+    links, count = ("--base", "base_link", "--tip", "wrist_3_link"), len(rows)
+    one, two = (f"wrist_3_link_SMR_{k}" for k in (1, 2))
+    # labels that stand in one row only are those of rows
+    for labels, names in (
+        (["SMR 1", "SMR 2"] * count, [one, two]),
+        ([*map(str, range(count))], ["wrist_3_link"]),
+    ):
+        machine, data, table = (tmp_path / f"{len(names)}{end}" for end in (".toml", "_d.csv", ".csv"))
+        table.write_text("\n".join([f"{head},marker", *map(",".join, zip(rows, labels, strict=False))]))
+        code, _, err = rodgen_command("import", UR10 / "robot.urdf", table, *links, "-o", machine, "-d", data)
+        assert (code, err) == (0, "")
+        assert [target.name for target in Machine.load(machine).targets] == names
+        assert Measurements.load(data).rows == count
+
+
 def test_a_robot_has_one_target_where_its_place_is_named(tmp_path, rodgen_command: Run):
     """Forces and torques beside x, y, z are no targets, nor a second triple where columns say which one is read."""
     text = (UR10 / "calibration.csv").read_text()

@@ -12,6 +12,7 @@ import datetime
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -33,6 +34,7 @@ from rodgen.errors import (
     shown,
 )
 from rodgen.machines.imports.deviations import as_distances, of_ballbar
+from rodgen.machines.imports.imported import machine_name
 from rodgen.machines.machine import Joint, Machine
 from rodgen.machines.measured import NOTATIONS, TURNS
 from rodgen.machines.mounts import ALTAZ, EQUATORIAL
@@ -451,7 +453,7 @@ def _in_a_row(table: ForeignTable, taken: Collection[int] = ()) -> dict[str, dic
 
 
 def with_targets(machine: Machine, file: str) -> Machine:
-    """Return a machine of one target with as many as a row of a table reads, all where that one is.
+    """Return a machine of one target with as many as a row of a table reads, or a column names; all where that is.
 
     Parameters
     ----------
@@ -466,10 +468,23 @@ def with_targets(machine: Machine, file: str) -> Machine:
         When the file is no table.
     """
     (target,) = machine.targets
-    several = _in_a_row(read_foreign(file))
+    table = read_foreign(file)
+    several = [*_in_a_row(table)] or _labels_of_targets(table)
     if len(several) < 2:
         return machine
-    return replace(machine, targets=tuple(replace(target, name=f"{target.name}_{name}") for name in several))
+    names = list[str]()
+    for label in several:
+        names.append(machine_name(f"{target.name}_{label}", names))
+    return replace(machine, targets=tuple(replace(target, name=name) for name in names))
+
+
+def _labels_of_targets(table: ForeignTable) -> list[str]:
+    """Return the labels of a column of targets; none where they are those of rows: some stand in one row only."""
+    for column in (c for c in table.columns if _plain(c.name) in _TARGET_NAMES[:-1]):
+        counts = Counter(_label(cell) for cell in column.cells if cell is not None)
+        if min(counts.values(), default=0) > 1:
+            return [*counts]
+    return []
 
 
 def _named_targets(
