@@ -213,6 +213,22 @@ def test_a_mimic_joint_of_a_joint_elsewhere_is_one_of_its_own(tmp_path):
     assert "the other joint is not of this chain: it is a joint of its own" in " ".join(found.notes)
 
 
+def test_joints_that_follow_one_of_another_chain_have_its_column(tmp_path):
+    """A column of two stages: a joint that is in no chain counts both."""
+    driven = '<joint name="lift" type="prismatic"><parent link="floor"/><child link="lamp"/></joint>'
+    stage = '<mimic joint="lift" multiplier="0.5" offset="-0.1"/></joint>'
+    text = ROBOT.replace(
+        '<joint name="lamp_joint" type="fixed"><parent link="floor"/><child link="lamp"/></joint>', driven
+    )
+    text = text.replace('upper="0.5"/></joint>', f'upper="0.5"/>{stage}')
+    text = text.replace('<joint name="bolts" type="fixed">', '<joint name="bolts" type="prismatic">')
+    text = text.replace('rpy="1.57 0 0.3"/></joint>', f'rpy="1.57 0 0.3"/>{stage}')
+    (tmp_path / "lift.urdf").write_text(text)
+    machine = machine_from_urdf(tmp_path / "lift.urdf", tip="hand").machine
+    assert [joint.column for joint in machine.joints if joint.is_read] == ["lift", "turn"]
+    assert [joint.coordinate for joint in machine.joints[:2]] == ["0.5 * lift - 0.1 m"] * 2
+
+
 def test_what_a_file_says_ends_no_comment_of_the_machine_file(robot):
     """A line feed in an attribute, after which text of the machine file would follow."""
     robot.write_text(

@@ -72,7 +72,8 @@ def machine_from_urdf(
     base = _link(file, "--base", base, links, [link for link in links if link not in joints], "roots")
     parents = {joint.parent for joint in joints.values()}
     tip = _link(file, "--tip", tip, links, [link for link in links if link not in parents], "leaf links")
-    return _machine(file, robot.get("name") or "robot", base, tip, _chain(file, joints, base, tip))
+    chain = _chain(file, joints, base, tip)
+    return _machine(file, robot.get("name") or "robot", base, tip, chain, joints)
 
 
 # reading -------------------------------------------------------------------------------------------------------------
@@ -261,7 +262,9 @@ def _chain(file: str, joints: Mapping[str, UrdfJoint], base: str, tip: str) -> l
     return chain
 
 
-def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint]) -> Imported:
+def _machine(
+    file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint], every: Mapping[str, UrdfJoint]
+) -> Imported:
     frame = np.eye(4)
     joints: list[Joint] = []
     names: dict[str, str] = {}
@@ -286,6 +289,13 @@ def _machine(file: str, robot: str, base: str, tip: str, chain: list[UrdfJoint])
         f"Angles of joint {joint.name} are taken exactly: {joint.near}." for joint in chain if joint.near
     ]
     followers = {names[joint.name]: joint.mimic for joint in chain if joint.mimic and joint.name in names}
+    types = {joint.name: joint.type for joint in every.values()}
+    for k, joint in enumerate(joints):
+        followed, factor, _ = followers.get(joint.name) or ("", 0.0, 0.0)
+        if factor and followed not in names and MOVING.get(types.get(followed, "")) == joint.type:
+            # that joint is not of this chain: its reading is the first follower's
+            names[followed] = machine_name(followed, [each.name for each in joints], joint=True)
+            joints[k] = replace(joint, reading=names[followed], coordinate=names[followed])
     joints = [_following(joint, followers.get(joint.name), names, joints, notes) for joint in joints]
     notes += _on_fixed_and_limits(chain)
     target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * frame[:3, 3], 9))
@@ -330,13 +340,15 @@ def _following(
         )
         return joint
     name = names[followed]
-    own, other = ("rad" if x.revolute else "m" for x in (joint, next(x for x in joints if x.name == name)))
+    read = next(x for x in joints if name in (x.name, x.reading))
+    own, other = ("rad" if x.revolute else "m" for x in (joint, read))
     unit = "" if own == other else f" {own}/{other}"
     text = f"{factor!r}{unit} * {name}"
     text = {1.0: name, -1.0: f"-{name}"}.get(factor, text) if not unit else text
     if offset:
         text += f" {'-' if offset < 0 else '+'} {abs(offset)!r} {own}"
-    notes.append(f"Joint {joint.name} follows, {rule}: it has no column, and its coordinate is {text}.")
+    column = f"its column is {joint.reading}" if joint.reading else "it has no column"
+    notes.append(f"Joint {joint.name} follows, {rule}: {column}, and its coordinate is {text}.")
     return replace(joint, coordinate=text)
 
 
