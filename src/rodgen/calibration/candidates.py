@@ -18,7 +18,7 @@ from rodgen.data.poses import positions
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
 from rodgen.machines.machine import Effect
-from rodgen.machines.plausibility import Plausibility, plausibility, reach
+from rodgen.machines.plausibility import Plausibility, Size, plausibility, reach
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.thresholds import COST, EVIDENCE, SELECTION
@@ -93,9 +93,19 @@ def candidates(
             found += [replace(with_searched(sensitivities, effect, x), tries=tries) for x in values]
     found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
     if waves:
-        found += [replace(c, prior=priors[c.key]) for c in promising_waves(sensitivities, waves, found)]
+        promising = promising_waves(sensitivities, waves, found)
+        found += [replace(c, prior=_of_wave(priors[c.key], *c.searched.values())) for c in promising]
     order = {effect.identity: i for i, effect in enumerate(effects)}
     return sorted(found, key=lambda c: order[c.key])
+
+
+def _of_wave(prior: Plausibility, period: float) -> Plausibility:
+    """Return what is known of a wave: at most as steep as would turn the joint back, which no drive does."""
+    steepest = period / (2 * np.pi)
+    sizes = {
+        name: (min(size.usual, steepest), min(size.largest, steepest)) for name, size in prior.sizes.items()
+    }
+    return replace(prior, sizes={name: Size(*size) for name, size in sizes.items()})
 
 
 def possible(
