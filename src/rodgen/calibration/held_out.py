@@ -328,11 +328,12 @@ def _postures(o: Observations) -> tuple[Ints, Array] | None:
 def _poses_to_deal(o: Observations) -> tuple[Ints, int]:
     """Return the number of each row's pose, (n,), and how many there are; replicates of a pose count as that pose.
 
-    Equal commands, directions of approach and load are those of the first row of a pose.
+    Equal commands and load are those of the first row of a pose. From either side it is one place: the error there,
+    which both share, is not known to who works at another.
     """
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
     load = [] if o.load is None else [o.load[first]]
-    place = groups([*o.q[first].T, *o.s[first].T, *load], len(first))
+    place = groups([*o.q[first].T, *load], len(first))
     if int(place.max(initial=0)) + 1 < min(FEWEST_APART, len(first)):
         return pose, len(first)
     _, seen, number = np.unique(place, return_index=True, return_inverse=True)

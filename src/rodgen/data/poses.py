@@ -69,7 +69,7 @@ def moved_one_way(q: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int32]:
-    """Return the number of each row's pose: consecutive rows with equal commanded coordinates and run.
+    """Return the number of each row's pose: consecutive rows of a run with equal commands.
 
     Equal within a thousandth of the way of each joint: an encoder that is read back, or a mount that tracks a star
     while it is logged again, moves a little. Rows of a continuous way are poses of their own.
@@ -77,7 +77,7 @@ def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int
     Parameters
     ----------
     commands : sequence of ndarray, each of shape (n,)
-        What each joint was commanded.
+        What each joint was commanded, and from which side it came where that is stated.
     run : ndarray of int, shape (n,)
 
     Returns

@@ -154,7 +154,7 @@ def bind(machine: Machine, data: Any, *, allow_missing_readings: bool = False) -
         target=target,
         run=run,
         run_names=run_names,
-        pose=poses(commands, run),
+        pose=poses([*commands, *s.T[binder.approach_stated]], run),
         travel=np.array(travel, dtype=float).reshape(-1, 2),
         columns_given=frozenset(data.columns),
         attitude=attitude,
@@ -346,14 +346,19 @@ class _Binder:
         self.data = replace(self.data, columns=self.columns)
         return q
 
+    @property
+    def approach_stated(self) -> list[bool]:
+        """Whether a column says from which side each joint came: from another side it is another pose."""
+        return [joint.is_read and f"dir_{joint.column}" in self.columns for joint in self.machine.joints]
+
     def approach(self, q: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the directions of approach, (n, J)."""
         s = np.empty(q.shape, np.int8)
         for j, joint in enumerate(self.machine.joints):
-            column = self.columns.get(f"dir_{joint.column}") if joint.is_read else None
-            if column is None:
+            if not self.approach_stated[j]:
                 s[:, j] = approach(self.columns[joint.column].values)
                 continue
+            column = self.columns[f"dir_{joint.column}"]
             values = self._unitless(column, "a direction of approach is +1 or -1, or 0 where it is not known")
             wrong = ~np.isin(values, (-1.0, 0.0, 1.0))
             if wrong.any():
