@@ -248,6 +248,18 @@ def test_what_every_machine_has_is_no_choice():
     assert gained(True) - gained(False) == pytest.approx(2 * math.log(21), abs=1e-9)
 
 
+@pytest.mark.parametrize(("times", "named"), [(2.1, "tube_flexure"), (6.0, "harmonics")])
+def test_of_what_is_equally_probable_the_usual_one_is_named(times, named):
+    """One column: odds of 0.3 cost 2.4, a size of so many times the usual 2 ln(1 + times²): 1.0 and 4.8 more."""
+    random = np.random.default_rng(3)
+    x = random.normal(size=N)
+    both = [
+        candidate("harmonics", "EL", x, odds=0.3, usual=1.0),
+        candidate("tube_flexure", "EL", x, usual=1 / times),
+    ]
+    assert selected(both, x + 0.1 * random.normal(size=N)) == [f"{named} at EL"]
+
+
 def test_a_sign_that_physics_excludes_costs_a_factor_of_a_thousand():
     random = np.random.default_rng(3)
     x = random.normal(size=N)

@@ -16,7 +16,7 @@ from rodgen.calibration.evidence import Evidence
 from rodgen.calibration.sensitivities import NUMBER
 from rodgen.machines.plausibility import kind_of_machine
 from rodgen.stages import stage
-from rodgen.statistics.thresholds import COST
+from rodgen.statistics.thresholds import COST, VERDICT
 
 BEAM = 4
 """Sets that are kept from one size to the next."""
@@ -175,14 +175,18 @@ def worth(evidence: Evidence, chosen: Sequence[Candidate], one: Candidate) -> fl
 
 
 def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
-    """Return the set with each effect exchanged for what such machines rather have, where formulas decide no more."""
+    """Return the set with each effect exchanged for what such machines rather have, where formulas decide no more.
+
+    The table of odds is true to a factor; what it makes more probable by that alone is no better than what is usual.
+    """
     for k in range(len(chosen)):
         rest = [c for c in chosen if c is not chosen[k]]
         (near,) = evidence.promising([rest], PROMISING)
         evidence.weighed([*rest, c] for c in near)
-        best = min(near, key=lambda c: _dearer(evidence, chosen, rest, [c]), default=chosen[k])
-        if _dearer(evidence, chosen, rest, [best]) < 0:
-            chosen = [*chosen[:k], best, *chosen[k + 1 :]]
+        dearer = {chosen[k]: 0.0} | {c: _dearer(evidence, chosen, rest, [c]) for c in near}
+        alike = [c for c in dearer if dearer[c] < min(dearer.values()) + COST.alike]
+        best = max(alike, key=lambda c: (c.prior.log_odds, -dearer[c]))
+        chosen = [*chosen[:k], best, *chosen[k + 1 :]]
     return chosen
 
 
@@ -325,13 +329,15 @@ def _alike(
 def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equal]) -> list[Equal]:
     """Return effects of which the same one elsewhere may have a part, where the readings do not say which part.
 
-    Only where that alone would not do, as is known. The readings may make both together `COST.tied` less probable, and
-    what machines have as much again.
+    Of one of an unusual size any other may, such as a zero of the joint before that of an axis's tilt. Only where that
+    alone would not do, as is known. The readings may make both together `COST.tied` less probable, and what machines
+    have as much again.
     """
     out, best = {*(c.key for c in chosen), *evidence.refused}, dict[tuple[Any, ...], Equal]()
     alone = {(one.replaced, one.candidates[0].key) for one in known if len(one.candidates) == 1}
-    pairs = [(a, b) for a in chosen for b in evidence.candidates if a.effect.name == b.effect.name]
-    pairs = [(a, b) for a, b in pairs if b.key not in out and _is_listed(evidence, b)]
+    others = [b for b in evidence.candidates if b.key not in out and _is_listed(evidence, b)]
+    strange = [a for a in chosen if _is_unusual(evidence, chosen, a)]
+    pairs = [(a, b) for a in chosen for b in others if a in strange or a.effect.name == b.effect.name]
     evidence.weighed([*chosen, b] for a, b in pairs)
     for a, b in pairs:
         more, key = [*chosen, b], ((a,), b.key)
@@ -342,6 +348,13 @@ def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equ
             if np.any(np.hypot(other - size, beside)[std > 0] > COST.shared * std[std > 0]):
                 best[key] = Equal((a,), (a, b), cost)
     return [*best.values()]
+
+
+def _is_unusual(evidence: Evidence, chosen: Sequence[Candidate], one: Candidate) -> bool:
+    """Return whether few machines have so much of one of a set of effects."""
+    size, std = evidence.size(chosen, one)
+    usual = one.prior.usual(one.short_names)
+    return bool(np.any(np.abs(size) - COST.certain * std > VERDICT.unusual * usual))
 
 
 def ranking(evidence: Evidence) -> tuple[Ranked, ...]:

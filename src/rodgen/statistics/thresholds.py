@@ -28,6 +28,8 @@ class CostPolicy(NamedTuple):
     """An effect is named where the set is twenty times less probable without it: strong evidence."""
     tied: float = 2 * math.log(100)
     """Others are named with it until they are a hundred times less probable."""
+    alike: float = 2 * math.log(3)
+    """Sets within a factor of three are equally probable: so far apart are the odds in the table of effects."""
     impossible: float = math.log(1000)
     """Logarithm of the odds against a sign that physics excludes, or a size that no machine exceeds: the file may be
     wrong, or the machine rare, in one of a thousand."""
