@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.array_types import Array
 from rodgen.calibration.candidates import Candidate
 from rodgen.calibration.decidability import (
     are_wrong,
@@ -231,8 +232,10 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
         for _ in range(ROUNDS):
             if (at := _bent(evidence, chosen)) is None:
                 break
-            evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
-            chosen = select(evidence)
+            straight = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
+            if _leaves_more(straight, anew := select(straight), at):
+                break
+            evidence, chosen = straight, anew
         selected = _State(base, evidence, chosen, [base], stretch=stretch)
         selected = replace(selected, numbered=_numbered(subject, selected))
         asked = number < ROUNDS - 1
@@ -291,6 +294,33 @@ def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
     They are where the residuals change by more than the derivatives explain, and that part is as large as an effect
     must be.
     """
+    if (whole := _whole(evidence, chosen)) is None:
+        return None
+    found, left, basis = whole
+    second = project_out(basis, left - evidence.sensitivities.residual.ravel())  # what is of higher order
+    return found if second @ second > COST.needed * (left @ left) / max(evidence.dof, 1) else None
+
+
+@stage("further fits")
+def _leaves_more(evidence: Evidence, chosen: Sequence[Candidate], at: Fit) -> bool:
+    """Return whether a fit with the chosen effects leaves more than the derivatives at another one say.
+
+    By as much as an effect must be worth; of effects that are in that fit, they hold.
+    """
+    there = {effect.identity for effect in at.machine.effects[len(evidence.base.machine.effects) :]}
+    if there <= {c.key for c in chosen} or (whole := _whole(evidence, chosen)) is None:
+        return False
+    _, left, basis = whole
+    predicted = project_out(basis, evidence.sensitivities.residual.ravel())
+    before = FitRows.at(at, evidence.sensitivities.rows).residual.ravel()
+    return bool(left @ left - predicted @ predicted > COST.needed * (before @ before) / max(evidence.dof, 1))
+
+
+def _whole(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Fit, Array, Array] | None:
+    """Return a fit with the chosen effects, what it leaves, (N,), and a basis of their columns and the model's.
+
+    Without forms and what is searched. None where it fails, or an effect takes the place of a freedom.
+    """
     base, rows = evidence.base, evidence.sensitivities
     plain = [c for c in chosen if not (c.driver or c.searched)]
     if not plain:
@@ -302,14 +332,12 @@ def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
     except FitError:
         return None
     if not {p.key for p in base.parameters} <= {p.key for p in found.parameters}:
-        return None  # an effect took the place of a freedom
-    y, moving = rows.residual.ravel(), {found.parameters[i].key for i in found.moving}
+        return None
+    moving = {found.parameters[i].key for i in found.moving}
     there = rows.columns[:, :, [i for key, i in rows.index.items() if key in moving]]
     products = [c.columns for c in plain if not rows.index.keys() & {*c.names}]
-    columns = np.concatenate([there, *products], axis=2).reshape(len(y), -1)
-    left = FitRows.at(found, rows.rows).residual.ravel()
-    second = project_out(orthonormal_basis(columns), left - y)  # what is of higher order
-    return found if second @ second > COST.needed * (left @ left) / max(evidence.dof, 1) else None
+    columns = np.concatenate([there, *products], axis=2).reshape(rows.residual.size, -1)
+    return found, FitRows.at(found, rows.rows).residual.ravel(), orthonormal_basis(columns)
 
 
 def _rows(evidence: Evidence) -> Rows:
