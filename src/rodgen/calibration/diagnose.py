@@ -303,10 +303,7 @@ def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
 
 @stage("further fits")
 def _leaves_more(evidence: Evidence, chosen: Sequence[Candidate], at: Fit) -> bool:
-    """Return whether a fit with the chosen effects leaves more than the derivatives at another one say.
-
-    By as much as an effect must be worth; of effects that are in that fit, they hold.
-    """
+    """Return whether a fit without some of the effects of another one leaves more than derivatives there say."""
     there = {effect.identity for effect in at.machine.effects[len(evidence.base.machine.effects) :]}
     if there <= {c.key for c in chosen} or (whole := _whole(evidence, chosen)) is None:
         return False
@@ -721,9 +718,12 @@ def _on_stretch(subject: _Subject, state: _State) -> str:
         return ""
     place = subject.fitted.observations.data.place
     first, last = place(stretch.first), place(stretch.last)
+    other = (
+        "target may have been mounted another way" if stretch.of_target else "set-up may have been another"
+    )
     return (
-        f"The readings from {first} to {last} lie displaced against the others: the set-up may have been another "
-        "there. Note the set-ups in a column run, and diagnose again."
+        f"The readings from {first} to {last} lie displaced against the others: the {other} there. Note the set-ups "
+        "in a column run, and diagnose again."
     )
 
 

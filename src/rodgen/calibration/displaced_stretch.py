@@ -34,7 +34,7 @@ class DisplacedStretch:
         By how much -2 ln of the probability falls with it, over all stretches that may be: its odds are exp(gain / 2).
     rows : ndarray of bool, shape (n,)
     columns : ndarray, shape (n, m, k)
-        Derivatives of the weighted residuals by the motion of the frame in these rows.
+        Derivatives of the weighted residuals by the motion in these rows.
     """
 
     first: int
@@ -42,6 +42,8 @@ class DisplacedStretch:
     gain: float
     rows: Mask = field(repr=False)
     columns: Array = field(repr=False)
+    of_target: bool = False
+    """Whether the targets lie displaced in the body that carries them, not the frame."""
 
 
 def stretch_of(
@@ -61,7 +63,7 @@ def stretch_of(
     model : ndarray, shape (n, m, p)
         Derivatives of the weighted residuals by the fitted parameters.
     motion : ndarray, shape (n, m, k)
-        The same by a motion of the frame, translations first.
+        The same by a motion of the frame, or of the targets, translations first.
     pose : ndarray of int, shape (n,)
     order : ndarray of int, shape (n,)
         The rows as they were measured.

@@ -110,6 +110,8 @@ class Rows:
         Standard deviation of a reading at least: that which is stated, or rounding.
     numbers : ndarray of int, shape (n,), or None
         Of the rows among those of the fit; None of all.
+    of_targets : ndarray of bool, shape (p,), or None
+        Which of the fitted parameters are those of targets; None: not known.
     """
 
     residual: Array
@@ -121,6 +123,7 @@ class Rows:
     orders: Sequence[NDArray[np.int_]]
     least: float
     numbers: Ints | None = None
+    of_targets: Mask | None = None
 
     @classmethod
     def of(cls, fit: Fit, columns: Array | None = None, some: Ints | None = None) -> Rows:
@@ -144,6 +147,7 @@ class Rows:
             _orders(o),
             max(64 * np.finfo(float).eps * largest, 0.0 if o.sigma is None else 1.0, 1e-150),
             some,
+            np.array([fit.parameters[i].key.startswith("target.") for i in moving], bool),
         )
 
     def stretch(self, wrong: Mask) -> DisplacedStretch | None:
@@ -154,8 +158,15 @@ class Rows:
         wrong : ndarray of bool, shape (n,)
             Rows that do not count.
         """
+        motions = [self.motion, *([] if self.of_targets is None else [self.model[:, :, self.of_targets]])]
         with one_thread_in_blas():
-            return stretch_of(self.residual, self.model, self.motion, self.pose, self.orders[0], wrong)
+            found = [
+                None if one is None else replace(one, of_target=k > 0)
+                for k, motion in enumerate(motions)
+                if motion.shape[2]
+                for one in [stretch_of(self.residual, self.model, motion, self.pose, self.orders[0], wrong)]
+            ]
+        return max(filter(None, found), key=lambda one: one.gain, default=None)
 
     def following(self, found: Verdict) -> Mask:
         """Return the wrong rows, (n,), whose poses follow each other in an order more than by chance.
