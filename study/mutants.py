@@ -52,7 +52,7 @@ NOT_HERE = {
 # The tests closest to the packages; others reach them, too, through whole fits and diagnoses, at many times the cost.
 TESTS = """
     codegen own_equations rows tape
-    statistics compare correlation ladder noise robust unexplained
+    statistics compare correlation ladder noise unexplained
     catalogue cli_diagnose cli_machines emit formula machine_file machine_jacobians machine_models parallel_machines
     predict simulate
 """.split()

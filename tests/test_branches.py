@@ -23,8 +23,6 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.mechanism import to_mechanism
 
 pytestmark = pytest.mark.xdist_group("branches")
-EXAMPLES = Path(__file__).parents[1] / "examples" / "machines"
-ARCSEC = np.pi / 648000
 
 
 @pytest.fixture(autouse=True)

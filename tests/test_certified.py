@@ -11,7 +11,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from test_axis_accuracy import accuracy
+from test_axis import accuracy
 
 import rodgen
 from rodgen import tricept

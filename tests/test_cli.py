@@ -1,11 +1,18 @@
 """The command line: what it prints where, its exit codes, and that nothing it is given makes it crash."""
 
+from __future__ import annotations
+
+import csv
+import io
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -62,6 +69,8 @@ def measured_file(tmp_path):
 def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
     code = (
         "import sys, rodgen.cli.main\n"
+        "assert rodgen.cli.main.main(['diagnose', '--help']) == 0\n"
+        "assert 'numpy' not in sys.modules and 'rodgen.cli.fit' not in sys.modules\n"
         "assert rodgen.cli.main.main(['--help']) == 0\n"
         "heavy = {'sympy', 'pyarrow', 'pint', 'scipy', 'matplotlib', 'plotly', 'jinja2', 'tqdm'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
@@ -69,15 +78,6 @@ def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     for word in ("apply", "fit-axis", "derive", "kernels", "exit codes:", "2  bad input: one line"):
         assert word in shown.stdout
-
-
-def test_only_the_command_that_is_called_is_imported():
-    code = (
-        "import sys, rodgen.cli.main\n"
-        "assert rodgen.cli.main.main(['diagnose', '--help']) == 0\n"
-        "assert 'numpy' not in sys.modules and 'rodgen.cli.fit' not in sys.modules\n"
-    )
-    subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
 
 def commands_by_group(text):
@@ -270,17 +270,6 @@ def test_sigma_is_in_its_own_unit(measured_file, capsys):
     for fit in fits:
         assert fit["sigma"] == pytest.approx(0.01, rel=1e-15)  # one product
         assert fit["sigma_given"]
-
-
-@pytest.mark.parametrize(
-    ("sigma", "message"),
-    [("1deg", "unit 'deg', which is not a unit of length"), ("1xx", "unknown unit 'xx'")],
-)
-def test_unit_of_sigma_is_checked(sigma, message, measured_file, capsys):
-    assert cli.main(["fit-axis", str(measured_file), "--sigma", sigma]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith(f"command line: --sigma: {message}; expected a unit of length, such as mm")
 
 
 def test_fit_that_cannot_be_done_is_one_line(pairs, capsys):
@@ -517,3 +506,107 @@ def test_kernels_are_written_and_compared(lens, tmp_path, capsys):
         file.write("\n")
     assert cli.main(["kernels", str(lens), "-o", str(folder), "--check"]) == 1
     assert "committed/c/lens.c" in capsys.readouterr().out
+
+
+# ``rodgen completion``: what the shells complete
+
+
+Run = Callable[..., tuple[int, str, str]]
+needs_bash = pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+
+
+@needs_bash
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("rodgen di", "diagnose"),
+        ("rodgen mechanism ", "forward reverse"),
+        ("rodgen fit --lo", "--loss"),
+        ("rodgen fit --loss ", "linear huber"),
+        ("rodgen fit mach", "machine.toml"),
+        ("rodgen fit machine.toml --loss huber dat", "data.csv"),
+        ("rodgen mechanism forward puma_560 points.csv -o dat", "data.csv"),
+    ],
+)
+def test_bash_completes(line: str, expected: str, rodgen_command: Run, tmp_path: Path) -> None:
+    code, script, err = rodgen_command("completion", "bash")
+    assert (code, err) == (0, "")
+    for name in ("machine.toml", "data.csv"):
+        (tmp_path / name).touch()
+    words = line.split(" ")
+    ask = f'\nCOMP_WORDS=("$@")\nCOMP_CWORD={len(words) - 1}\n_shtab_rodgen\necho "${{COMPREPLY[*]}}"'
+    done = subprocess.run(
+        ["bash", "-c", script + ask, "bash", *words], capture_output=True, text=True, cwd=tmp_path, check=True
+    )
+    assert done.stdout == f"{expected}\n"
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_have_a_script(shell: str, rodgen_command: Run) -> None:
+    code, script, _ = rodgen_command("completion", shell)
+    assert code == 0
+    assert all(word in script for word in ("diagnose", "fit-axis", "apply", "--loss"))
+    if shutil.which(shell):
+        subprocess.run([shell, "-n"], input=script, text=True, check=True)
+
+
+def test_completion_says_which_extra_it_needs(rodgen_command: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "shtab", None)
+    code, _, err = rodgen_command("completion", "bash")
+    assert code == 2
+    assert "pip install 'rodgen[completion]'" in err
+
+
+# Commands read what other commands of their group have written: through a pipe, with rows that have no result
+
+
+POINTS = "Qx [mm],Qy [mm],Qz [mm]\n100,50,650\n0,0,0\n-30,80,700.5\n"
+RODS = "A0 [mm],A1 [mm],A-1 [mm]\n700,700,720\n10,10,900\n"
+ATTITUDES = "alpha [deg],beta [deg],gamma [deg]\n10,20,30\n-40,25,5\n"
+ANGLES = "chi_x [deg],chi_y [deg],chi_z [deg]\n170,10,10\n"
+PAPER = " --set R=330mm --set r=140mm"
+
+
+@pytest.fixture
+def pipe(capsys, monkeypatch):
+    """Return the function that runs commands on a text, each on what the one before wrote."""
+
+    def run(text, *commands):
+        for command in commands:
+            monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+            code = cli.main([*command.split(), "-"])
+            text, err = capsys.readouterr()
+            assert code == 0, err
+        return list(csv.DictReader(io.StringIO(text)))
+
+    return run
+
+
+def numbers(rows, *names):
+    return np.array([[float(row[name]) for name in names] for row in rows])
+
+
+def test_the_point_of_the_rods_of_a_point_is_that_point(pipe):
+    rows = pipe(POINTS, *(f"apply tricept.{name}{PAPER}" for name in ("pose", "direct", "point")))
+    Q = ("Qx [mm]", "Qy [mm]", "Qz [mm]")
+    found, given = numbers(rows, *Q), numbers(rows, *[f"given {name}" for name in Q])
+    np.testing.assert_allclose(found[::2], given[::2], atol=1e-9)
+    assert [row["given status"] for row in rows] == ["reachable", "gimbal_lock", "reachable"]
+
+
+def test_rows_without_a_result_pass(pipe):
+    names = ("direct", "legs", "direct")
+    rows = pipe(RODS, *(f"apply tricept.{name}{PAPER}" for name in names))
+    assert [row["status"] for row in rows] == ["reachable", "invalid"]
+    assert [row["given status"] for row in rows] == ["reachable", "unreachable"]
+    assert numbers(rows, "A0 [mm]")[0] == pytest.approx(700, abs=1e-9)
+
+
+def test_rotations_have_the_angles_that_they_are_of(pipe):
+    names = ("angles_from_euler", "rotations", "angles_from_quaternion")
+    rows = pipe(ATTITUDES, *(f"apply instantaneous_euler.{name}" for name in names))
+    chi = ("chi_x [deg]", "chi_y [deg]", "chi_z [deg]")
+    np.testing.assert_allclose(numbers(rows, *chi), numbers(rows, *[f"given {n}" for n in chi]), atol=1e-9)
+    assert len(rows) == 16
+    (row,) = pipe(ANGLES, *(f"apply instantaneous_euler.{name}" for name in names[1:]))
+    assert (row["given status"], row["status"]) == ("infeasible", "invalid")

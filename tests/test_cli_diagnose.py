@@ -67,28 +67,6 @@ def parsed(text):
 # diagnose ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
-def test_json_is_all_that_is_printed(diagnosed):
-    mount, gantry = (parsed(diagnosed[name]) for name in DATA)
-    counted = ["rows", "copies", "set_aside", "odds", "outliers"]
-    assert list(mount) == [
-        "verdict",
-        *counted,
-        "rms",
-        "steps",
-        "unexplained",
-        "dependence",
-        "held_out_by",
-        "pointing",
-    ]
-    assert (mount["verdict"], mount["rows"], mount["rms"]["unit"]) == ("effects_missing", 80, "arcsec")
-    assert mount["rms"]["before"] == pytest.approx(2.711, abs=5e-4)
-    assert mount["rms"]["after"] <= 0.66
-    assert mount["steps"][0]["effect"] == "tube_flexure"
-    assert (gantry["verdict"], gantry["rms"]["unit"]) == ("effects_missing", "mm")
-    assert [(s["effect"], s["joint"]) for s in gantry["steps"]] == [("encoder_eccentricity", "C")]
-
-
 def test_further_measurements_are_reported_separately(folder, rodgen_command):
     header, *lines = (folder / "gantry.csv").read_text().splitlines()
     names = [line.split(",")[4] for line in lines]

@@ -154,18 +154,6 @@ def test_expand_writes_an_output_in_the_inputs() -> None:
         kernel.expand(kernel["unused"])
 
 
-@pytest.mark.thorough("chi_from_matrix", "chi_from_quaternion", "chi_from_zyx")
-@of_kernels(GENERATED)
-def test_every_kernel_is_in_order_and_assigns_once(name: str) -> None:
-    kernel = KERNELS[name]
-    seen = {s for p in kernel.inputs for s in p.symbols} | {EPS, LARGEST}
-    for assignment in kernel.assignments:
-        assert assignment.value.free_symbols <= seen
-        assert assignment.symbol not in seen
-        seen.add(assignment.symbol)
-    assert {s for p in kernel.outputs for s in p.symbols} <= seen
-
-
 # Exact evaluation ----------------------------------------------------------------------------------------
 
 

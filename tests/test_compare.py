@@ -29,7 +29,6 @@ from rodgen.data.measurements import Measurements
 from rodgen.machines.drivers import Driver
 from rodgen.machines.machine import Machine
 from rodgen.machines.observations import Observations
-from rodgen.statistics.columns import directions_above
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "examples" / "machines"
@@ -305,15 +304,6 @@ def test_rows_that_a_fit_does_not_believe_are_left_out(bench: Bench) -> None:
     assert not set(comparison.sensitivities.rows) & set(range(0, 120, 20))
     assert comparison.claims == []
     assert comparison.rms.max() < 2 * NOISE
-
-
-def test_orthonormal_columns_leave_out_what_is_nothing() -> None:
-    random = np.random.default_rng(1)
-    columns = random.normal(size=(30, 4))
-    columns = np.column_stack([columns, columns @ [1, 2, 0, -1], np.zeros(30)])
-    basis = directions_above(columns, 1e-5)
-    assert basis.shape == (30, 4)
-    np.testing.assert_allclose(basis.T @ basis, np.eye(4), atol=1e-9)
 
 
 # Few data, many data, exact data

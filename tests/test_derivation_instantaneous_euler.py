@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from functools import cache
 
-import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -20,7 +19,6 @@ from rodgen.symbolic import Derivation, Entry
 pytestmark = [pytest.mark.xdist_group("instantaneous_euler"), pytest.mark.thorough]
 instantaneous_euler = LazyDerivation("instantaneous_euler")
 PARTS = ("", "_ridges", "_inverse", "_motion", "_arm")
-RNG = np.random.default_rng(8)
 
 EQUATIONS = {
     "": [
@@ -119,45 +117,6 @@ def test_verdicts() -> None:
 # the same in numbers -----------------------------------------------------------------------------------
 
 
-def sample(symbols: set[sp.Symbol]) -> dict[sp.Symbol, float]:
-    """Random numbers; components of a quaternion and of an axis have the length 1 together."""
-    values = {
-        s: float(x)
-        for s, x in zip(sorted(symbols, key=str), RNG.uniform(0.2, 1.4, len(symbols)), strict=True)
-    }
-    for family in (("q0", "qx", "qy", "qz"), ("nx", "ny", "nz")):
-        members = [s for s in values if s.name in family]
-        if len(members) == len(family):
-            length = np.linalg.norm([values[s] for s in members])
-            values.update({s: values[s] / length for s in members})
-    return values
-
-
-def size_of(residual: sp.Expr) -> float:
-    values = sample(residual.free_symbols)
-    return abs(complex(residual.evalf(30, subs={s: mpmath.mpf(v) for s, v in values.items()})))
-
-
-def equations(claims: tuple[sp.Basic, ...]) -> list[sp.Basic]:
-    return [claim for claim in claims if isinstance(claim, sp.Eq)]
-
-
-@pytest.mark.slow
-def test_what_is_proved_holds_at_random_numbers() -> None:
-    for key, entry in entries().items():
-        refuted = entry.refutation
-        claims = refuted.correction if refuted else entry.claims
-        insert = entry.derivation.insert(dict(entry.given))
-        sides = [[sp.Matrix([insert(side)]) for side in claim.args] for claim in equations(tuple(claims))]
-        residuals = [residual for left, right in sides for residual in left - right]
-        for residual in residuals[:12]:
-            assert size_of(sp.sympify(residual)) < 1e-12, key
-
-
-def angles_of(matrix: np.ndarray) -> np.ndarray:
-    return np.arccos(np.clip(np.diagonal(matrix), -1, 1))
-
-
 @pytest.mark.parametrize("section", ["4.1", "4.2"])
 def test_rows_of_the_tables_against_scipy(section: str) -> None:
     table = instantaneous_euler.TABLE_41 if section == "4.1" else instantaneous_euler.TABLE_42
@@ -178,46 +137,3 @@ def test_printed_matrix_17_differs_in_one_element_only() -> None:
     printed = np.array(instantaneous_euler.printed_zyz.subs(values), float)
     differs = ~np.isclose(printed, Rotation.from_euler("ZYZ", angles).as_matrix(), atol=1e-14)
     assert np.argwhere(differs).tolist() == [[1, 1]]
-
-
-def test_example_of_the_exchanged_labels() -> None:
-    """Z-Y-X at 30, 40, 50 degrees: the definitions, and (20) with x and z exchanged."""
-    a, b, c = np.radians([30, 40, 50])
-    true = np.degrees(angles_of(Rotation.from_euler("ZYX", [a, b, c]).as_matrix()))
-    by_20 = np.degrees(np.arccos([np.cos(b) * np.cos(c), np.cos(np.radians(true[1])), np.cos(a) * np.cos(b)]))
-    np.testing.assert_allclose(true, by_20[::-1], atol=1e-9)
-    np.testing.assert_allclose(true, [48.439, 36.595, 60.501], atol=5e-4)
-
-
-def test_zeros_of_figure_6() -> None:
-    """Counted on a fine grid that has the multiples of 90 degrees."""
-    t = np.radians(np.arange(0, 360, 0.5))
-    diagonal = np.diagonal(
-        Rotation.from_euler("ZYX", np.stack([t, t, t], axis=1)).as_matrix(), axis1=1, axis2=2
-    )
-    zeros = (np.abs(diagonal - 1) < 1e-12).sum(axis=0)
-    assert zeros.tolist() == [2, 3, 2]
-    peaks = np.degrees(np.arccos(np.clip(diagonal, -1, 1))).max(axis=0)
-    np.testing.assert_allclose(peaks, [90, 180, 90], atol=1e-5)
-
-
-def test_nothing_but_the_ridge_is_reciprocal_to_two_planes() -> None:
-    """Rank 5 of the six screws of an attitude, by singular values; 3 where the planes coincide."""
-
-    def line(point: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        return np.concatenate([direction, np.cross(point, direction)])
-
-    def screws(matrix: np.ndarray, p: np.ndarray) -> np.ndarray:
-        e, moved = np.eye(3), matrix.T
-        zero = np.zeros(3)
-        couples = [np.concatenate([zero, e[2]]), np.concatenate([zero, moved[2]])]
-        return np.array([line(zero, e[0]), line(zero, e[1]), line(p, moved[0]), line(p, moved[1]), *couples])
-
-    matrix, p = Rotation.random(random_state=1).as_matrix(), RNG.normal(size=3)
-    given = screws(matrix, p)
-    assert np.linalg.matrix_rank(given) == 5
-    ridge = np.concatenate([np.cross([0, 0, 1], matrix[:, 2]), (matrix[:, 2] @ p) * np.array([0, 0, 1])])
-    swapped = np.concatenate([given[:, 3:], given[:, :3]], axis=1)
-    assert np.abs(swapped @ ridge).max() < 1e-14
-    about_z = Rotation.from_rotvec([0, 0, 0.4]).as_matrix()
-    assert np.linalg.matrix_rank(screws(about_z, np.array([1.0, 2, 0]))) == 3

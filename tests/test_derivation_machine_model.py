@@ -168,24 +168,6 @@ def test_rotation_vector_against_the_exponential_and_its_mean(length):
     np.testing.assert_allclose(left_jacobian(w), as_array(mean), rtol=0, atol=2 * within)
 
 
-def test_left_jacobian_is_the_slope_of_the_rotation():
-    w, change = np.array([0.4, -0.7, 0.2]), np.array([0.3, 0.5, -0.8])
-    with mpmath.workdps(DIGITS):
-        step = mpmath.mpf(10) ** -12  # the differences are off by its square
-        ends = [
-            exact_rotation(
-                [
-                    mpmath.mpf(float(a)) + sign * step * mpmath.mpf(float(b))
-                    for a, b in zip(w, change, strict=True)
-                ]
-            )
-            for sign in (1, -1)
-        ]
-        slope = as_array((ends[0] - ends[1]) / (2 * step))
-    expected = cross_matrix(left_jacobian(w) @ change) @ rotation_matrix(w)
-    np.testing.assert_allclose(slope, expected, rtol=0, atol=10 * EPS)
-
-
 @pytest.mark.parametrize("axis", [[0, 0, 1], [0.6, 0, 0.8], [-1, 0.2, 0.3]])
 @pytest.mark.parametrize("length", LENGTHS)
 def test_tilted_axis_against_scipy_and_differences(axis, length):
@@ -304,27 +286,3 @@ def test_cantilever_and_bridge_against_a_numeric_beam():
 
 
 # What is emitted
-
-
-def test_derivatives_of_the_tilted_axis_are_those_of_differences():
-    """Away from zero, and where the series is taken."""
-    rng = np.random.default_rng(4)
-    for size in (1.0, 1e-3):
-        axis, u, v = rng.uniform(-1, 1, (3, 3))
-        tilt = size * rng.uniform(-1, 1, 2)
-        step = mpmath.mpf(10) ** -20
-        with mpmath.workdps(50):
-            slopes = evaluated_tilt(axis, u, v, tilt)["tilted_jacobian"]
-            for column in range(2):
-                ends = [
-                    evaluated_tilt(
-                        axis, u, v, [mpmath.mpf(x) + s * step * (n == column) for n, x in enumerate(tilt)]
-                    )
-                    for s in (1, -1)
-                ]
-                difference = (ends[0]["tilted"] - ends[1]["tilted"]) / (2 * step)
-                assert np.all(np.abs((slopes[:, column] - difference).astype(float)) < 1e-15)
-
-
-def evaluated_tilt(axis, u, v, tilt):
-    return model.tilting.evaluate({"axis": axis, "u": u, "v": v, "tilt": tilt})

@@ -125,11 +125,6 @@ def test_printed_plus_fails_for_half_of_all_inputs(pairs):
 # The printed algorithm in exact arithmetic, on a Halton sequence
 
 
-def rotated(rho, theta):
-    once = np.cross(theta, rho)
-    return rho + (once + np.cross(theta, once) / 2) / (1 + (theta * theta).sum(-1, keepdims=True) / 4)
-
-
 def test_the_kernel_gives_both_solutions_in_exact_arithmetic():
     kernel = paper.paper
     theta, rho = sp.Matrix([1, -2, 2]) / 3, sp.Matrix([3, 4, 12])
@@ -146,24 +141,3 @@ def test_the_kernel_gives_both_solutions_in_exact_arithmetic():
 
 
 # Derivatives and uncertainty
-
-
-def evaluate(letter, values, axis):
-    """Value of a matrix of the derivation at a pair of points, the angle's cotangent and the axis found."""
-    notes = sensitivity
-    formula = sp.Matrix(notes.derivation.value(letter))
-    symbols = [*notes.rho, *notes.rho_prime, notes.kappa, *notes.e]
-    length = np.linalg.norm(values[:3]) / np.linalg.norm(values[3:6])
-    scaled = [*values[:3], *(values[3:6] * length), 1 / np.tan(values[6] / 2), *axis]
-    return np.array(sp.lambdify(symbols, formula, "numpy")(*scaled), dtype=float)
-
-
-def test_no_axis_comes_closer_than_n_where_the_angle_is_too_small():
-    generator = np.random.default_rng(3)
-    before, after, angle = np.array([1.0, 0, 0]), np.array([0.0, 1, 0]), 0.9  # a right angle apart
-    axes = generator.normal(size=(20000, 3))
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    reached = Rotation.from_rotvec(angle * axes).apply(before) @ after
-    best = Rotation.from_rotvec([0, 0, angle]).apply(before) @ after
-    assert best == pytest.approx(np.cos(np.pi / 2 - angle), rel=1e-12)
-    assert reached.max() <= best + 1e-15

@@ -10,8 +10,6 @@ import sympy as sp
 from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
-from rodgen.symbolic import errata
-
 pytestmark = pytest.mark.xdist_group("spatial_links")
 notes = LazyDerivation("spatial_links")
 
@@ -28,16 +26,6 @@ def test_every_formula_is_decided():
         "hooke-joint",
         "very-close",
     ]
-
-
-@pytest.mark.thorough
-def test_the_errata_are_numbered_and_say_what_is_right():
-    text = errata(notes.derivation)
-    assert [line.split()[0] for line in text.splitlines() if line[:1] == "L"] == [
-        f"L{n}" for n in range(1, 8)
-    ]
-    assert "The component along j is a_z b_x − a_x b_z" in text
-    assert text.count("wrong:") == 7
 
 
 @pytest.mark.thorough

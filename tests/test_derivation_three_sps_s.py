@@ -10,8 +10,6 @@ import sympy as sp
 from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
-from rodgen.symbolic import errata
-
 pytestmark = pytest.mark.xdist_group("three_sps_s")
 paper = LazyDerivation("three_sps_s")
 
@@ -48,13 +46,6 @@ def test_every_equation_of_the_section_is_an_entry():
     assert paper.derivation.open == []
     refuted = [entry.id for entry in paper.derivation if entry.verdict == "refuted"]
     assert refuted == ["23-changes", "angles-from-legs", "home-is-regular"]
-
-
-def test_the_errata_name_what_is_wrong():
-    text = errata(paper.derivation)
-    assert "up to eight orientations" in text
-    assert "there:    0 is not" in text or "this is false" in text
-    assert text.count("wrong:") == 3
 
 
 def test_every_rotation_is_on_the_octic_and_no_other_tilt_is():
@@ -123,27 +114,3 @@ def test_exact_real_roots_are_the_modes(squares, modes):
     legs = np.sqrt([float(sp.Rational(s)) for s in squares])
     _, count, _ = three_sps_s.direct_all(legs, three_sps_s.Geometry(2, 1, 1.5))
     assert count == modes
-
-
-def test_a_groebner_basis_counts_eight_rotations():
-    """Equations of the legs of a rational example, in the quaternion: sixteen solutions, two for each rotation."""
-    q = sp.symbols("q0:4")
-    v, w = q[0] + sp.I * q[3], q[1] + sp.I * q[2]
-    Z = sp.expand(4 * sp.Rational(3, 2) * v * (q[1] - sp.I * q[2]) + 4 * w**2)
-    A = 2 * (q[0] ** 2 - q[3] ** 2)
-    equations = [
-        sum(x**2 for x in q) - 1,
-        A - sp.Rational(1, 2),
-        sp.expand((Z + Z.subs(sp.I, -sp.I)) / 2) - 1,
-        sp.expand((Z - Z.subs(sp.I, -sp.I)) / (2 * sp.I)) - sp.Rational(1, 3),
-    ]
-    basis = sp.groebner(equations, *q, order="grevlex")
-    assert basis.is_zero_dimensional
-    leading = [sp.Poly(p, *q).monoms(order="grevlex")[0] for p in basis.exprs]
-    bound = [next(m[i] for m in leading if sum(m) == m[i]) for i in range(4)]
-    standard = [
-        m
-        for m in np.ndindex(*bound)
-        if not any(all(a >= b for a, b in zip(m, lead, strict=True)) for lead in leading)
-    ]
-    assert len(standard) == 16

@@ -4,11 +4,14 @@ The proofs are exact. Here the same statements are held against vectors and matr
 differences, and SciPy's rotations, none of which the proofs use.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 import sympy as sp
 from lazy import LazyDerivation
 
+from rodgen.kinematics import tricept
 from rodgen.kinematics import tricept as public
 
 pytestmark = [pytest.mark.xdist_group("tricept"), pytest.mark.thorough]
@@ -51,18 +54,6 @@ def test_nothing_is_open_and_all_kernels_carry_the_prefix():
     assert all(name.startswith("tricept_") for name in paper.derivation.kernels)
 
 
-def numbers(seed):
-    rng = np.random.default_rng(seed)
-    values = {
-        paper.alpha: rng.uniform(-0.6, 0.6),
-        paper.beta: rng.uniform(-0.6, 0.6),
-        paper.z: rng.uniform(400, 900),
-        paper.R: rng.uniform(200, 400),
-        paper.r: rng.uniform(80, 180),
-    }
-    return values | dict(zip(paper.q, rng.uniform(-60, 60, 3), strict=True))
-
-
 @pytest.mark.thorough
 def test_the_resultant_has_the_machines_exact_solutions():
     """Each positive root, isolated by exact arithmetic, is z² of a pose, and the other way round."""
@@ -78,3 +69,32 @@ def test_the_elimination_has_degree_14_elsewhere_too():
     resultant, powers_of_w = paper.without(resultant, sp.Poly(resultant.gen, resultant.gen))
     resultant, powers_of_e = paper.without(resultant, linear)
     assert (powers_of_w, powers_of_e, resultant.degree()) == (2, 4, 14)
+
+
+# What the derivation of the Tricept's uncertainty decides, and that the package names what it names
+
+
+tricept_uncertainty = LazyDerivation("tricept_uncertainty")
+
+
+@pytest.mark.thorough
+def test_everything_is_decided() -> None:
+    assert tricept_uncertainty.derivation.open == []
+    refuted = {
+        entry.id: entry.refutation.label
+        for entry in tricept_uncertainty.derivation
+        if entry.refutation is not None
+    }
+    assert refuted == {
+        "item-e": "V1",
+        "six-roots": "V2",
+        "eq-24-range": "V3",
+        "eq-24-corners": "V4",
+    }
+    proved = {entry.id for entry in tricept_uncertainty.derivation if entry.verdict == "proved"}
+    assert {"eq-21", "eq-22", "paper-W33", "paper-W35", "paper-M33", "degrees", "stationary-points"} <= proved
+
+
+def test_names_are_those_of_the_package() -> None:
+    assert tricept_uncertainty.PARAMETERS == tricept.PARAMETERS
+    assert tuple(tricept.GUIDE) == tricept_uncertainty.GUIDE

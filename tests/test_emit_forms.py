@@ -346,15 +346,6 @@ def test_location_errors_have_expanded_uncertainties_from_a_fit(tmp_path):
     assert (found["C0C"]["U (k = 2)"], found["C0C"]["note"]) == ("", "not estimated")
 
 
-def test_emit_says_what_the_model_misses(tmp_path, capsys):
-    folder = Path("examples/machines/trunnion")
-    files = [str(folder / "machine.toml"), str(folder / "data.csv")]
-    assert cli.main(["emit", *files, "--lang", "dh", "-o", str(tmp_path)]) == 0
-    said = capsys.readouterr().err
-    assert "times the noise: the model misses something" in said
-    assert "That is in none of these files; 'rodgen diagnose' looks for it." in said
-
-
 TABLE = """joint,theta [deg],d [mm],a [mm],alpha [deg]
 J1,0,450,150,-90
 J2,-90,0,600,0

@@ -9,16 +9,27 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hidden_effects import hidden
 from linear_evidence import evidence_of
 from scipy import integrate, linalg, optimize, stats
+from scipy.spatial.transform import Rotation
 
+import rodgen
 from rodgen.calibration.candidates import Candidate
+from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.evidence import Evidence
+from rodgen.calibration.remarks import lifted, on_preferred
 from rodgen.calibration.selection import equals, ordered, ranking, select
+from rodgen.data.units import unit_factor
 from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Model
 from rodgen.machines.plausibility import Plausibility, Size
 
 N = 400
@@ -304,3 +315,296 @@ def test_candidates_beside_others_are_weighed_as_if_those_were_fitted_parameters
         assert beside.explained(chosen) == pytest.approx(fitted.explained(chosen), rel=1e-9)
         more, less = (e.misfit([]) - e.misfit(chosen) for e in (beside, fitted))
         assert more == pytest.approx(less, rel=1e-9)
+
+
+# Several waves of one encoder beside a lag are found together
+
+
+TABLE = """name = "Table"
+units = { length = "mm", angle = "deg" }
+joint = [{ name = "C", type = "revolute", axis = [0, 0, 1], point = [0, 0, 0] }]
+target = [{ name = "ball", point = [200, 0, 50] }]
+measured = { kind = "point", frame = "free" }
+"""
+WAVES = {1: (60, 30), 2: (20, -12), 4: (8, 9), 8: (6, -5)}
+ARCSEC = np.pi / 648000
+
+
+def test_one_two_four_and_eight_waves_a_turn_beside_a_lag(tmp_path):
+    rng = np.random.default_rng(1)
+    q, v = rng.uniform(-np.pi, np.pi, 300), np.radians(rng.choice([-10, -5, 0, 5, 10], 300))
+    off = sum(a * np.cos(k * q) + b * np.sin(k * q) for k, (a, b) in WAVES.items()) * ARCSEC - 0.003 * v
+    place = np.stack([200 * np.cos(q + off), 200 * np.sin(q + off), np.full(300, 50.0)], -1)
+    table = np.column_stack([np.degrees(q), np.degrees(v), place + rng.normal(0, 0.001, place.shape)])
+    (tmp_path / "machine.toml").write_text(TABLE)
+    header = "C [deg],v_C [deg/s],x [mm],y [mm],z [mm]"
+    np.savetxt(tmp_path / "data.csv", table, "%.7f", ",", header=header, comments="")
+    fit = Machine.load(tmp_path / "machine.toml").fit(rodgen.Measurements.load(tmp_path / "data.csv"))
+    names = {c.effect.name for c in select(Evidence.of(fit))}
+    assert names == {"servo_lag", "encoder_eccentricity", "encoder_ellipticity", "encoder_harmonics"}
+
+
+# A target that was taken off between runs and put on again
+
+
+ARM = """name = "Two axes of an arm"
+units = { length = "mm", angle = "deg" }
+joint = [
+  { name = "A1", type = "revolute", axis = [0, 0, 1], point = [0, 0, 0] },
+  { name = "A2", type = "revolute", axis = [0, 1, 0], point = [0, 0, 340] },
+]
+target = [{ name = "marker", point = [0, 0, 1300]ATTITUDE }]
+measured = { kind = "KIND", frame = "free" }
+estimate = { parameters = ["target"] }
+"""
+KEY = ("target_remounting", "marker")
+
+
+def arm(folder: Path, turns, heights, *, kind="pose", rows=12, attitude=""):
+    """Write what a tracker reads of a marker that sits in each run turned by some degrees and at some height."""
+    rng = np.random.default_rng(2)
+    table = []
+    for run, (turn, height) in enumerate(zip(turns, heights, strict=True), 1):
+        for _ in range(rows):
+            a, b = rng.uniform(-150, 150), rng.uniform(-80, 80)
+            m = Rotation.from_euler("ZY", [a, b], degrees=True)
+            place = m.apply([0, 0, height - 340]) + [0, 0, 340] + rng.normal(0, 0.1, 3)  # noqa: RUF005
+            noise = Rotation.from_rotvec(1e-4 * rng.normal(size=3))
+            turned = noise * m * Rotation.from_euler("Z", turn, degrees=True)
+            turn_vector = turned.as_rotvec(degrees=True) if kind == "pose" else []
+            table.append([a, b, *place, *turn_vector, run])
+    (folder / "machine.toml").write_text(ARM.replace("KIND", kind).replace("ATTITUDE", attitude))
+    read = ["rx [deg]", "ry [deg]", "rz [deg]"] if kind == "pose" else []
+    header = ",".join(["A1 [deg]", "A2 [deg]", "x [mm]", "y [mm]", "z [mm]", *read, "run"])
+    np.savetxt(folder / "data.csv", table, "%.9g", ",", header=header, comments="")
+    data = rodgen.Measurements.load(folder / "data.csv")
+    return Machine.load(folder / "machine.toml").fit(data)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("attitude", ["", ", attitude = [10, 0, 40]"])
+def test_a_marker_that_was_turned_between_runs_is_found_and_measured(attitude, tmp_path):
+    base = arm(tmp_path, (0, 20, 38), (1300, 1297, 1302), attitude=attitude)
+    evidence = Evidence.of(base)
+    (chosen,) = select(evidence)
+    assert chosen.key == KEY
+    final = base.machine.with_effect(chosen.effect).fit(base.observations.data)
+    assert final.rms < 0.12
+    for run, turn, height in ((2, 20, -3), (3, 38, 2)):
+        found = {x: final.estimates[f"marker.target_remounting[{run}].{x}"] for x in ("z", "rx", "ry", "rz")}
+        assert found["z"].value == pytest.approx(height, abs=5 * found["z"].std)
+        degrees = [found[x].value / 3600 for x in ("rx", "ry", "rz")]
+        assert degrees == pytest.approx([0, 0, turn], abs=0.02)
+
+
+def test_a_ball_that_was_put_on_again_is_found_by_its_places(tmp_path):
+    base = arm(tmp_path, (0, 0, 0), (1300, 1299, 1301), kind="point")
+    assert [c.key for c in select(Evidence.of(base))] == [KEY]
+
+
+def test_nothing_is_remounted_where_nothing_was_and_where_there_is_one_run(tmp_path):
+    base = arm(tmp_path, (0, 0, 0), (1300, 1300, 1300))
+    evidence = Evidence.of(base)
+    assert select(evidence) == []
+    assert KEY in {c.key for c in evidence.candidates}
+    one = arm(tmp_path, (0,), (1300,))
+    assert KEY not in {c.key for c in Evidence.of(one).candidates}
+    model = Model(one.machine.add(*KEY[:1], target=KEY[1]), runs=("1",))
+    assert not any("remounting" in key for key in model.keys)
+    assert one.machine.add("target_remounting", target="marker").fit(
+        one.observations.data
+    ).rms == pytest.approx(one.rms)
+
+
+# Play shows in a scan to and fro: the order of the rows says from which side each position was approached
+
+
+ANTENNA = """name = "Antenna"
+units = { length = "mm", angle = "deg" }
+joint = [
+  { name = "AZ", type = "revolute", axis = [0, 0, -1] },
+  { name = "EL", type = "revolute", axis = [1, 0, 0] },
+]
+target = [{ name = "beam", point = [0, 1, 0] }]
+measured = { kind = "direction", frame = "free" }
+"""
+
+
+def scan(folder: Path, play: float, *, shuffled: bool = False):
+    """Write directions of an antenna that sweeps its azimuth to and fro, and stays behind by half of the play."""
+    rng = np.random.default_rng(5)
+    line = np.linspace(-100, 100, 12)
+    az = np.concatenate([line if k % 2 == 0 else line[::-1] for k in range(8)])
+    el = np.repeat(10 + 8 * np.arange(8), 12)
+    side = np.sign(np.diff(az, prepend=az[0]))
+    for i in range(len(side)):  # where only the elevation moved, the azimuth leans to the side of before
+        side[i] = side[i] or (side[i - 1] if i else 1)
+    a, e = np.radians(az) - side * play / 2 * ARCSEC, np.radians(el)
+    u = np.stack([np.cos(e) * np.sin(a), np.cos(e) * np.cos(a), np.sin(e)], -1)
+    u += rng.normal(size=u.shape) * 2 * ARCSEC
+    table = np.column_stack([az, el, u / np.linalg.norm(u, axis=1, keepdims=True)])
+    if shuffled:
+        rng.shuffle(table)
+    (folder / "machine.toml").write_text(ANTENNA)
+    np.savetxt(folder / "data.csv", table, "%.9f", ",", header="AZ [deg],EL [deg],ux,uy,uz", comments="")
+    data = rodgen.Measurements.load(folder / "data.csv")
+    return Machine.load(folder / "machine.toml").fit(data)
+
+
+def test_play_shows_in_a_scan_of_directions(tmp_path):
+    fit = scan(tmp_path, 20.0)
+    assert fit.observations.approach_assumed.tolist() == [True, False]
+    evidence = Evidence.of(fit)
+    assert [c.key for c in select(evidence)] == [("backlash", "AZ")]
+    (one,) = (c for c in evidence.candidates if c.key == ("backlash", "AZ"))
+    assert one.prior.log_odds == pytest.approx(np.log(0.2 * 0.1))  # of a telescope, as far as the order tells
+    assert [c.key for c in select(Evidence.of(scan(tmp_path, 0.0)))] == []
+
+
+def test_directions_in_any_order_are_no_scan(tmp_path):
+    assert not scan(tmp_path, 20.0, shuffled=True).observations.approach_assumed.any()
+
+
+# A drive that yields the wrong way says that gravity is the wrong way round; a preferred effect is answered
+
+
+AXES = np.array([(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)], float)
+POINTS = np.array(
+    [(0, 0, 0), (0, 0, 400), (0, 0, 1000), (300, 0, 1100), (900, 0, 1100), (950, 0, 1100)], float
+)
+TOOL = np.array([1100.0, 0.0, 1120.0])
+MASSES = (0, 120, 60, 25, 10, 8)
+GIVES_WAY = (0, 4e-9, 9e-9, 0, 0, 0)
+"""Radians per newton and millimetre."""
+
+
+def motions(q):
+    """Return the motion of each link, as rotation and translation, of the bed first."""
+    turn, at = np.eye(3), np.zeros(3)
+    found = [(turn, at)]
+    for n, p, angle in zip(AXES, POINTS, q, strict=True):
+        rotation = Rotation.from_rotvec(angle * n).as_matrix()
+        at = at + turn @ (p - rotation @ p)
+        turn = turn @ rotation
+        found.append((turn, at))
+    return found
+
+
+def sagging(folder: Path, gravity: float):
+    """Write a robot whose second and third drive yield to weights in the middle of its links, and fit it."""
+    rng = np.random.default_rng(1)
+    middles = (POINTS + np.vstack([POINTS[1:], TOOL])) / 2
+    rows = []
+    for _ in range(60):
+        q = np.radians(rng.uniform(-1, 1, 6) * [150, 60, 70, 150, 100, 150])
+        links, off = motions(q), np.zeros(6)
+        for i in np.flatnonzero(GIVES_WAY):
+            turn, at = links[i]
+            for mass, middle, (turn_k, at_k) in list(zip(MASSES, middles, links[1:], strict=True))[i:]:
+                arm = turn_k @ middle + at_k - (turn @ POINTS[i] + at)
+                off[i] += GIVES_WAY[i] * (turn @ AXES[i]) @ np.cross(arm, [0, 0, gravity * 9.81 * mass])
+        turn, at = motions(q + off)[-1]
+        rows.append([*np.degrees(q), *(turn @ TOOL + at + rng.normal(0, 0.05, 3))])
+    joints = "\n".join(
+        f'  {{ name = "J{i}", type = "revolute", axis = {n.tolist()}, point = {p.tolist()} }},'
+        for i, (n, p) in enumerate(zip(AXES, POINTS, strict=True), 1)
+    )
+    (folder / "machine.toml").write_text(
+        f'name = "Robot"\nunits = {{ length = "mm", angle = "deg" }}\njoint = [\n{joints}\n]\n'
+        f'target = [{{ name = "tool", point = {TOOL.tolist()} }}]\n'
+        'measured = { kind = "point", frame = "free" }\nestimate = { parameters = ["target"] }\n'
+    )
+    header = ",".join([*(f"J{i} [deg]" for i in range(1, 7)), "x [mm]", "y [mm]", "z [mm]"])
+    np.savetxt(folder / "data.csv", rows, "%.5f", ",", header=header, comments="")
+    data = rodgen.Measurements.load(folder / "data.csv")
+    return Machine.load(folder / "machine.toml").fit(data)
+
+
+@pytest.mark.parametrize("gravity", [-1.0, 1.0])
+def test_weight_that_lifts_asks_for_gravity(gravity, tmp_path):
+    base = sagging(tmp_path, gravity)
+    evidence = Evidence.of(base)
+    chosen = select(evidence)
+    assert {c.key for c in chosen} == {("gravity_windup", "J2"), ("gravity_windup", "J3")}
+    machine = base.machine
+    for c in chosen:
+        machine = machine.with_effect(c.effect)
+    final = base.refit(machine)
+    found = list(lifted(final.machine, [c.effect for c in chosen], final.estimates))
+    assert found == ["weight lifts J2 and J3: is gravity the right way round?"] * (gravity > 0)
+    scale, nothing = on_preferred(evidence, chosen, [("scale", "J2"), ("tube_flexure", None)])
+    assert scale.startswith("scale at J2 was preferred: it is ")
+    assert scale.endswith("times less probable than what was chosen.")
+    assert nothing == "tube_flexure was preferred, but no such effect can be seen in this machine or table."
+    assert list(on_preferred(evidence, chosen, [("gravity_windup", None)])) == []
+
+
+# How large an effect could be without being found: as large as simulations say
+
+
+DRAWS = 20
+
+
+@pytest.fixture(scope="module")
+def innocent(tmp_path_factory):
+    machine, data = hidden("gantry", 3, []).write(tmp_path_factory.mktemp("innocent"))
+    return rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data))
+
+
+def share_found(base, one, factor):
+    """Return the share of simulated data sets in which an effect of some times the stated size is found."""
+    evidence = Evidence.of(base)
+    rows = evidence.sensitivities
+    own = next(c for c in evidence.candidates if c.effect.title == one.effect.title)
+    i = own.short_names.index(one.parameter)
+    size = factor * one.size * unit_factor(one.unit, base.machine.length_unit)[0]
+    rng = np.random.default_rng(0)
+    scale = np.std(rows.residual)
+    count = 0
+    for _ in range(DRAWS):
+        residual = scale * rng.standard_normal(rows.residual.shape) - size * own.columns[:, :, i]
+        count += bool(select(evidence_of(evidence.candidates, -residual, rows.model, base)))
+    return count / DRAWS
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "title", ["squareness at Y", pytest.param("gravity_sag at X", marks=pytest.mark.slow)]
+)
+def test_an_effect_of_the_stated_size_is_found_in_95_of_100_data_sets(innocent, title):
+    found = diagnose(innocent)
+    one = next(one for one in found.could_hide if one.effect.title == title)
+    assert share_found(innocent, one, 1.0) > 0.8  # 0.95, and three standard deviations of 20 draws
+    assert share_found(innocent, one, 0.5) < 0.5
+
+
+def test_text_and_json_say_what_could_hide(innocent):
+    found = diagnose(innocent)
+    assert found.verdict == "nothing_missing"
+    text = " ".join(str(found).split())
+    assert "How much of it is noise is not known" in " ".join(
+        text.split()
+    )  # none is stated, and no pose was repeated
+    first = next(one for one in found.could_hide if one.possible)
+    assert f"{first.effect.title} {first.parameter} = " in text
+    assert "e+" not in text  # 4000 arcsec, not 4e+03
+    assert not {one.effect.title for one in found.could_hide} & {effect.title for effect in found.unseen}
+    printed = found.to_dict()["could_hide"]
+    assert len(printed) == len(found.could_hide) > 30
+    assert [one["rms"] for one in printed] == sorted((one["rms"] for one in printed), reverse=True)
+    assert all(one["size"] > 0 and one["unit"] for one in printed)
+
+
+def test_sizes_that_no_machine_has_are_no_table_of_what_may_be_there(innocent):
+    found = diagnose(innocent)
+    first, *others = found.could_hide
+    text = " ".join(str(replace(found, could_hide=(replace(first, possible=False), *others))).split())
+    assert f"{first.effect.title} {first.parameter} = " not in text
+    assert f"only more than any machine has of {first.effect.title}." in text
+
+
+def test_a_size_is_possible_that_machines_have(innocent):
+    by = {(one.effect.title, one.parameter): one for one in diagnose(innocent).could_hide}
+    scale = next(one for (title, _), one in by.items() if title == "scale at X")
+    assert scale.possible
+    assert scale.size < 0.05  # the largest of the table

@@ -291,18 +291,6 @@ def test_95_percent_intervals_hold_95_percent(case: str) -> None:
     assert shares == pytest.approx([0.95] * 3, abs=3.29 * math.sqrt(0.95 * 0.05 / 300))
 
 
-def test_a_shared_reading_is_one_unknown() -> None:
-    """The same motions with readings of the rest pose of their own know the axis better."""
-    angles = np.radians(60 + 2 * np.arange(10))
-    x, y, move = points(angles, np.zeros(10), noise=0.02)
-    shared = fit_axis(x, y, move=move, sigma=0.02)
-    apart = fit_axis(x + 1e-9 * np.random.default_rng(1).normal(size=x.shape), y, move=move, sigma=0.02)
-    assert shared.axis_uncertainty[0] > 2 * apart.axis_uncertainty[0]
-    assert (
-        shared.dof == apart.dof
-    )  # each motion of its own has nine more readings, and its nine true coordinates
-
-
 def test_an_angle_reading_that_rows_share_is_one_reading() -> None:
     """Its error moves all balls of its turn alike: with it exact the points know the axis better than they do."""
     x, y, move = points([1.0, 1.2], [0, 0], noise=0.01)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import inspect
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 import rodgen
 
-ROOT = Path(__file__).parent.parent
 FUNCTIONS = [name for name in rodgen.__all__ if inspect.isfunction(getattr(rodgen, name))]
 
 

@@ -550,16 +550,6 @@ def test_infeasible_triples_have_their_distance_and_the_nearest_triple() -> None
         assert np.sqrt(best.fun) == pytest.approx(distance, abs=1e-6)
 
 
-@given(arrays(float, 3, elements=st.floats(0, np.pi)))
-@settings(max_examples=120, deadline=None)
-def test_every_triple_has_a_count_and_its_rotations_have_the_triple(chi: np.ndarray) -> None:
-    found = ie.rotations(chi)
-    assert rotation_names(found.status)[0] != "INVALID"
-    rows = found.quaternions[: int(found.count)]
-    again, _ = ie.angles_from_quaternion(rows)
-    np.testing.assert_allclose(np.cos(again), np.broadcast_to(np.cos(chi), again.shape), atol=8 * FEW)
-
-
 # choice by ridge lines ---------------------------------------------------------------------------------
 
 

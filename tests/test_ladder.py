@@ -24,7 +24,6 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.simulate import simulate
 from rodgen.calibration.solve import least_squares
 from rodgen.calibration.steps import odds_of_steps
-from rodgen.calibration.validation import validation_error
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.machines.parts import StatedPlausibility
 from rodgen.statistics.leave_out import deal, neighbours
@@ -225,26 +224,6 @@ def test_a_plain_fit_goes_on_along_any_valley(monkeypatch):
         assert abs(found.estimates[key].value - one.value) <= 1e-3 * (one.std or 0.0)
 
 
-@pytest.mark.thorough
-def test_error_by_posture_of_a_program_tells_that_on_other_postures_better_than_poses_one_at_a_time():
-    gaps = []
-    for bad in [0, 1, 2, 3, 4, 5] * 2:
-        random = np.random.default_rng([40, len(gaps)])
-        t = np.linspace(0, 1, 40)[:, None]
-        way = sum(
-            np.sin(2 * np.pi * (random.uniform(0.5, 4, 6) * t + random.uniform(0, 1, 6))) for _ in range(3)
-        )
-        full = fit(ARM, reached(100 * way / np.abs(way).max(axis=0), random, bad))
-        assert full.held_out().by == "posture"
-        true = validation_error(
-            full, bind(full.machine, reached(random.uniform(-120, 120, (150, 6)), random, bad))
-        )
-        gaps.append(np.log([found.rms / true for found in (full.held_out(), full.held_out(folds=40))]))
-    by_posture, one_at_a_time = np.sqrt(np.mean(np.square(gaps), axis=0))
-    # of 12 draws either is known to a fifth
-    assert by_posture < 0.8 * one_at_a_time, (by_posture, one_at_a_time)
-
-
 def test_postures_that_all_but_alone_tell_of_a_parameter_cannot_be_held_out():
     random = np.random.default_rng(1)
     q = random.uniform(-100, 100, (50, 6))
@@ -263,10 +242,6 @@ def test_postures_that_all_but_alone_tell_of_a_parameter_cannot_be_held_out():
         "The poses cannot be held out by posture (5 groups of neighbouring postures): without one of these groups the "
         "readings do not determine J2.load_windup.k."
     )
-
-
-def test_neighbours_on_a_line_are_stretches_of_it():
-    assert neighbours(np.array([[5.0], [1.0], [3.0], [0.0], [4.0], [2.0]]), 3).tolist() == [2, 0, 1, 0, 2, 1]
 
 
 def test_as_many_folds_as_postures_are_one_posture_at_a_time():
@@ -583,28 +558,10 @@ def test_a_larger_model_never_fits_worse(name):
     assert all(after <= before * (1 + 1e-12) for before, after in pairwise(costs))
 
 
-def test_the_noise_is_shown_with_the_error():
-    machine, data = example("trunnion")
-    found = ladder(machine, data, [machine.effect("warm_up_drift")])
-    assert found.rungs[0].fit.rms > 4 * found.noise.value
-    # The data were made with 1 µm; 672 readings tell it to 3 %.
-    assert found.rungs[1].fit.rms == pytest.approx(0.001, rel=0.1)
-    assert found.noise.text in str(found)
-
-
 def test_machines_that_differ_by_more_than_one_effect_are_no_rungs(refuses):
     machine, data = example("mount")
     other = machine.add("refraction").add("encoder_eccentricity", joint="AZ")
     refuses(ladder_of, [machine, other], data)
-
-
-def test_a_machine_adds_and_removes(refuses):
-    machine, _ = example("mount")
-    more = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
-    assert [effect.title for effect in more.effects] == ["gravity_windup at EL"]
-    assert more.remove("gravity_windup", joint="EL") == machine
-    refuses(machine.add, "backlash", joint="EL", target="boresight")
-    refuses(machine.add, "gravity_windup", joint="EL", hold={"k9": 0})
 
 
 def test_held_out_of_nothing_to_adjust_is_the_error_itself():

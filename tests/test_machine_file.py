@@ -596,17 +596,6 @@ def test_any_value_at_any_key_is_a_machine_or_one_line(data: st.DataObject) -> N
     assert isinstance(found, Machine) or found.isprintable()
 
 
-@given(st.binary(max_size=200) | st.binary(max_size=40).map(lambda b: GANTRY.encode() + b))
-@settings(max_examples=120, deadline=None)
-def test_any_bytes_are_a_machine_or_one_line(
-    tmp_path_factory: pytest.TempPathFactory, content: bytes
-) -> None:
-    path = tmp_path_factory.getbasetemp() / "bytes.toml"
-    path.write_bytes(content)
-    found = machine_or_line(Machine.load, path)
-    assert isinstance(found, Machine) or found.isprintable()
-
-
 # writing -------------------------------------------------------------------------------------------------------------
 
 numbers = st.floats(-1e9, 1e9, allow_subnormal=False)

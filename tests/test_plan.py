@@ -455,21 +455,6 @@ def test_rows_are_a_measurement_file_without_readings(trials, tmp_path):
     assert set(found.rows) == set(trial.loop.columns)
 
 
-@pytest.mark.thorough
-def test_plan_with_its_readings_is_a_file_that_can_be_diagnosed(trials, tmp_path, capsys):
-    trial = trials["one_side"]
-    found = trial.plan(12)
-    path, machine = tmp_path / "plan.csv", tmp_path / "machine.toml"
-    found.save(path)
-    machine.write_text(toml(trial.loop.file), encoding="utf-8")
-    assert len(path.read_text().splitlines()) == found.count + 1
-    lines = [line + ",120.0,0.0,40.0" for line in path.read_text().splitlines()]
-    lines[0] = lines[0].removesuffix(",120.0,0.0,40.0") + ",x [mm],y [mm],z [mm]"
-    path.write_text("\n".join(lines) + "\n")
-    assert main(["diagnose", str(machine), str(path)]) == 0
-    assert capsys.readouterr().out
-
-
 def test_every_column_of_the_data_is_in_the_plan():
     file = machine_file(
         [joint("C", "revolute", (0, 0, 1), travel=[-3, 3])], [(120, 0, 40), (50, 0, 0)], estimate=["C.axis"]
@@ -569,16 +554,6 @@ def test_joints_that_cannot_move_still_get_a_plan():
     assert plan(fit, 4).count == 1
 
 
-def test_plan_as_plain_data_and_as_text(trials):
-    found = trials["one_side"].plan(12)
-    data = json.loads(json.dumps(found.to_dict()))
-    assert data["readings"] == found.count == len(data["rows"]["C [rad]"])
-    assert data["goals"][0]["effects"] == ["backlash at C", "zero_offset at C"]
-    text = found.summary()
-    assert text == str(found)
-    assert "Tell backlash at C and zero_offset at C apart." in text
-
-
 def test_more_readings_are_asked_for_where_these_are_not_enough():
     trial = Trial(short_arc(), 2)
     found = trial.plan(3)
@@ -600,13 +575,6 @@ def files(trials, tmp_path):
     lines = [",".join(names), *(",".join(map(str, row)) for row in zip(*trial.data.values(), strict=True))]
     data.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return str(machine), str(data)
-
-
-def test_command_writes_the_rows(files, tmp_path, capsys):
-    out = tmp_path / "next.csv"
-    assert main(["plan", *files, "--for", "C.backlash", "-n", "4", "-o", str(out)]) == 0
-    assert "Sharpen C.backlash.b." in capsys.readouterr().out
-    assert len(out.read_text().splitlines()) == 5
 
 
 def test_no_file_is_written_where_there_is_nothing_to_measure(tmp_path, capsys):

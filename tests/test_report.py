@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 from browser import check_layouts, needs_browser
 from made_diagnoses import HOSTILE, MACHINES
-from plotly.offline import get_plotlyjs
 
 from rodgen import figures
 from rodgen.calibration.diagnosis import VERDICTS as WORDS
@@ -388,23 +387,6 @@ def test_reading_that_a_joint_is_off_by_is_the_wave_that_was_hidden() -> None:
     assert np.corrcoef(trace.y, np.cos(np.radians(trace.x)))[0, 1] > 0.9
 
 
-@pytest.mark.thorough
-def test_large_data_are_thinned_keep_their_extremes_and_say_so() -> None:
-    found = made_diagnoses.table(40_000)
-    text = report_page(found)
-    assert len(text.encode()) - len(get_plotlyjs().encode()) < 2_000_000
-    assert re.search(r"\d+ of 40000 rows are drawn: evenly spread, and the 10 largest residuals", text)
-    figure = drawn(found)["residuals_by_C"]
-    rows = {
-        int(re.match(r"row (\d+)", tip)[1])
-        for trace in figure.data
-        if trace.xaxis == "x2"
-        for tip in trace.hovertext
-    }
-    for fit in (found.base, found.final):
-        assert set(np.argsort(-np.abs(fit.residuals), axis=0)[:10].ravel().tolist()) <= rows
-
-
 # safe and alone ----------------------------------------------------------------------------------------------------
 
 
@@ -537,18 +519,6 @@ def test_contrast_is_enough_in_light_and_dark() -> None:
 
 
 # the command -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-def test_command_writes_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = MACHINES / "gantry_rotary"
-    out = tmp_path / "page.html"
-    command = ["report", str(folder / "machine.toml"), str(folder / "data.csv"), "-o", str(out)]
-    assert cli.main([*command, "--radius", "C=4cm"]) == 0
-    assert capsys.readouterr().out.split() == [str(out)]
-    found = Page(out.read_text(encoding="utf-8"))
-    assert "encoder_eccentricity at C" in found.one("section", **{"class": "verdict"})[1]
-    assert re.search(r"40 mm in radius, sits (3\.[89]|4\.[01])\d* ±", found.one("main")[1])
 
 
 @pytest.mark.parametrize(

@@ -72,16 +72,6 @@ def test_every_solution_of_the_search_is_found(name: str) -> None:
     assert check_misses_nothing(mechanism, T, found) >= 8 * 4
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ROBOTS)
-def test_every_solution_of_a_thousand_poses_is_found(name: str) -> None:
-    mechanism = ROBOTS[name]
-    T = random_poses(mechanism, 1000, seed=2)
-    found = spatial.reverse(mechanism, T)
-    check_is_solution(mechanism, T, found)
-    assert check_misses_nothing(mechanism, T, found, starts=300, seed=3) >= 1000 * 4
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_pose_of_random_joints_leads_back_to_them(name: str) -> None:
     mechanism = ROBOTS[name]

@@ -209,25 +209,10 @@ def test_a_value_may_have_an_and_of_its_own(rule: str, comparisons: list[tuple[s
     assert SetAside(where=rule)._comparisons() == comparisons
 
 
-def test_a_run_of_two_words_is_set_aside_by_a_rule(capsys: pytest.CaptureFixture[str]) -> None:
-    text = Path("data.csv").read_text()
-    Path("runs.csv").write_text(text.replace(",2,3", ",day and night,3"))
-    assert main(["exclude", "m.toml", "runs.csv", "--where", "run = day and night"]) == 0
-    assert "7 of the 40 rows of runs.csv are set aside" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("rule", ["run = 'day", "run =", "and C < 1", "C < 1 and", "C 1", "run = 'a' b"])
 def test_a_rule_that_cannot_be_read_is_refused(rule: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["exclude", "m.toml", "data.csv", "--where", rule]) == 2
     assert "; expected a" in capsys.readouterr().err
-
-
-def test_a_rule_that_no_row_meets_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["exclude", "m.toml", "data.csv", "--where", "C < -1000 deg"]) == 0
-    assert (
-        "0 of the 40 rows of data.csv are set aside: C < -1000 deg, true of no row."
-        in capsys.readouterr().out
-    )
 
 
 def test_a_rule_is_kept_while_some_of_its_rows_count(capsys: pytest.CaptureFixture[str]) -> None:

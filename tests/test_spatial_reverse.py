@@ -130,13 +130,6 @@ def test_kernels_solve_their_equations_to_40_digits(name: str) -> None:
             assert min(off) < mpmath.mpf(10) ** -40
 
 
-def statuses(mechanism: spatial.Mechanism, q: object) -> list[str]:
-    T = spatial.forward(mechanism, q)
-    found = spatial.reverse(mechanism, T)
-    check_is_solution(mechanism, T, found)
-    return [ReverseStatus(s).name for s in found.status if s != ReverseStatus.NONE]
-
-
 def test_free_first_angle_before_three_parallel_axes() -> None:
     """Zero may leave no solution where other first angles do; Newton's method finds those."""
     alpha, offset = [np.pi / 2, 0, 0, 1.1, -1.4], [0.5, 0.4, -0.9, 0.5 - 0.6 * np.cos(1.1), 0.6, 1.0]

@@ -20,7 +20,6 @@ from rodgen.symbolic import (
     errata,
     explicit,
     formal_determinant,
-    in_notebook,
     matrix_from_axis_angle,
     matrix_from_rodrigues_vector,
     norm,
@@ -449,10 +448,6 @@ def test_power_of_two_scale_is_constant_to_a_derivative_and_one_at_zero():
     assert power_of_two_scale(sp.S.Zero) == 1
     assert power_of_two_scale(u).is_positive
     assert EPS.is_positive
-
-
-def test_tests_run_in_no_notebook():
-    assert not in_notebook()
 
 
 def test_fractions_are_brought_to_lowest_terms_only_where_something_is_in_common() -> None:

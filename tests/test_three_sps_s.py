@@ -14,7 +14,7 @@ import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from rodgen.kinematics import screws, three_sps_s
+from rodgen.kinematics import three_sps_s
 from rodgen.kinematics.three_sps_s import DirectStatus, Geometry, OrientationStatus
 
 MACHINE = Geometry(2.0, 1.0, 1.5)
@@ -137,26 +137,6 @@ def test_tilt_and_torsion_go_both_ways():
     assert np.allclose(over[1], np.pi)
     assert over[2] == 0
     assert np.isnan(three_sps_s.tilt_torsion(np.full((3, 3), np.nan))).all()
-
-
-def test_the_legs_and_the_pivot_as_screws_leave_a_yaw_at_home():
-    """Forces along the legs and through the pivot: six lines, whose rank is five where the machine is singular."""
-
-    def six_lines(matrix):
-        joints = MACHINE.r * DIRECTIONS @ matrix.T + np.array([0, 0, MACHINE.h])
-        through = screws.line_along([0, 0, MACHINE.h], np.eye(3))
-        return np.concatenate([screws.line_through(MACHINE.R * DIRECTIONS, joints), through])
-
-    system = screws.reciprocal_system(six_lines(np.eye(3)))
-    assert system.rank == 5
-    free = screws.screw_axis(system.basis[0])
-    assert np.allclose(np.abs(free.direction), [0, 0, 1], atol=1e-12)
-    assert np.allclose(free.point, 0, atol=1e-12)
-    assert np.allclose(free.pitch, 0, atol=1e-12)
-    for matrix in Rotation.random(20, random_state=20).as_matrix():
-        assert screws.reciprocal_system(six_lines(matrix)).rank == 6
-    for matrix in singular_rotations():
-        assert screws.reciprocal_system(six_lines(matrix), tolerance=1e-12).rank == 5
 
 
 # all modes ---------------------------------------------------------------------------------------------
@@ -474,21 +454,3 @@ def test_the_page_s_examples_run_and_give_what_it_says():
     longer = three_sps_s.direct_all(three_sps_s.legs(np.eye(3), names["machine"]) + 1e-3, names["machine"])
     torsions = three_sps_s.tilt_torsion(longer[0][:2])[:, 2]
     assert np.allclose(np.sort(np.degrees(torsions)), [-0.273, 0.273], atol=5e-4)
-
-
-@pytest.mark.slow
-def test_no_mode_is_missing_on_machines_of_every_shape():
-    """Dimensions over a factor of 50, pivots above and below: each pose is found, and signs balance."""
-    rng = np.random.default_rng(21)
-    for number in range(60):
-        dims = np.exp(rng.uniform(-2, 2, 3)) * [1, 1, rng.choice([-1, 1])]
-        machine = Geometry(*dims)
-        turns = Rotation.random(3000, random_state=number)
-        legs = by_points(turns, machine)
-        result = three_sps_s.direct_all(legs, machine)
-        check_modes(legs, machine, result)
-        assert (result[2] <= DirectStatus.SINGULAR).all()
-        apart = angles_between(result[0], turns.as_matrix()[:, None])
-        nearest = np.where(np.isnan(apart), np.inf, apart).min(axis=1)
-        determinant = np.abs(three_sps_s.singularity(turns.as_matrix(), machine).determinant)
-        assert (nearest < 1e-12 + 1e-11 / np.maximum(determinant, 1e-9)).all()

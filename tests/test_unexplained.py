@@ -26,7 +26,6 @@ from rodgen.calibration.selection import select
 from rodgen.data.measurements import Measurements
 from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
 from rodgen.machines.files.edit import edited_text
-from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
@@ -470,37 +469,6 @@ def test_further_waves_stay_without_a_form_that_predicts_nothing(monkeypatch: py
 
 
 # the block -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    "name",
-    [
-        "bump",
-        "cubic of a slide",
-        "exponential in time",
-        "humidity",
-        "step at an angle",
-        "square of a velocity",
-    ],
-)
-def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: str, tmp_path: Any) -> None:
-    forms, _, base, columns, _, noise = told(name, 2, 3.0)
-    bare = machine_of(KINDS[name].file)
-    bare.save(tmp_path / "machine.toml")
-    text = (tmp_path / "machine.toml").read_text()
-    for form in forms:
-        text += "\n" + effect_text(bare, form.effect)
-    (tmp_path / "more.toml").write_text(text)
-    machine = Machine.load(tmp_path / "more.toml")
-    assert len(machine.effects) == len(bare.effects) + len(forms)
-    better = fitted(machine, columns)
-    assert better.rms * better.unit_factor < 1.15 * noise
-    assert base.rms * base.unit_factor > 2.5 * noise
-    if len(forms) == 1:
-        source = tmp_path / "machine.toml"
-        source.write_bytes(edited_text(source, Machine.load(source).with_effect(forms[0].effect)).encode())
-        assert Machine.load(source) == machine
 
 
 @pytest.mark.thorough
