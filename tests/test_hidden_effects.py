@@ -1,11 +1,13 @@
 """A diagnosis finds what was hidden, says nothing where nothing is, and says so where it cannot tell.
 
-The machines come from the plain simulator, and the truth opens only for a finished diagnosis. Here stands one machine
-of each kind; how often a diagnosis is right, of hundreds, is measured by `make study`.
+The machines come from the plain simulators, of chains and of legs, and the truth opens only for a finished diagnosis.
+Here stands one machine of each kind; how often a diagnosis is right, of hundreds, is measured by `make study`.
 """
 
 from __future__ import annotations
 
+import csv
+import json
 import re
 import sys
 from pathlib import Path
@@ -13,17 +15,30 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnosis_checks import diagnosed, groups
-from hidden_effects import BENCHES, OUTSIDE, UnhiddenError, hidden, still
+from diagnosis_checks import check_numbers, diagnosed, groups
+from hidden_effects import BENCHES, OUTSIDE, Hidden, UnhiddenError, hidden, still
+from hidden_parallel import BENCHES as ON_LEGS
+from hidden_parallel import FAMILY, at
+from parallel_simulator import LEGS
 from real_machines import real
 
 import rodgen
 from rodgen.calibration.fit import fit
+from rodgen.cli import main as cli
 from rodgen.machines.plausibility import plausibility
 
 sys.path.append(str(Path(__file__).parent.parent / "study"))
 
 slow = pytest.mark.slow
+T, S = "tricept", "three_sps_s"
+
+
+def made(bench: str, seed: int, effects: Any = (), **more: Any) -> Hidden:
+    """Hide effects; every second machine on legs is seen by an instrument that stands anywhere."""
+    if bench in ON_LEGS:
+        random = np.random.default_rng([seed, 9])
+        return hidden(ON_LEGS[bench](random, frame="free" if seed % 2 else "machine"), seed, effects, **more)
+    return hidden(bench, seed, effects, **more)
 
 
 def titles(found) -> list[tuple[str, str | None]]:
@@ -43,6 +58,19 @@ QUICK = [
     pytest.param("gantry", ("squareness", "Y"), marks=slow),
     pytest.param("gantry", ("gravity_sag", "X"), marks=slow),
     pytest.param("ballbar", ("scale", "X"), marks=slow),
+    (S, ("leg_zero_offset", "L3")),
+    pytest.param(T, ("leg_thermal_expansion", "A1"), marks=slow),
+    pytest.param(S, ("leg_compliance", "L2"), marks=slow),
+    pytest.param(T, ("base_joint_offset", "A-1"), marks=slow),
+    pytest.param(T, ("leg_zero_offset", "A1"), marks=slow),
+    pytest.param(T, ("leg_scale", "A0"), marks=slow),
+    pytest.param(T, ("leg_backlash", "A-1"), marks=slow),
+    pytest.param(T, ("leg_compliance", "A0"), marks=slow),
+    pytest.param(S, ("leg_thermal_expansion", "L1"), marks=slow),
+    pytest.param(S, ("leg_scale", "L2"), marks=slow),
+    pytest.param(S, ("leg_backlash", "L1"), marks=slow),
+    pytest.param(S, ("base_joint_offset", "L2"), marks=slow),
+    pytest.param(S, ("platform_joint_offset", "L1"), marks=slow),
 ]
 
 
@@ -79,7 +107,7 @@ def _not_yet(reason: str | None) -> list[pytest.MarkDecorator]:
 @pytest.mark.thorough
 @pytest.mark.parametrize(("bench", "title"), QUICK)
 def test_an_effect_is_found(bench, title, tmp_path):
-    found, truth = diagnosed(hidden(bench, 11, [title], raises=1.5), tmp_path)
+    found, truth = diagnosed(made(bench, 11, [title], raises=1.5), tmp_path)
     assert found.verdict == "effects_missing"
     assert len(found.steps) == 1
     assert truth.effects[0] in groups(found)[0]
@@ -126,10 +154,15 @@ def test_every_effect_is_found_at_every_kind_of_joint(bench, title, tmp_path):
         pytest.param("gantry", [("squareness", "Y"), ("backlash", "X")], marks=slow),
         pytest.param("trunnion", [("encoder_eccentricity", "C"), ("gravity_windup", "A")], marks=slow),
         ("gantry", [("scale", "X"), ("backlash", "Z"), ("straightness", "Y")]),
+        pytest.param(T, [("leg_thermal_expansion", "A0"), ("leg_backlash", "A1")], marks=slow),
+        pytest.param(T, [("leg_zero_offset", "A1"), ("leg_compliance", "A-1")], marks=slow),
+        pytest.param(T, [("leg_thermal_expansion", "A1"), ("base_joint_offset", "A-1")], marks=slow),
+        pytest.param(S, [("leg_thermal_expansion", "L2"), ("base_joint_offset", "L3")], marks=slow),
+        pytest.param(S, [("leg_zero_offset", "L2"), ("leg_compliance", "L3")], marks=slow),
     ],
 )
 def test_two_and_three_effects_are_found(bench, effects, tmp_path):
-    found, truth = diagnosed(hidden(bench, 13, effects, raises=1.5), tmp_path)
+    found, truth = diagnosed(made(bench, 13, effects, raises=1.5), tmp_path)
     assert found.verdict == "effects_missing"
     assert len(found.steps) == len(effects)
     for title in truth.effects:
@@ -138,10 +171,16 @@ def test_two_and_three_effects_are_found(bench, effects, tmp_path):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("bench", "title"), [("rotary_table", ("eccentric_scale", "C")), ("trunnion", ("play", "C"))]
+    ("bench", "title", "raises"),
+    [
+        ("rotary_table", ("eccentric_scale", "C"), 10.0),
+        ("trunnion", ("play", "C"), 10.0),
+        pytest.param(T, ("play", "A1"), 3.0, marks=slow),
+        pytest.param(T, ("spring", "A1"), 3.0, marks=slow),
+    ],
 )
-def test_real_physics_has_the_name_of_the_nearest_effect_and_makes_no_heap(bench, title, tmp_path):
-    found, truth = diagnosed(hidden(bench, 14, [title], raises=10.0), tmp_path)
+def test_real_physics_has_the_name_of_the_nearest_effect_and_makes_no_heap(bench, title, raises, tmp_path):
+    found, truth = diagnosed(made(bench, 14, [title], raises=raises), tmp_path)
     assert truth.effects[0] in groups(found)[0]
     assert len(found.steps) <= 2
 
@@ -167,15 +206,26 @@ INNOCENT = {
     "idle covariates": ("rotary_table", {"covariates": True}),
     "outliers": ("trunnion", {"outliers": 0.02}),
     "many outliers": ("rotary_table", {"outliers": 0.1}),
+    "legs": (S, {}),
+    "legs, pose-shared errors": (S, {"wanders": "pose"}),
+    "legs, outliers": (S, {"outliers": 0.02}),
+    "legs, idle covariates": (S, {"covariates": True}),
+    "Tricept": (T, {}),
+    "Tricept, pose-shared errors": (T, {"wanders": "pose"}),
+    "Tricept, outliers": (T, {"outliers": 0.02}),
+    "Tricept, idle covariates": (T, {"covariates": True}),
 }
 
 
-@pytest.mark.quick("white noise", "random walk", "unequal variance, stated", "outliers", "pose-shared errors")
+@pytest.mark.quick(
+    "white noise", "random walk", "unequal variance, stated", "outliers", "pose-shared errors",
+    "legs", "Tricept, pose-shared errors",
+)  # fmt: skip
 @pytest.mark.thorough
 @pytest.mark.parametrize("what", INNOCENT)
 def test_nothing_is_claimed_where_nothing_is(what, tmp_path):
     bench, more = INNOCENT[what]
-    found, truth = diagnosed(hidden(bench, 22, **more), tmp_path)
+    found, truth = diagnosed(made(bench, 22, **more), tmp_path)
     assert titles(found) == []
     assert [form.form for form in found.unexplained] == []
     assert found.verdict == "nothing_missing"
@@ -244,6 +294,22 @@ def test_what_lies_outside_the_catalogue_is_said_to(kind, tmp_path):
     machine.write_text(machine.read_text() + "\n" + found.unexplained[0].block)
     again = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
     assert again.rms == pytest.approx(found.rms.before / 2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("bench", "what"),
+    [
+        pytest.param(T, "leg_wave", marks=slow),
+        pytest.param(S, "leg_wave", marks=slow),
+        pytest.param(T, "leg_bend", marks=slow),
+        pytest.param(S, "humidity", marks=slow),
+    ],
+)
+def test_what_lies_outside_the_catalogue_on_legs_is_said_to(bench, what, tmp_path):
+    found, truth = diagnosed(made(bench, 41, outside=at(what, LEGS[FAMILY[bench]][1]), raises=2.0), tmp_path)
+    assert found.verdict == "unknown_effect"
+    assert found.unexplained[0].driver in truth.drivers
+    assert len(found.steps) <= 1
 
 
 # machines as they are met -----------------------------------------------------------------------------------------
@@ -343,3 +409,51 @@ def test_a_large_effect_does_not_hide_that_the_set_up_wanders(tmp_path):
     assert found.correlation.wanders
     assert not found.unexplained
     assert truth.seen <= {(s.effect.name, s.effect.place) for s in found.steps}
+
+
+# the way of a user ------------------------------------------------------------------------------------------------
+
+
+def test_what_the_base_fit_absorbs_cannot_hide():
+    with pytest.raises(UnhiddenError):
+        made(T, 1, [("target_offset", "m1")], raises=1.5)
+
+
+@pytest.mark.parametrize(
+    ("bench", "title"),
+    [
+        pytest.param(T, ("leg_thermal_expansion", "A1"), marks=slow),
+        pytest.param(S, ("leg_backlash", "L1"), marks=slow),
+    ],
+)
+def test_the_way_of_a_user(bench, title, tmp_path, capsys):
+    """Diagnose by the command line with poses set aside, add what was found, and fit again."""
+    case = made(bench, 51, [title], raises=1.5)
+    machine, data = case.write(tmp_path)
+    header, *rows = csv.reader(data.read_text(encoding="utf-8").splitlines())
+    files = {"first.csv": rows[:126], "other.csv": rows[126:]}  # whole poses, of three rows
+    for name, some in files.items():
+        (tmp_path / name).write_text(
+            "\n".join(",".join(row) for row in [header, *some]) + "\n", encoding="utf-8"
+        )
+    first, other = (str(tmp_path / name) for name in files)
+    assert cli.main(["diagnose", str(machine), first, "--test", other, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    check_numbers(found, 126)
+    truth = case.sealed.open(found)
+    (step,) = found["steps"]
+    assert (step["effect"], step["joint"]) == truth.effects[0]
+    for key, true in truth.values.items():
+        p = step["parameters"][key.rsplit(".", 1)[1]]
+        assert abs(p["value"] - true) < 4.5 * p["std"]
+    rms = found["rms"]
+    assert rms["after_test"] < 0.8 * rms["before_test"]
+    assert rms["after_held_out"] < 0.8 * rms["before_held_out"]
+
+    better = str(tmp_path / "better.toml")
+    assert cli.main(["diagnose", str(machine), first, "-o", better]) == 0
+    capsys.readouterr()
+    assert cli.main(["fit", better, other, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rms"] == pytest.approx(truth.sigma, rel=0.2)
+    assert cli.main(["diagnose", better, first, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "nothing_missing"
