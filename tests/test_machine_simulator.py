@@ -7,7 +7,7 @@ of the small angle, which stands beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -197,12 +197,6 @@ READINGS: list[tuple[dict[str, float], float, float]] = [
 @pytest.mark.parametrize(("effects", "q", "expected"), READINGS)
 def test_change_of_the_coordinate(effects: dict[str, float], q: float, expected: float) -> None:
     assert close(Simulated(table(), effects).measure([[q]]), Simulated(table()).measure([[q + expected]]))
-
-
-def test_period_of_the_file_is_used(refuses) -> None:
-    of = machine(joint("X", "prismatic", X, period=10))
-    assert close(moved(of, {"X.periodic_drive_error.a": 0.005}, [[2.5]]), [[0.005, 0, 0]])
-    refuses(Simulated(slide(), {"X.periodic_drive_error.a": 1.0}).measure, [[1]], raises=ValueError)
 
 
 def test_backlash_leaves_the_joint_short_of_where_it_goes() -> None:
@@ -470,42 +464,6 @@ def test_signs_of_the_telescope_s_terms() -> None:
 
 
 # Formulas of the user
-
-
-def test_formulas_see_the_columns_and_act_where_they_are_put() -> None:
-    of = machine(joint("C", "revolute", Z), joint("X", "prismatic", X), targets=[(100, 0, 0)])
-
-    def reading(columns: dict[str, Any]) -> Any:
-        return 0.01 * np.sin(columns["q"]) + columns["flow"] * columns["s"] + columns["X"] + columns["F"]
-
-    q, more = [[90, 5]], {"s": [[-1.0, 1.0]], "covariates": {"flow": [2.0]}, "load": [3.0]}
-    one = Simulated(of, {"C.reading": reading}).measure(q, **more)
-    assert close(one, Simulated(of).measure([[90 + 0.01 - 2 + 5 + 3, 5]]))
-    shifts: dict[str, Callable[..., Any]] = {
-        "X.ty": lambda columns: columns["C"] * 2 / np.pi,
-        "p0.tz": lambda columns: 4.0,
-        "tx": lambda columns: columns["t"],
-    }
-    # y of X is carried by C, which has turned by 90 degrees: to -x
-    assert close(moved(of, shifts, q, t=[10.0]), [[10 - 1, 0, 4]])
-    turn = moved(of, {"C.rz": lambda columns: 0.01, "rz": lambda columns: 0.02}, [[0, 0]])
-    assert close(turn, [[0, 100 * np.radians(0.03), 0]], within=100 * np.radians(0.03) ** 2)
-    aside = moved(mount(), {"p0.rz": lambda columns: 0.01}, [[0, 0]])
-    assert close(aside, [[-np.radians(0.01), 0, 0]], within=np.radians(0.01) ** 2)
-    speed = moved(table(), {"C.reading": lambda columns: columns["v"]}, [[0]], v=[[180]])
-    assert speed[0, 1] == pytest.approx(100 * np.sin(np.radians(np.pi)))
-
-
-def test_effects_of_the_file_are_taken_with_what_it_holds(refuses) -> None:
-    of = table(
-        effect=[{"name": "zero_offset", "joint": "C", "hold": {"a": 90}}, {"name": "scale", "joint": "C"}]
-    )
-    assert close(Simulated(of).measure([[0]]), [[0, 100, 0]])
-    of["effect"].append(
-        {"name": "own", "joint": "C", "component": "tx", "formula": "a", "parameters": {"a": "mm"}}
-    )
-    refuses(Simulated, of, raises=ValueError)
-    assert close(Simulated(of, {"C.tx": lambda columns: 1.0}).measure([[0]]), [[1, 100, 0]])
 
 
 # The simulator of machines of parallel legs: its loops and forces against SciPy, and against each other
