@@ -93,8 +93,10 @@ def candidates(
             found += [replace(with_searched(sensitivities, effect, x), tries=tries) for x in values]
     found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
     if waves:
-        promising = promising_waves(sensitivities, waves, found)
-        found += [replace(c, prior=_of_wave(priors[c.key], *c.searched.values())) for c in promising]
+        for effect, searched in promising_periods(sensitivities, waves, found):
+            c = with_searched(sensitivities, effect, searched)
+            tries = number_tried(sensitivities, effect)
+            found.append(replace(c, tries=tries, prior=_of_wave(priors[c.key], *searched.values())))
     order = {effect.identity: i for i, effect in enumerate(effects)}
     return sorted(found, key=lambda c: order[c.key])
 
@@ -204,10 +206,10 @@ def columns_at(
     return np.stack([_column(sensitivities, effect, name, searched) for name in linear], axis=-1)
 
 
-def promising_waves(
+def promising_periods(
     sensitivities: Sensitivities, effects: Sequence[Effect], others: Sequence[Candidate]
-) -> Iterator[Candidate]:
-    """Yield waves of the periods that take away most of the residuals, given the model, and given others, too.
+) -> Iterator[tuple[Effect, dict[str, float]]]:
+    """Yield waves with the periods that take away most of the residuals, given the model, and given others, too.
 
     A wave that is hidden by another effect shows once that one is projected out: all others, or those that nearly every
     machine has, such as wrong dimensions; one that another effect could imitate shows given the model alone.
@@ -242,14 +244,13 @@ def promising_waves(
             chosen |= dict.fromkeys(finer[range(len(best)), falls.argmax(axis=1)].tolist())
         (name,) = tried[0]
         for frequency in chosen:
-            # Waves half a wave apart count as independent; measured, 117 of them amount to 108 tests.
-            found = with_searched(sensitivities, effect, {name: 2 * np.pi / frequency})
-            yield replace(found, tries=float(len(tried)))
+            yield effect, {name: 2 * np.pi / frequency}
 
 
 def number_tried(rows: FitRows, effect: Effect) -> float:
     """Return the number of independent tests that the values tried for a searched parameter amount to."""
     count = float(len(list(_tried(rows, effect))))
+    # Waves half a wave apart count as independent; measured, 117 of them amount to 108 tests.
     # Time constants are much alike: twelve amount to four to six tests (measured), and count as seven.
     return max(count if _is_wave(effect) or count <= 1 else 1 + count / 2, 1.0)
 

@@ -25,7 +25,7 @@ from rodgen.calibration.candidates import (
     Candidate,
     columns_at,
     number_tried,
-    promising_waves,
+    promising_periods,
     with_searched,
 )
 from rodgen.calibration.evidence import Columns, Evidence
@@ -261,8 +261,7 @@ class _Search:
             periods = [*solution.theta[numbers], *(one.searched[name] for one in found)]
             tried = [2 * math.pi / of_forms[number]] if number in of_forms else []
             if there:
-                waves_of_all = promising_waves(evidence.sensitivities, [c.effect], given.chosen)
-                tried += [wave.searched[name] for wave in waves_of_all]
+                tried += [searched[name] for of, searched in self._periods(given.chosen) if of is c.effect]
                 tried += [period / k for period in periods for k in OVERTONES]
             # half a wave away is what a coarse period leaves
             counts = {p: driver.span / p for p in tried}
@@ -275,6 +274,21 @@ class _Search:
             count = driver.span / c.searched[name]
             if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
                 yield c if c.effect.name not in {e.name for e in there} else _further_wave(evidence, c, there)
+
+    def _periods(self, chosen: Sequence[Candidate]) -> list[tuple[Effect, dict[str, float]]]:
+        """Return the best periods beside candidates of each drive that has a wave already."""
+        key = frozenset(chosen)
+        if key not in self._known_periods:
+            there = [*self.evidence.base.machine.effects, *(c.effect for c in chosen)]
+            joints = [d.joint for d in self.drivers if d.kind == "joint"]
+            joints = [joint for joint in joints if any(_is_wave_of(joint, effect) for effect in there)]
+            effects = [c.effect for joint in joints if (c := self._drive_error(joint)) is not None]
+            self._known_periods[key] = [*promising_periods(self.evidence.sensitivities, effects, chosen)]
+        return self._known_periods[key]
+
+    @cached_property
+    def _known_periods(self) -> dict[frozenset[Candidate], list[tuple[Effect, dict[str, float]]]]:
+        return {}
 
     def _drive_error(self, joint: str | None) -> Candidate | None:
         """Return a wave of a joint's drive, at any period; None where the joint can have none."""
@@ -394,7 +408,8 @@ class _Search:
     ) -> list[Piece]:
         """Return the cheapest pieces, roughly, not too many of one family at one component."""
         costs, ordered = [np.zeros((len(places), 0))], list[Term]()
-        for some, falls in rough.falls(tried, self.drivers, places):
+        alike = self._functions if tried is self.terms else _alike(tried, self.drivers)
+        for some, falls in rough.falls(alike, places):
             costs.append(given.gains(falls) + self._prices(some)[places])
             ordered += some
         every = np.concatenate(costs, axis=1)
@@ -409,6 +424,10 @@ class _Search:
                 if len(found) == most:
                     break
         return found
+
+    @cached_property
+    def _functions(self) -> list[tuple[list[Term], Array]]:
+        return _alike(self.terms, self.drivers)
 
     def _refined(self, given: _Given, pieces: Sequence[Piece]) -> list[Piece]:
         """Return pieces with better searched values, of as few digits as the data determine; all at once."""
@@ -591,20 +610,10 @@ class _Rough:
         return cls(np.einsum("pnm,nm->pn", follow, rest), few, np.sum(some**2, axis=2), sums)
 
     def falls(
-        self, tried: Sequence[Term], drivers: Sequence[Driver], places: Sequence[int]
+        self, alike: Sequence[tuple[list[Term], Array]], places: Sequence[int]
     ) -> Iterator[tuple[list[Term], Array]]:
-        """Yield terms, those of as many functions together, and by about how much they lower the sum of squares.
-
-        At components of places, (places, terms).
-        """
-        alike: dict[int, list[Term]] = {}
-        for term in tried:
-            alike.setdefault(term.count, []).append(term)
-        for own in alike.values():
-            functions = np.stack([term.functions(drivers) for term in own], axis=1)
-            # function by function, (count, n, terms), so that each is in one piece
-            size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
-            single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
+        """Yield terms of as many functions, and by about how much they lower the sum of squares, (places, terms)."""
+        for own, single in alike:
             pull = np.stack([self.pulls[places] @ of_rows for of_rows in single], axis=2)
             gram = np.zeros((*pull.shape, pull.shape[2]))
             single = single[:, self.few]
@@ -619,6 +628,21 @@ class _Rough:
             gram /= size[:, :, :, None] * size[:, :, None, :]
             falls = falls_from_products(gram, pull / size, least=COST.visible**2)
             yield own, falls * len(self.few) / self.pulls.shape[1]
+
+
+def _alike(tried: Sequence[Term], drivers: Sequence[Driver]) -> list[tuple[list[Term], Array]]:
+    """Return terms, those of as many functions together, and these, of length 1, (count, n, terms)."""
+    alike: dict[int, list[Term]] = {}
+    for term in tried:
+        alike.setdefault(term.count, []).append(term)
+    found = []
+    for own in alike.values():
+        functions = np.stack([term.functions(drivers) for term in own], axis=1)
+        size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
+        # function by function, so that each is in one piece
+        single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
+        found.append((own, single))
+    return found
 
 
 def _basis(known: Array, drift: Array) -> Array:
