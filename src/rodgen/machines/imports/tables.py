@@ -479,7 +479,7 @@ def with_targets(machine: Machine, file: str) -> Machine:
 
 
 def _labels_of_targets(table: ForeignTable) -> list[str]:
-    """Return the labels of a column of targets; none where they are those of rows: some stand in one row only."""
+    """Return the labels of a column of targets; none where they are those of rows: some are in one row only."""
     for column in (c for c in table.columns if _plain(c.name) in _TARGET_NAMES[:-1]):
         counts = Counter(_label(cell) for cell in column.cells if cell is not None)
         if min(counts.values(), default=0) > 1:

@@ -290,12 +290,12 @@ def _machine(
     ]
     followers = {names[joint.name]: joint.mimic for joint in chain if joint.mimic and joint.name in names}
     types = {joint.name: joint.type for joint in every.values()}
-    for k, joint in enumerate(joints):
-        followed, factor, _ = followers.get(joint.name) or ("", 0.0, 0.0)
-        if factor and followed not in names and MOVING.get(types.get(followed, "")) == joint.type:
+    for k, own in enumerate(joints):
+        followed, factor, _ = followers.get(own.name) or ("", 0.0, 0.0)
+        if factor and followed not in names and MOVING.get(types.get(followed, "")) == own.type:
             # that joint is not of this chain: its reading is the first follower's
             names[followed] = machine_name(followed, [each.name for each in joints], joint=True)
-            joints[k] = replace(joint, reading=names[followed], coordinate=names[followed])
+            joints[k] = replace(own, reading=names[followed], coordinate=names[followed])
     joints = [_following(joint, followers.get(joint.name), names, joints, notes) for joint in joints]
     notes += _on_fixed_and_limits(chain)
     target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * frame[:3, 3], 9))
