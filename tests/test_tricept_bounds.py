@@ -299,7 +299,7 @@ def test_what_is_no_covariance_is_refused(refuses) -> None:
 
 
 def test_largest_cube_on_the_axis_is_not_that_of_eq_24() -> None:
-    centre, edge = 683.139, 182.704  # as docs/tricept.md says of it
+    centre, edge = 683.139, 182.704  # as docs/mechanisms/tricept.md says of it
     low, high = (np.array([0, 0, centre]) + side * edge / 2 for side in (-1, 1))
     rods = tricept.rod_bounds(low, high, PAPER).outer
     assert rods.min() >= LEG_LIMITS[0]
