@@ -178,11 +178,13 @@ def _plausible(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
     """Return the set with each effect exchanged for what such machines rather have, where formulas decide no more.
 
     The table of odds is true to a factor; what it makes more probable by that alone is no better than what is usual.
+    What replaces an effect must itself be needed.
     """
     for k in range(len(chosen)):
         rest = [c for c in chosen if c is not chosen[k]]
         (near,) = evidence.promising([rest], PROMISING)
         evidence.weighed([*rest, c] for c in near)
+        near = [c for c in near if evidence.cost([*rest, c]) + COST.needed <= evidence.cost(rest)]
         dearer = {chosen[k]: 0.0} | {c: _dearer(evidence, chosen, rest, [c]) for c in near}
         alike = [c for c in dearer if dearer[c] < min(dearer.values()) + COST.alike]
         best = max(alike, key=lambda c: (c.prior.log_odds, -dearer[c]))
