@@ -140,14 +140,19 @@ def _sums(
 
     Either may be the cause.
     """
-    for whole in (c for c in evidence.candidates if c.effect.definition.of_all_legs):
+    free = [c for c in evidence.candidates if c.key not in evidence.refused]
+    for whole in (c for c in free if c.effect.definition.of_all_legs):
         formula = whole.effect.definition.formula
-        terms = [c for c in evidence.candidates if c.effect.place and c.effect.definition.formula == formula]
+        terms = [c for c in free if c.effect.place and c.effect.definition.formula == formula]
         for two in itertools.combinations(chosen, 2):
+            out = {c.key for c in chosen if c not in two}
             if whole in two:
-                yield from ((two, new) for new in itertools.combinations(terms, 2))
+                several = itertools.combinations(terms, 2)
             elif two[0] in terms and two[1] in terms:
-                yield from ((two, (whole, one)) for one in terms if one not in two)
+                several = ((whole, one) for one in terms if one not in two)
+            else:
+                continue
+            yield from ((two, new) for new in several if not any(c.key in out for c in new))
 
 
 def _needed(evidence: Evidence, chosen: list[Candidate]) -> list[Candidate]:
