@@ -324,10 +324,11 @@ def test_a_robot_gets_a_target_for_each_that_a_column_names(tmp_path, rodgen_com
     head, *rows = (UR10 / "calibration.csv").read_text().replace("x1,y1,z1", "x,y,z").splitlines()
     links, count = ("--base", "base_link", "--tip", "wrist_3_link"), len(rows)
     one, two = (f"wrist_3_link_SMR_{k}" for k in (1, 2))
-    # labels that stand in one row only are those of rows
+    # labels that are in two rows each are those of poses; one that was written wrongly changes nothing of the others
     for labels, names in (
         (["SMR 1", "SMR 2"] * count, [one, two]),
-        ([*map(str, range(count))], ["wrist_3_link"]),
+        (["SMR 1", "SMR 2"] * (count // 2) + ["SMR 3"], [one, two, "wrist_3_link_SMR_3"]),
+        ([str(k // 2) for k in range(count)], ["wrist_3_link"]),
     ):
         machine, data, table = (tmp_path / f"{len(names)}{end}" for end in (".toml", "_d.csv", ".csv"))
         table.write_text("\n".join([f"{head},marker", *map(",".join, zip(rows, labels, strict=False))]))

@@ -479,10 +479,10 @@ def with_targets(machine: Machine, file: str) -> Machine:
 
 
 def _labels_of_targets(table: ForeignTable) -> list[str]:
-    """Return the labels of a column of targets; none where they are those of rows: some are in one row only."""
+    """Return the labels of a column of targets; none where they are those of rows or poses: few rows have each."""
     for column in (c for c in table.columns if _plain(c.name) in _TARGET_NAMES[:-1]):
         counts = Counter(_label(cell) for cell in column.cells if cell is not None)
-        if min(counts.values(), default=0) > 1:
+        if 2 * len(counts) < counts.total():  # else the readings say little more than where targets are
             return [*counts]
     return []
 
