@@ -718,8 +718,11 @@ def _on_stretch(subject: _Subject, state: _State) -> str:
         return ""
     place = subject.fitted.observations.data.place
     first, last = place(stretch.first), place(stretch.last)
+    targets = "targets" if len(subject.fitted.machine.targets) > 1 else "target"
     other = (
-        "target may have been mounted another way" if stretch.of_target else "set-up may have been another"
+        f"{targets} may have been mounted another way"
+        if stretch.of_target
+        else "set-up may have been another"
     )
     return (
         f"The readings from {first} to {last} lie displaced against the others: the {other} there. Note the set-ups "
