@@ -43,11 +43,13 @@ from emitted_code import (
     succeeds,
 )
 from hypothesis import strategies as st
-from machine_cases import Case, data_for, effect, joint, machine_file
+from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file
 from machine_simulator import Simulated
 from scipy.io import loadmat, savemat
 
 from conftest import CPP_WARNINGS
+from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
 from rodgen.files import write_files
 from rodgen.machines.emit import emit
 from rodgen.machines.emit._content import Content, _even, content_of
@@ -1004,3 +1006,70 @@ def test_weights_at_later_joints_that_the_data_did_not_call_for_are_none(tmp_pat
     assert "effect0_k = " in text
     assert "effect0_k2 = " not in text
     assert "effect0_p" not in text
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002])
+def test_correction_learned_from_measurements_brings_the_error_down_to_the_noise(sigma, tmp_path):
+    rng = np.random.default_rng(5)
+    file = turned_gantry(noise=max(sigma, 1e-6))
+    file["effect"] = [effect("encoder_eccentricity", "C"), effect("squareness", "Y"), effect("scale", "X")]
+    case = Case(file, data_for(file, 120, rng, runs=1, turn=3.0))
+    truth = case.sizeable([key for key in case.model.keys if "axis" not in key], 3.0) | {
+        "C.axis.a": 60 * ARCSEC, "C.axis.b": -40 * ARCSEC,
+    }  # fmt: skip
+    seen = case.simulated(truth) + sigma * rng.normal(size=(120, 3))
+    readings = {f"{x} [mm]": seen[:, i] for i, x in enumerate("xyz")}
+    fitted = fit(case.machine, Measurements.from_frame(case.data | readings)).machine
+    emit(fitted, "numpy", tmp_path, name="device_np")
+    module = loaded(tmp_path)
+
+    fresh = Case(file, data_for(file, 200, rng, runs=1, turn=3.0))
+    o, wanted = fresh.observations, fresh.simulated()
+    corrected, status, _ = module.compensate(wanted, o.q, o.target)
+    assert (status == module.CONVERGED).all()
+    units = ("mm", "mm", "mm", "rad")
+    commands = {
+        f"{n} [{u}]": corrected[:, j] for j, (n, u) in enumerate(zip(fresh.joints, units, strict=True))
+    }
+    before = fresh.simulated(truth) - wanted
+    after = fresh.changed(data=fresh.data | commands).simulated(truth) - wanted
+    assert np.sqrt(np.mean(before**2)) > 0.02
+    # of 360 readings with noise, 15 parameters: the error of the model is sigma * sqrt(15/360) on average
+    assert np.sqrt(np.mean(after**2)) <= max(0.5 * sigma, 1e-8)
+
+
+def test_redundant_arm_changes_least_to_first_order(tmp_path):
+    joints = [revolute(f"J{n}", Z, (100 * n, 0, 0), travel=(-2.0 - n, 2.0)) for n in range(5)]
+    device, _ = simple(tmp_path, joints, [(500, 0, 0)])
+    q = np.array([0.1, 0.5, -0.4, 0.9, 0.2])
+    place, slopes = device.jacobian(q)
+    move = 1e-4 * np.array([1.0, -2.0, 0.0])
+    corrected, status, _ = device.compensate(place + move, q)
+    assert status == device.CONVERGED
+    weight = np.array([4.0, 5.0, 6.0, 7.0, 8.0])
+    least = weight * (np.linalg.pinv(slopes * weight) @ move)
+    assert (
+        np.abs(corrected - q - least).max() < 1e-3 * np.abs(least).max()
+    )  # move/arm, the part of second order
+
+
+def test_where_targets_are_mounted_is_not_corrected(tmp_path):
+    """Balls on a table are where they were put: the commands stay, but for what the encoder gets wrong."""
+    rng = np.random.default_rng(3)
+    file = machine_file(
+        [joint("C", "revolute", Z)], [(120, 0, 40), (0, 80, 10)], estimate=["target"], noise=1e-6
+    )
+    file["effect"] = [effect("backlash", "C")]
+    case = Case(file, data_for(file, 60, rng, runs=1, turn=3.0))
+    truth = {"C.backlash.b": 80 * ARCSEC} | {
+        f"target.{name}.{x}": 0.3 + 0.2 * i for name in "pr" for i, x in enumerate("xyz")
+    }
+    seen = case.simulated(truth)
+    readings = {f"{x} [mm]": seen[:, i] for i, x in enumerate("xyz")}
+    fitted = fit(case.machine, Measurements.from_frame(case.data | readings)).machine
+    emit(fitted, "numpy", tmp_path, name="device_np")
+    device, o = loaded(tmp_path), case.observations
+    corrected, status, distance = device.compensate(device.ideal(o.q, o.target), o.q, o.target, s=o.s)
+    assert (status == device.CONVERGED).all()
+    assert np.abs(corrected - (o.q + 40 * ARCSEC * o.s)).max() < 1e-9
+    assert distance.max() < 1e-6

@@ -268,3 +268,13 @@ def test_arms_with_three_special_axes(kind: str, place: int) -> None:
     found = spatial.reverse(mechanism, T)
     check_is_solution(mechanism, T, found)
     assert check_misses_nothing(mechanism, T, found) >= 6 * 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_solution_of_a_thousand_poses_is_found(name: str) -> None:
+    mechanism = ROBOTS[name]
+    T = random_poses(mechanism, 1000, seed=2)
+    found = spatial.reverse(mechanism, T)
+    check_is_solution(mechanism, T, found)
+    assert check_misses_nothing(mechanism, T, found, starts=300, seed=3) >= 1000 * 4

@@ -321,3 +321,11 @@ def test_a_list_in_another_form_is_not_edited(capsys: pytest.CaptureFixture[str]
     Path("m.toml").write_text(Path("m.toml").read_text() + '[[measured.set_aside]]\nrun = "2"\n')
     assert main(["exclude", "--undo", "m.toml", "data.csv", "--run", "2"]) == 2
     assert "[measured]: a table or a key set_aside in another form" in capsys.readouterr().err
+
+
+def test_a_rule_that_no_row_meets_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["exclude", "m.toml", "data.csv", "--where", "C < -1000 deg"]) == 0
+    assert (
+        "0 of the 40 rows of data.csv are set aside: C < -1000 deg, true of no row."
+        in capsys.readouterr().out
+    )

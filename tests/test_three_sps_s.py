@@ -454,3 +454,21 @@ def test_the_page_s_examples_run_and_give_what_it_says():
     longer = three_sps_s.direct_all(three_sps_s.legs(np.eye(3), names["machine"]) + 1e-3, names["machine"])
     torsions = three_sps_s.tilt_torsion(longer[0][:2])[:, 2]
     assert np.allclose(np.sort(np.degrees(torsions)), [-0.273, 0.273], atol=5e-4)
+
+
+@pytest.mark.slow
+def test_no_mode_is_missing_on_machines_of_every_shape():
+    """Dimensions over a factor of 50, pivots above and below: each pose is found, and signs balance."""
+    rng = np.random.default_rng(21)
+    for number in range(60):
+        dims = np.exp(rng.uniform(-2, 2, 3)) * [1, 1, rng.choice([-1, 1])]
+        machine = Geometry(*dims)
+        turns = Rotation.random(3000, random_state=number)
+        legs = by_points(turns, machine)
+        result = three_sps_s.direct_all(legs, machine)
+        check_modes(legs, machine, result)
+        assert (result[2] <= DirectStatus.SINGULAR).all()
+        apart = angles_between(result[0], turns.as_matrix()[:, None])
+        nearest = np.where(np.isnan(apart), np.inf, apart).min(axis=1)
+        determinant = np.abs(three_sps_s.singularity(turns.as_matrix(), machine).determinant)
+        assert (nearest < 1e-12 + 1e-11 / np.maximum(determinant, 1e-9)).all()

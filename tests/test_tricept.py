@@ -568,6 +568,27 @@ def test_count_is_that_of_exact_arithmetic(numbers):
     assert count == 2 * resultant.count_roots(0, sp.oo)
 
 
+@pytest.mark.slow
+def test_counts_are_those_of_exact_arithmetic_for_many_random_machines():
+    rng = np.random.default_rng(9)
+    for _ in range(150):
+        numbers = [int(x) for x in rng.integers(20, 100, 5)]
+        values = dict(
+            zip(
+                (derivation.R, derivation.r, derivation.A0, derivation.A1, derivation.Am),
+                numbers,
+                strict=True,
+            )
+        )
+        resultant, linear = derivation.exact_resultant(values)
+        resultant, _ = derivation.without(resultant, sp.Poly(resultant.gen, resultant.gen))
+        resultant, _ = derivation.without(resultant, linear)
+        if sp.gcd(resultant, resultant.diff()).degree() > 0:
+            continue
+        R, r, *legs = map(float, numbers)
+        assert tricept.direct_all(legs, Geometry(R, r))[1] == 2 * resultant.count_roots(0, sp.oo), numbers
+
+
 @pytest.mark.parametrize(
     ("legs", "expected"),
     [

@@ -26,6 +26,7 @@ from rodgen.calibration.selection import select
 from rodgen.data.measurements import Measurements
 from rodgen.machines.effects.formula import ARRAY_FUNCTIONS
 from rodgen.machines.files.edit import edited_text
+from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
@@ -534,3 +535,34 @@ def test_searched_values_have_few_digits() -> None:
     term = Term((Factor(x, "bump", 1, (312.345, 61.234)),))
     assert term.rounded(2, drivers).searched == (310.0, 61.0)
     assert term.follows(drivers) == "X"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "name",
+    [
+        "bump",
+        "cubic of a slide",
+        "exponential in time",
+        "humidity",
+        "step at an angle",
+        "square of a velocity",
+    ],
+)
+def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: str, tmp_path: Any) -> None:
+    forms, _, base, columns, _, noise = told(name, 2, 3.0)
+    bare = machine_of(KINDS[name].file)
+    bare.save(tmp_path / "machine.toml")
+    text = (tmp_path / "machine.toml").read_text()
+    for form in forms:
+        text += "\n" + effect_text(bare, form.effect)
+    (tmp_path / "more.toml").write_text(text)
+    machine = Machine.load(tmp_path / "more.toml")
+    assert len(machine.effects) == len(bare.effects) + len(forms)
+    better = fitted(machine, columns)
+    assert better.rms * better.unit_factor < 1.15 * noise
+    assert base.rms * base.unit_factor > 2.5 * noise
+    if len(forms) == 1:
+        source = tmp_path / "machine.toml"
+        source.write_bytes(edited_text(source, Machine.load(source).with_effect(forms[0].effect)).encode())
+        assert Machine.load(source) == machine
