@@ -27,6 +27,7 @@ from rodgen.calibration.displaced_stretch import DisplacedStretch, stretch_of
 from rodgen.calibration.fitted import Fit
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.poses import positions
+from rodgen.machines.mounts import mount_of
 from rodgen.machines.observations import Observations
 from rodgen.stages import stage
 from rodgen.statistics.columns import inverse_root, orthonormalizing
@@ -111,7 +112,7 @@ class Rows:
     numbers : ndarray of int, shape (n,), or None
         Of the rows among those of the fit; None of all.
     of_targets : ndarray of bool, shape (p,), or None
-        Which of the fitted parameters are those of targets; None: not known.
+        Which of the fitted parameters are those of targets that may be mounted another way, which stars are not.
     """
 
     residual: Array
@@ -133,7 +134,7 @@ class Rows:
         theta, frame, o = fit.solution.theta, fit.solution.frame, problem.observations
         residual = np.nan_to_num(problem.residuals(theta, frame, weighted=True), posinf=1e100, neginf=-1e100)
         largest = float(np.nanmax(np.abs(o.reading), initial=0.0) * np.max(problem.weight))
-        moving = list(fit.moving)
+        moving, on_sky = list(fit.moving), mount_of(fit.machine) is not None
         model = np.zeros((*residual.shape, len(moving)))
         for rows, block in problem.jacobian_blocks(theta, frame):
             model[rows] = np.take(block, moving, axis=2)
@@ -147,7 +148,7 @@ class Rows:
             _orders(o),
             max(64 * np.finfo(float).eps * largest, 0.0 if o.sigma is None else 1.0, 1e-150),
             some,
-            np.array([fit.parameters[i].key.startswith("target.") for i in moving], bool),
+            np.array([not on_sky and fit.parameters[i].key.startswith("target.") for i in moving], bool),
         )
 
     def stretch(self, wrong: Mask) -> DisplacedStretch | None:
