@@ -336,9 +336,9 @@ def _alike(
 def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equal]) -> list[Equal]:
     """Return effects of which the same one elsewhere may have a part, where the readings do not say which part.
 
-    Of one of an unusual size any other may, such as a zero of the joint before that of an axis's tilt. Only where that
-    alone would not do, as is known. The readings may make both together `COST.tied` less probable, and what machines
-    have as much again.
+    Only where that alone would not do, as is known. The readings may make both together `COST.tied` less probable, and
+    what machines have as much again. Of one of an unusual size any other effect may have a part, such as a zero of the
+    joint before that of an axis's tilt, where both together are no less probable than `COST.tied` in all.
     """
     out, best = {*(c.key for c in chosen), *evidence.refused}, dict[tuple[Any, ...], Equal]()
     alone = {(one.replaced, one.candidates[0].key) for one in known if len(one.candidates) == 1}
@@ -349,7 +349,8 @@ def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equ
     for a, b in pairs:
         more, key = [*chosen, b], ((a,), b.key)
         cost = evidence.cost(more) - evidence.cost(chosen)
-        before = min(evidence.choice(more) - evidence.choice(chosen), COST.tied)
+        alike = a.effect.name == b.effect.name
+        before = min(evidence.choice(more) - evidence.choice(chosen), COST.tied) if alike else 0.0
         if key not in alone and cost < min(COST.tied + before, best[key].cost if key in best else math.inf):
             (size, std), (other, beside) = evidence.size(chosen, a), evidence.size(more, a)
             if np.any(np.hypot(other - size, beside)[std > 0] > COST.shared * std[std > 0]):
