@@ -575,7 +575,7 @@ OUTSIDE: dict[str, Outside] = {
     "wave_that_grows": Outside(
         "trunnion", "C", "reading", ("C", "t"), lambda c: (1 - np.exp(-c["t"] / 900)) * np.sin(3 * c["q"])
     ),
-    "azimuth_wave": Outside("mount", "AZ", "rx", ("AZ",), lambda c: np.sin(3 * c["q"])),
+    "azimuth_wave": Outside("mount", "AZ", "rx", ("AZ",), lambda c: np.sin(5 * c["q"])),
     "wrist_wave": Outside("robot", "J4", "tz", ("J4",), lambda c: np.sin(5 * c["q"])),
 }
 """None of these is close to an effect of the catalogue: what would be, such as a cubic slide beside its scale, is an

@@ -288,7 +288,7 @@ def encoder_ellipticity(j: Joint, a: float = 0, b: float = 0) -> Change:
 
 def encoder_harmonics(j: Joint, **p: float) -> Change:
     waves = [
-        p.get(f"a{k}", 0) * np.cos(k * j.phase) + p.get(f"b{k}", 0) * np.sin(k * j.phase) for k in (4, 8)
+        p.get(f"a{k}", 0) * np.cos(k * j.phase) + p.get(f"b{k}", 0) * np.sin(k * j.phase) for k in (3, 4, 8)
     ]
     return {"reading": sum(waves)}
 
@@ -301,12 +301,13 @@ def periodic_drive_error(j: Joint, a: float = 0, b: float = 0, P: float | None =
     return {"reading": a * np.sin(turns) + b * np.cos(turns)}
 
 
-def _harmonics(j: Joint, c1: float = 0, s1: float = 0, c2: float = 0, s2: float = 0) -> Array:
-    return c1 * np.cos(j.phase) + s1 * np.sin(j.phase) + c2 * np.cos(2 * j.phase) + s2 * np.sin(2 * j.phase)
+def _harmonics(j: Joint, **sizes: float) -> Array:
+    waves = {"c": np.cos, "s": np.sin}
+    return sum((x * waves[name[0]](int(name[1]) * j.phase) for name, x in sizes.items()), 0 * j.phase)
 
 
-def _across_harmonics(j: Joint, parameters: Mapping[str, float]) -> Array:
-    unknown = set(parameters) - {f"{w}_{h}" for w in "uv" for h in ("c1", "s1", "c2", "s2")}
+def _across_harmonics(j: Joint, parameters: Mapping[str, float], most: int = 2) -> Array:
+    unknown = set(parameters) - {f"{w}_{h}{n}" for w in "uv" for h in "cs" for n in range(1, most + 1)}
     if unknown:
         raise TypeError(f"no such parameters: {sorted(unknown)}")
     u, v = (_harmonics(j, **{p[2:]: x for p, x in parameters.items() if p[0] == w}) for w in "uv")
@@ -318,11 +319,11 @@ def radial_error_motion(j: Joint, **parameters: float) -> Change:
 
 
 def axial_error_motion(j: Joint, c1: float = 0, s1: float = 0, c2: float = 0, s2: float = 0) -> Change:
-    return {"translation": along(_harmonics(j, c1, s1, c2, s2), j.n)}
+    return {"translation": along(_harmonics(j, c1=c1, s1=s1, c2=c2, s2=s2), j.n)}
 
 
 def tilt_error_motion(j: Joint, **parameters: float) -> Change:
-    return {"rotation": _across_harmonics(j, parameters)}
+    return {"rotation": _across_harmonics(j, parameters, 4)}
 
 
 def backlash(j: Joint, b: float = 0) -> Change:

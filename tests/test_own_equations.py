@@ -266,7 +266,7 @@ def test_errors_of_a_script_lead_to_its_line(tmp_path):
         (
             'k.let("pin", r',
             'k.let("pin", 1.0 * r',
-            "line 44: KernelError: kernel slider: pin: the float 1 stands",
+            "line 44: KernelError: kernel slider: pin: the float 1 is in a kernel",
         ),
     ):
         (tmp_path / "script.py").write_text(changed(script, (old, new)))

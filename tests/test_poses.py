@@ -515,9 +515,9 @@ def of_attitudes(file: Any = ARM, **measured: Any) -> Any:
 def test_attitudes_alone_say_what_they_say_in_poses():
     """Where positions count for nothing, a pose says of frame, body and axes what its attitude says."""
     estimate = {"parameters": ["target", "J3.axis", "J5.axis"]}
-    effects = [effect("tilt_error_motion", "J4")]
+    effects = [effect("encoder_eccentricity", "J4")]
     file = ARM | {"estimate": estimate, "effect": effects}
-    truth = {**SEEN, "J3.axis.a": 0.003, "J4.tilt_error_motion.u_c2": 0.001}
+    truth = {**SEEN, "J3.axis.a": 0.003, "J4.encoder_eccentricity.a": 0.001}
     columns, attitude = measured(truth, file=file)
     data = {name: x for name, x in columns.items() if name.startswith("J")} | written("quaternion", attitude)
     alone = Case(of_attitudes(file), data).machine.fit(Measurements.from_frame(data))
@@ -527,7 +527,7 @@ def test_attitudes_alone_say_what_they_say_in_poses():
     poses = case.machine.fit(Measurements.from_frame(case.data))
     assert np.sqrt(alone.chi_square / alone.degrees_of_freedom) == pytest.approx(SIGMA[1], rel=0.15)
     turns_of = [key for key in alone.estimates if key.startswith(("frame.r", "target.p.r", "J"))]
-    assert {"frame.rx", "target.p.rx", "J3.axis.a", "J4.tilt_error_motion.v_s1"} <= set(turns_of)
+    assert {"frame.rx", "target.p.rx", "J3.axis.a", "J4.encoder_eccentricity.b"} <= set(turns_of)
     assert turns_of == list(alone.estimates)
     for key in turns_of:
         one, other = alone.estimates[key], poses.estimates[key]
