@@ -147,7 +147,7 @@ def _sums(
         for two in itertools.combinations(chosen, 2):
             out = {c.key for c in chosen if c not in two}
             if whole in two:
-                several = itertools.combinations(terms, 2)
+                several: Iterator[tuple[Candidate, Candidate]] = itertools.combinations(terms, 2)
             elif two[0] in terms and two[1] in terms:
                 several = ((whole, one) for one in terms if one not in two)
             else:
