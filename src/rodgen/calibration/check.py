@@ -63,6 +63,7 @@ from rodgen.machines.plausibility import plausibility
 from rodgen.machines.plausible import relative_corrections, stated_deviations, tolerances
 from rodgen.stages import each
 from rodgen.statistics.columns import inverse_root, unit_diagonal
+from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.thresholds import CHECK, EVIDENCE
 from rodgen.views import Result, plain
 
@@ -205,7 +206,7 @@ class NearFit:
         stated = self.problem.file_values.precision[free]
         unit = np.where(stated > 0, stated, np.sqrt(np.diag(square) / self.problem.base_weight.size))
         unit[unit == 0] = 1.0
-        return np.asarray(np.maximum(np.linalg.eigvalsh(square / np.multiply.outer(unit, unit)), 0.0))
+        return np.asarray(np.maximum(eigh(square / np.multiply.outer(unit, unit))[0], 0.0))
 
     @cached_property
     def largest_scale(self) -> float:
