@@ -63,13 +63,18 @@ def check_misses_nothing(
     return total
 
 
+@pytest.mark.parametrize(
+    ("count", "seed", "how"),
+    [(8, 1, {}), pytest.param(1000, 2, {"starts": 300, "seed": 3}, marks=pytest.mark.slow)],
+    ids=["few", "many"],
+)
 @pytest.mark.parametrize("name", ROBOTS)
-def test_every_solution_of_the_search_is_found(name: str) -> None:
+def test_every_solution_of_the_search_is_found(name: str, count: int, seed: int, how: dict[str, int]) -> None:
     mechanism = ROBOTS[name]
-    T = random_poses(mechanism, 8, seed=1)
+    T = random_poses(mechanism, count, seed=seed)
     found = spatial.reverse(mechanism, T)
     check_is_solution(mechanism, T, found)
-    assert check_misses_nothing(mechanism, T, found) >= 8 * 4
+    assert check_misses_nothing(mechanism, T, found, **how) >= count * 4
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -268,13 +273,3 @@ def test_arms_with_three_special_axes(kind: str, place: int) -> None:
     found = spatial.reverse(mechanism, T)
     check_is_solution(mechanism, T, found)
     assert check_misses_nothing(mechanism, T, found) >= 6 * 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ROBOTS)
-def test_every_solution_of_a_thousand_poses_is_found(name: str) -> None:
-    mechanism = ROBOTS[name]
-    T = random_poses(mechanism, 1000, seed=2)
-    found = spatial.reverse(mechanism, T)
-    check_is_solution(mechanism, T, found)
-    assert check_misses_nothing(mechanism, T, found, starts=300, seed=3) >= 1000 * 4
