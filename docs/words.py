@@ -1,6 +1,6 @@
 """How long sentences are, and which idioms are banned: ``python docs/words.py`` prints a table of the pages.
 
-`make check` (tests/lints.py) asks the same functions. Code, tables and headings are no sentences.
+`make check` (tests/lints.py) calls the same functions. Code, tables and headings do not count.
 """
 
 from __future__ import annotations

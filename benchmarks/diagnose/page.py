@@ -25,7 +25,7 @@ WORDS = """\
 
 `rodgen diagnose` in a process of its own, with Python's start. Kernels are in the cache unless a row says otherwise.
 The chains have rotary joints, three reflectors seen by a tracker, all axes estimated, unknown noise and correlation,
-and one hidden effect. There is no peer to compare with.
+and one hidden effect. No peer answers this question.
 """
 
 

@@ -131,7 +131,7 @@ OUTLINE = (
     Section(
         "Development",
         "dev",
-        "How the code is organised, how to add to it, and why it is as it is.",
+        "How the code is organised, how to add to it, and the reasons for its design.",
         {
             "contributing": "CONTRIBUTING.md",
             "development": "docs/dev/development.md",

@@ -276,7 +276,7 @@ class _Search:
                 yield c if c.effect.name not in {e.name for e in there} else _further_wave(evidence, c, there)
 
     def _periods(self, chosen: Sequence[Candidate]) -> list[tuple[Effect, dict[str, float]]]:
-        """Return the best periods beside candidates of each drive that has a wave already."""
+        """Return the best further periods, given candidates, of each drive that has a wave already."""
         key = frozenset(chosen)
         if key not in self._known_periods:
             there = [*self.evidence.base.machine.effects, *(c.effect for c in chosen)]

@@ -328,8 +328,8 @@ def _postures(o: Observations) -> tuple[Ints, Array] | None:
 def _poses_to_deal(o: Observations) -> tuple[Ints, int]:
     """Return the number of each row's pose, (n,), and how many there are; replicates of a pose count as that pose.
 
-    Equal commands and load are those of the first row of a pose. From either side it is one place: the error there,
-    which both share, is not known to who works at another.
+    Equal commands and load are those of the first row of a pose. Both directions of approach to a place are held out
+    together, because they share its error.
     """
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
     load = [] if o.load is None else [o.load[first]]

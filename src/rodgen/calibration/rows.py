@@ -112,7 +112,7 @@ class Rows:
     numbers : ndarray of int, shape (n,), or None
         Of the rows among those of the fit; None of all.
     of_targets : ndarray of bool, shape (p,), or None
-        Which of the fitted parameters are those of targets that may be mounted another way, which stars are not.
+        Which of the fitted parameters belong to targets that may have been mounted anew; none on a mount.
     """
 
     residual: Array

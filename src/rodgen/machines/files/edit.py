@@ -70,7 +70,7 @@ def edited_text(source: Source, machine: Machine, text: str | None = None) -> st
         That of the file with another geometry, other effects, or another ``[estimate]``, ``[known]``, ``[ties]`` or
         `set_aside`. Fitted numbers are not written.
     text : str, optional
-        What is in the file, or is to stand there; left out, the file is read.
+        The content of the file, or what will be written to it; left out, the file is read.
 
     Raises
     ------
