@@ -213,6 +213,16 @@ def test_a_mimic_joint_of_a_joint_elsewhere_is_one_of_its_own(tmp_path):
     assert "the other joint is not of this chain: it is a joint of its own" in " ".join(found.notes)
 
 
+@pytest.mark.parametrize("end", ["nod", "slide.1", "lift"])
+def test_a_joint_follows_none_that_follows_its_chain(refuses, tmp_path, end):
+    outside = f'<joint name="lift" type="revolute"><mimic joint="{end}"/><parent link="floor"/>'
+    text = ROBOT.replace('joint="turn" m', 'joint="lift" m')
+    (tmp_path / "lift.urdf").write_text(
+        text.replace('<joint name="lamp_joint" type="fixed"><parent link="floor"/>', outside)
+    )
+    refuses(machine_from_urdf, tmp_path / "lift.urdf", tip="hand")
+
+
 def test_joints_that_follow_one_of_another_chain_have_its_column(tmp_path):
     """A column of two stages: a joint that is in no chain counts both."""
     driven = '<joint name="lift" type="prismatic"><parent link="floor"/><child link="lamp"/></joint>'

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -289,11 +289,13 @@ def _machine(
         f"Angles of joint {joint.name} are taken exactly: {joint.near}." for joint in chain if joint.near
     ]
     followers = {names[joint.name]: joint.mimic for joint in chain if joint.mimic and joint.name in names}
-    types = {joint.name: joint.type for joint in every.values()}
+    joint_of, inside = {joint.name: joint for joint in every.values()}, {*names}
     for k, own in enumerate(joints):
         followed, factor, _ = followers.get(own.name) or ("", 0.0, 0.0)
-        if factor and followed not in names and MOVING.get(types.get(followed, "")) == own.type:
+        outside = joint_of.get(followed) if factor and followed not in names else None
+        if outside is not None and MOVING.get(outside.type) == own.type:
             # that joint is not of this chain: its reading is the first follower's
+            _check_way(file, own.name, followed, joint_of, inside)
             names[followed] = machine_name(followed, [each.name for each in joints], joint=True)
             joints[k] = replace(own, reading=names[followed], coordinate=names[followed])
     joints = [_following(joint, followers.get(joint.name), names, joints, notes) for joint in joints]
@@ -318,6 +320,19 @@ def _machine(
         "Frame and target are estimated: where the instrument is, and what it sees there, a URDF does not say."
     )
     return Imported(machine, tuple(notes))
+
+
+def _check_way(
+    file: str, joint: str, followed: str, joint_of: Mapping[str, UrdfJoint], inside: Collection[str]
+) -> None:
+    """Raise where what a joint outside a chain follows at last is in the chain, or the joint itself."""
+    way, above = [joint], joint_of.get(followed)
+    while above is not None and above.mimic and above.mimic[1]:
+        way.append(above.name)
+        if above.mimic[0] in {*inside, *way}:
+            found = " follows ".join([*way, above.mimic[0]])
+            raise InputFileError(file, f"joint {joint}, mimic", found, "a joint that follows none of this chain")
+        above = joint_of.get(above.mimic[0])
 
 
 def _following(
