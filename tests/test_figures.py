@@ -428,8 +428,10 @@ def test_arrows_are_as_many_times_too_long_as_the_note_says() -> None:
     fit = fitted("gantry_rotary")
     figure = figures.residual_map(fit, exaggeration=5000.0, selected=[3])
     assert "Arrows are 5,000 times as long as the residuals." in figure.layout.meta["note"]
-    arrows, row = trace_of(figure, 0, "residual"), trace_of(figure, 0, "residual").customdata[::3]
-    start, tip = (np.column_stack([arrows.x[k::3], arrows.y[k::3]]) for k in (0, 1))
+    arrows, dots = [t for t in figure.data if t.xaxis == "x" and t.name == "residual"][:2]
+    row = dots.customdata
+    start, tip = (np.column_stack([arrows.x[k::6], arrows.y[k::6]]) for k in (0, 1))
+    np.testing.assert_array_equal(start, np.column_stack([dots.x, dots.y]))
     np.testing.assert_allclose(start, fit.places(fit.observations)[row][:, :2])
     np.testing.assert_allclose(tip - start, 5000 * fit.residuals[row][:, :2], atol=1e-9)
     assert list(trace_of(figure, 0, "selected").customdata) == [3]
@@ -439,12 +441,12 @@ def test_arrows_are_as_many_times_too_long_as_the_note_says() -> None:
         np.testing.assert_allclose(np.array(words[azimuth]) / 101, at, atol=1e-12)
     arrows = trace_of(sky, 0, "residual")
     drivers = DrawnRows(fitted("mount")).drivers
-    seen = np.degrees(np.arctan2(arrows.x[::3], arrows.y[::3])) % 360
+    seen = np.degrees(np.arctan2(arrows.x[::6], arrows.y[::6])) % 360
     np.testing.assert_allclose(
         seen, drivers["azimuth"].noted, atol=0.01
     )  # read and predicted differ by arcsec
     times = float(re.search(r"Arrows are (\S+) times", sky.layout.meta["note"])[1].replace(",", ""))
-    start, tip = (np.column_stack([arrows.x[k::3], arrows.y[k::3]]) for k in (0, 1))
+    start, tip = (np.column_stack([arrows.x[k::6], arrows.y[k::6]]) for k in (0, 1))
     outwards = np.sum((tip - start) * start, axis=1) / np.linalg.norm(start, axis=1)
     np.testing.assert_allclose(outwards * 3600, -times * fitted("mount").residuals[:, 1], rtol=0.1, atol=2000)
 

@@ -170,13 +170,16 @@ class DrawnRows:
             found.append(label(f"{first}\n{minus(where)}").replace("\n", "<br>"))
         return tuple(found)
 
-    def tip_with_residuals(self, row: int) -> str:
-        """Return the hover text of one row with its residuals, before and after."""
-        before, after = (self.residuals(fit)[row] for fit in (self.base, self.final))
-        lines = [self.tips[row]]
-        for name, was, now in zip(self.names, before, after, strict=True):
-            lines.append(f"{name}: {_signed(was)}" + (f" → {_signed(now)}" if self.two else ""))
-        return "<br>".join(lines) + f" {label(self.shown.unit)}"
+    def tips_with_residuals(self, some: Index) -> list[str]:
+        """Return the hover texts of some of the rows with their residuals, before and after."""
+        before, after = (self.residuals(fit)[some].tolist() for fit in (self.base, self.final))
+        unit, texts = label(self.shown.unit), []
+        for row, old, new in zip(some.tolist(), before, after, strict=True):
+            lines = [self.tips[row]]
+            for name, was, now in zip(self.names, old, new, strict=True):
+                lines.append(f"{name}: {_signed(was)}" + (f" → {_signed(now)}" if self.two else ""))
+            texts.append(f"{'<br>'.join(lines)} {unit}")
+        return texts
 
     # where --------------------------------------------------------------------------------------------------------
 

@@ -114,7 +114,7 @@ def residual_vectors(
     for name, vectors in found:
         ends = np.full((len(some), 3, 3), np.nan)
         ends[:, 0], ends[:, 1] = start, start + times * vectors
-        hover = [text for i in some for text in (rows.tip_with_residuals(i), "", "")]
+        hover = [text for tip in rows.tips_with_residuals(some) for text in (tip, "", "")]
         _add(
             figure, ends.reshape(-1, 3), name, mode="lines+markers", line={"color": SIDES[name]["color"], "width": 4},
             marker={"size": [4, 0, 0] * len(some), "color": SIDES[name]["color"]}, hovertext=hover, hoverinfo="text",

@@ -41,6 +41,8 @@ FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, as a share of its width."""
 WIDTH = 660
 """Of a map, in pixels, from which its height follows."""
+HEAD = 0.012
+"""Length of the head of an arrow, as a part of the width of a map."""
 ARROW = 0.08
 """Length of the arrow of a residual of one rms, as a share of the map's width."""
 SKY_ARROW = 8.0
@@ -108,7 +110,7 @@ def map_of(
     known = ~rows.bad if sky else ~rows.bad & np.isfinite(rows.places).all(axis=1)
     chosen = np.isin(rows.chosen, np.asarray([*selected], np.intp))
     some = np.union1d(evenly(np.flatnonzero(known), most), np.flatnonzero(known & chosen))
-    marks = Marks([rows.tip_with_residuals(i) for i in some], rows.chosen[some], chosen[some])
+    marks = Marks(rows.tips_with_residuals(some), rows.chosen[some], chosen[some])
     found = [rows.residuals(fit)[some] for _, fit in rows.sides]
     names = [name for name, _ in rows.sides]
     if sky:
@@ -198,9 +200,8 @@ def _in_space(
         at = places[:, [a, b]]
         for name, r in residuals:
             if points:
-                add_arrows(
-                    figure, number, at, at + scale * r[:, [a, b]], name, COLOURS[name], marks.hover, marks.row
-                )
+                tip, head = at + scale * r[:, [a, b]], HEAD * (xlim[1] - xlim[0])
+                add_arrows(figure, number, at, tip, name, COLOURS[name], marks.hover, marks.row, head=head)
             else:
                 _signs(figure, number, at, r[:, 0], size, name, marks)
         _selected(figure, number, at, marks)
@@ -320,7 +321,7 @@ def _on_the_sky(
     for name, r in residuals:
         move = (r[:, :1] * basis[0] + r[:, 1:] * basis[1]) * np.radians(scale)
         tip = from_zenith(directions + move, x, y, up)
-        add_arrows(figure, 0, start, tip, name, COLOURS[name], marks.hover, marks.row)
+        add_arrows(figure, 0, start, tip, name, COLOURS[name], marks.hover, marks.row, head=2 * HEAD * far)
     _selected(figure, 0, start, marks)
     if planned is not None:
         turned = rows.base.machine.measured.frame == "free"  # what is read is in axes of its own

@@ -187,7 +187,7 @@ def _grid(titles: Sequence[str], names: Sequence[str], *, columns: int, height: 
                 },
             }
         )
-        panel_title(figure, i, title)
+        figure.add_annotation(panel_title(i, title))
     figure.update_xaxes(showticklabels=True, ticks="outside")
     figure.update_layout(
         margin_t=figure.layout.margin.t + 24,

@@ -36,6 +36,8 @@ DARK = {
 """What each colour becomes on a dark page."""
 FONT = 'system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif'
 
+HEAD = 0.35
+"""Half the width of the head of an arrow, for its length."""
 OUTLIER = {"symbol": "x", "size": 8, "color": PURPLE}
 """The mark of an outlier."""
 
@@ -118,47 +120,44 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
     width : int, optional
         Of the figure as an image, in pixels; on a page it is as wide as its place.
     """
-    figure = go.Figure(layout={"template": _template(pio.templates.default)})
     titles = [textwrap.wrap(panel.x, WRAP_AXIS) for panel in panels]
     below = [AXIS + NOTE_LINE * (len(lines) - 1) if lines else GAP for lines in titles]
     gaps = [*(space + PANEL_TITLE for space in below[:-1]), 0]
     inner = sum(panel.height for panel in panels) + sum(gaps)
-    top = inner
-    for i, (panel, gap, lines) in enumerate(zip(panels, gaps, titles, strict=True)):
-        x, y = axes(i).values()
-        low = top - panel.height
-        shown = next(k for k in range(i, len(panels)) if titles[k] or k + 1 == len(panels))
-        figure.update_layout(
-            {
-                f"xaxis{i + 1}": {
-                    "anchor": y,
-                    "title": {"text": "<br>".join(lines)},
-                    "showticklabels": shown == i,
-                    "ticks": "outside" if shown == i else "",
-                    **({} if shown == i else {"matches": axes(shown)["xaxis"]}),
-                },
-                f"yaxis{i + 1}": {"anchor": x, "domain": [low / inner, top / inner]},
-            }
-        )
-        if panel.equal:
-            equal_axes(figure, i)
-            figure.update_layout({f"yaxis{i + 1}": {"scaleratio": 1, "automargin": False}})
-        if panel.title:
-            panel_title(figure, i, panel.title)
-        top = low - gap
     above = (PANEL_TITLE if panels[0].title else 8) + (LEGEND if legend else 0)
-    figure.update_layout(
-        width=width,
-        height=inner + above + below[-1] + 4,
-        margin={"l": 56, "r": 18, "t": above, "b": below[-1] + 4},
-        showlegend=legend,
-        meta={
+    layout: dict[str, Any] = {
+        "template": _template(pio.templates.default),
+        "width": width,
+        "height": inner + above + below[-1] + 4,
+        "margin": {"l": 56, "r": 18, "t": above, "b": below[-1] + 4},
+        "showlegend": legend,
+        "annotations": [panel_title(i, panel.title) for i, panel in enumerate(panels) if panel.title],
+        "meta": {
             "heights": [panel.height for panel in panels],
             "gaps": gaps,
             "equal": [panel.equal for panel in panels],
         },
-    )
-    return figure
+    }
+    top = inner
+    for i, (panel, gap, lines) in enumerate(zip(panels, gaps, titles, strict=True)):
+        x, y = axes(i).values()
+        low = top - panel.height
+        titled = next(k for k in range(i, len(panels)) if titles[k] or k + 1 == len(panels))
+        across: dict[str, Any] = {
+            "anchor": y,
+            "title": {"text": "<br>".join(lines)},
+            "showticklabels": titled == i,
+            "ticks": "outside" if titled == i else "",
+        }
+        up: dict[str, Any] = {"anchor": x, "domain": [low / inner, top / inner]}
+        if titled != i:
+            across["matches"] = axes(titled)["xaxis"]
+        if panel.equal:
+            across["constrain"] = "domain"
+            up |= {"scaleanchor": x, "scaleratio": 1, "constrain": "domain", "automargin": False}
+        layout |= {f"xaxis{i + 1}": across, f"yaxis{i + 1}": up}
+        top = low - gap
+    return go.Figure(layout=layout)
 
 
 @cache
@@ -182,13 +181,13 @@ def equal_axes(figure: go.Figure, number: int) -> None:
     )
 
 
-def panel_title(figure: go.Figure, number: int, text: str) -> None:
-    """Write a title above a panel, at the left."""
+def panel_title(number: int, text: str) -> dict[str, Any]:
+    """Return the annotation that is the title of a panel, above it, at the left."""
     x, y = axes(number).values()
-    figure.add_annotation(
-        text=text, x=0, y=1, xref=f"{x} domain", yref=f"{y} domain", xanchor="left", yanchor="bottom", yshift=4,
-        showarrow=False, font={"size": 13, "color": INK},
-    )  # fmt: skip
+    return {
+        "text": text, "x": 0, "y": 1, "xref": f"{x} domain", "yref": f"{y} domain", "xanchor": "left",
+        "yanchor": "bottom", "yshift": 4, "showarrow": False, "font": {"size": 13, "color": INK},
+    }  # fmt: skip
 
 
 def add_trace(
@@ -297,8 +296,12 @@ def add_arrows(
     colour: str,
     hover: Sequence[str],
     row: Index,
+    *,
+    head: float,
 ) -> None:
     """Add arrows from `start` to `tip`, both (n, 2), with a dot at each start.
+
+    All arrows are one line, heads and all: a browser draws that much faster than a mark for each.
 
     Parameters
     ----------
@@ -312,41 +315,25 @@ def add_arrows(
         Hover text of each arrow.
     row : ndarray of int, shape (n,)
         Their numbers, which a page finds as ``customdata``.
+    head : float
+        Length of a head in the unit of the axes; an arrow shorter than twice that has a smaller one.
     """
-    n = len(start)
-    points = np.full((n, 3, 2), np.nan)
-    points[:, 0], points[:, 1] = start, tip
-    text = [words for each in hover for words in (each, each, "")]
-    figure.add_trace(
-        go.Scatter(
-            x=points[..., 0].ravel(),
-            y=points[..., 1].ravel(),
-            mode="lines+markers",
-            line={"color": colour, "width": 1.3},
-            marker={
-                "color": colour,
-                "symbol": ["circle", "arrow", "circle"] * n,
-                "size": [4, 8, 0] * n,
-                "opacity": 1,
-                "line": {"width": 0},
-                "angleref": "previous",
-            },
-            name=name,
-            legendgroup=name,
-            showlegend=False,
-            customdata=np.repeat(row, 3),
-            hovertext=text,
-            hoverinfo="text",
-            **axes(number),
-        )
+    along = tip - start
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    along *= np.divide(np.minimum(head, length / 2), length, out=np.zeros_like(length), where=length > 0)
+    across = along[:, ::-1] * [-HEAD, HEAD]
+    base, end = tip - along, np.full_like(tip, np.nan)
+    x, y = np.stack([start, tip, base + across, base - across, tip, end], axis=1).reshape(-1, 2).T
+    add_trace(
+        figure, number, name, x=x, y=y, mode="lines", line={"color": colour, "width": 1.3}, showlegend=False
     )
+    add_trace(
+        figure, number, name, x=start[:, 0], y=start[:, 1], mode="markers", marker={"color": colour, "size": 4},
+        customdata=row, hovertext=hover, hoverinfo="text", showlegend=False,
+    )  # fmt: skip
     if number == 0:
         mark = {"symbol": "arrow", "angle": 90, "size": 12, "color": colour}
-        figure.add_trace(
-            go.Scatter(
-                x=[None], y=[None], mode="markers", marker=mark, name=name, legendgroup=name, **axes(number)
-            )
-        )
+        add_trace(figure, number, name, x=[None], y=[None], mode="markers", marker=mark)
 
 
 # the sky -----------------------------------------------------------------------------------------------------------
