@@ -16,7 +16,18 @@ from rodgen.machines.known import parameters_to_tie
 from rodgen.machines.machine import Effect, Machine
 from rodgen.output.numbers import minus
 from rodgen.workbench.actions import Add, Known, Remove, Tie, Written
-from rodgen.workbench.parts import anew, button, card, cell, completing, dialog, field, folded, soft
+from rodgen.workbench.parts import (
+    anew,
+    button,
+    card,
+    cell,
+    completing,
+    dialog,
+    field,
+    folded,
+    soft,
+    unfolding,
+)
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate
@@ -67,16 +78,8 @@ class Model:
                             soft(effect.definition.equation)
             if not machine.effects:
                 soft("It has no effects yet: add a suspect, or take what a diagnosis finds.")
-            few = len(fit.parameters) <= FEW
-            with folded(f"{len(fit.parameters)} parameters", opened=few), ui.element("table").classes("grid"):
-                for estimate in fit.estimates.values():
-                    with ui.element("tr"):
-                        cell(estimate.key)
-                        cell(minus(estimate.text))
-                        with ui.element("td"):
-                            ask = partial(self._ask, estimate)
-                            label = f"Change {estimate.key}"
-                            button("Change", ask, icon="more_horiz", label=label, look="bare")
+            title = f"{len(fit.parameters)} parameters"
+            unfolding(title, self._fill_parameters, opened=len(fit.parameters) <= FEW)
             if on_sky := pointing(fit):
                 with folded("Terms of TPOINT", opened=True):
                     soft(on_sky.sentence())
@@ -85,6 +88,16 @@ class Model:
                             with ui.element("tr"):
                                 cell(term)
                                 cell(minus(estimate.text))
+
+    def _fill_parameters(self) -> None:
+        with ui.element("table").classes("grid"):
+            for estimate in self.page.state.fit.estimates.values():
+                with ui.element("tr"):
+                    cell(estimate.key)
+                    cell(minus(estimate.text))
+                    with ui.element("td"):
+                        ask, label = partial(self._ask, estimate), f"Change {estimate.key}"
+                        button("Change", ask, icon="more_horiz", label=label, look="bare")
 
     async def _ask(self, estimate: Estimate) -> None:
         """Ask what is known of a parameter: a value, bounds, a prior, or others that it follows."""

@@ -51,6 +51,25 @@ def folded(title: str, *, opened: bool = False) -> Iterator[None]:
         yield
 
 
+def unfolding(title: str, fill: Callable[[], object], *, opened: bool = False) -> None:
+    """Show a title; what `fill` makes is made when it is first clicked, or at once where it is `opened`."""
+    with ui.element("details").classes("w-full") as place:
+        TextElement(tag="summary", text=title)
+        if opened:
+            place.props("open")
+            fill()
+            return
+
+    def unfold() -> None:
+        if pending:
+            pending.clear()
+            with place:
+                fill()
+
+    pending = [True]
+    place.on("toggle", unfold, args=[])
+
+
 def waiting(words: str) -> None:
     """Say that something is being computed, in the place where it will be."""
     soft(words).props('role="status"')

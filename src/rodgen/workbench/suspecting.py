@@ -14,7 +14,7 @@ from rodgen.errors import counted
 from rodgen.machines.machine import Effect
 from rodgen.workbench.actions import Add
 from rodgen.workbench.model import keys
-from rodgen.workbench.parts import anew, button, card, folded, soft, waiting
+from rodgen.workbench.parts import anew, button, card, soft, unfolding, waiting
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -69,27 +69,28 @@ class Suspecting:
             if others := [group for group in groups if group not in first]:
                 with ui.element("div").classes("edge w-full"):
                     count = counted(sum(map(len, others)), "effect")
-                    with folded(f"Below this, chance explains as much: {count}"):
-                        for group in others:
-                            self._group(group)
+                    title = f"Below this, chance explains as much: {count}"
+                    unfolding(title, lambda: [self._group(group) for group in others])
 
     def _group(self, group: Sequence[Suspect]) -> None:
         """Show an effect, and folded those that these data cannot distinguish from it."""
         leader, *others = group
         self._suspect(leader)
         if others:
-            with (
-                ui.element("div").classes("like"),
-                folded(f"or {counted(len(others), 'other')}, indistinguishable"),
-            ):
-                for suspect in others:
-                    self._suspect(suspect)
-                button(
-                    "Where to measure to tell them apart",
-                    partial(self.planning.part, [s.effect for s in group]),
-                    icon="add_location",
-                    label=f"Plan what tells {leader.effect.title} from {counted(len(others), 'other')}",
-                )
+            with ui.element("div").classes("like"):
+                title = f"or {counted(len(others), 'other')}, indistinguishable"
+                unfolding(title, partial(self._others, group))
+
+    def _others(self, group: Sequence[Suspect]) -> None:
+        leader, *others = group
+        for suspect in others:
+            self._suspect(suspect)
+        button(
+            "Where to measure to tell them apart",
+            partial(self.planning.part, [s.effect for s in group]),
+            icon="add_location",
+            label=f"Plan what tells {leader.effect.title} from {counted(len(others), 'other')}",
+        )
 
     def _suspect(self, suspect: Suspect) -> None:
         effect, fit = suspect.effect, self.page.state.fit
