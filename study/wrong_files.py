@@ -216,6 +216,12 @@ def degrees_and_radians(files: Files, random: np.random.Generator) -> None:
         files.put(name, files.numbers(name) * factor)
 
 
+def another_zero(files: Files, random: np.random.Generator) -> None:
+    (name,) = _chosen(random, _moving(files, "revolute") if files.joints else [])
+    turn = float(random.choice([90, -90, 180]))
+    files.put(name, files.numbers(name) + (turn if "[deg]" in files.column(name) else np.radians(turn)))
+
+
 UNITS = (1e-3, 1 / 25.4, 0.1, 1000.0)
 
 
@@ -296,6 +302,7 @@ WRONG: dict[str, Callable[[Files, np.random.Generator], None]] = {
     for f in (
         axis_sign, column_sign, mirror, readings_permuted, joint_order, columns_exchanged, degrees_and_radians,
         unit_of_readings, unit_of_slides, unit_of_file, base_and_tool, row_offset, targets_exchanged, another_axis,
+        another_zero,
     )
 }  # fmt: skip
 

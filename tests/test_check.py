@@ -79,6 +79,7 @@ def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path:
     [
         ("gantry_rotary", lambda f: f.joints.reverse(), "from the tool to the base"),
         ("trunnion", lambda f: f.put("C", np.radians(f.numbers("C"))), "C is in rad, not in deg"),
+        ("trunnion", lambda f: f.put("A", f.numbers("A") + 90), 'coordinate = "A - 90 deg"'),
         ("trunnion", lambda f: f.put("z", -f.numbers("z")), "the sign of z is wrong"),
         ("gantry_rotary", lambda f: [f.put(x, f.numbers(x) / 25.4) for x in "xyz"], "x, y and z are in inch"),
         ("gantry", lambda f: f.put("Y", f.numbers("Y") / 1000), "Y is in m, not in mm"),
@@ -93,7 +94,7 @@ def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path:
             "order of the chain is AZ and EL",
         ),
     ],
-    ids=["order", "radians", "mirror", "inches", "metres", "axis", "order of a mount"],
+    ids=["order", "radians", "zero", "mirror", "inches", "metres", "axis", "order of a mount"],
 )
 def test_the_right_repair_is_named(bench: str, damage, words: str, tmp_path: Path) -> None:
     files = right_files(bench, tmp_path)

@@ -203,6 +203,7 @@ def repairs(machine: Machine, observations: Observations, alone: Fraction | None
     found = [
         *(_of_legs(machine) if machine.kinematics.is_closed else _of_joints(machine, moving)),
         *_of_couplings(machine, moving),
+        *(() if machine.kinematics.is_closed else _of_zeros(moving)),
         *_of_readings(machine),
         *_of_units(machine, observations, commanded),
         *(() if machine.kinematics.is_closed else _of_ratios(commanded, alone)),
@@ -320,6 +321,16 @@ def _of_couplings(machine: Machine, moving: Sequence[Joint]) -> Iterator[Repair]
             yield Repair(
                 words, f"axis {joint.name}", 2, _with_joint(joint.name, reading=joint.column, coordinate=text)
             )
+
+
+def _of_zeros(moving: Sequence[Joint]) -> Iterator[Repair]:
+    """Yield joints that turn and count from a position that is a quarter or half of a turn away."""
+    turning = (joint for joint in moving if joint.revolute and not joint.coordinate)
+    for joint, turn in product(turning, ("+ 90", "- 90", "+ 180")):
+        name = joint.column
+        words = f'{joint.name} counts from another zero: reading = "{name}", coordinate = "{name} {turn} deg"'
+        change = _with_joint(joint.name, reading=name, coordinate=f"{name} {turn} deg")
+        yield Repair(words, f"unit {name}", 2, change)
 
 
 def _of_ratios(commanded: Sequence[Joint], alone: Fraction | None) -> Iterator[Repair]:
