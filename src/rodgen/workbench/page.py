@@ -65,6 +65,12 @@ NARROW = 760
 """Width of a window, in pixels, below which its parts stand below each other."""
 PLOTLY = '<script type="module" async>import "nicegui-plotly"</script>'
 """In the head of the page: its largest part is loaded while the rest is laid out."""
+ASKED = """return [
+    window.innerWidth,
+    window.matchMedia("(prefers-color-scheme: dark)").matches,
+    !!document.createElement("canvas").getContext("webgl")
+]"""
+"""Of a window: its width, whether it is dark, and whether it draws on canvas; a first view is drawn without."""
 SELECTED = (
     "(e) => emit({rows: ((e && e.points) || []).map((p) => p.customdata).filter((x) => x !== undefined)})"
 )
@@ -115,6 +121,7 @@ class Page:
         self.scales: dict[Any, tuple[float, Any]] = {}
         self.dark = False
         self.width = 1280
+        self.has_canvas = False
         self.drag: str | bool = "select"
         self.plots: dict[str, Slot] = {}
         self.traces = 0
@@ -187,9 +194,8 @@ class Page:
         """Ask the window for its width and whether it is dark; then find what takes longer than a first view may."""
         if self not in self.desk.windows:
             self.desk.windows.append(self)
-        asked = "[window.innerWidth, window.matchMedia('(prefers-color-scheme: dark)').matches]"
         try:
-            width, dark = await ui.run_javascript(f"return {asked}", timeout=5.0)
+            width, dark, self.has_canvas = await ui.run_javascript(ASKED, timeout=5.0)
         except TimeoutError:
             width, dark = self.width, self.dark
         if (int(width), bool(dark)) != (self.width, self.dark):
@@ -382,7 +388,12 @@ class Page:
         While `revision` stays the same a user's zoom stays, too.
         """
         about, alt, content = drawn(
-            figure, dark=self.dark, width=self.place, drag=self.drag, revision=revision
+            figure,
+            dark=self.dark,
+            width=self.place,
+            drag=self.drag,
+            revision=revision,
+            on_canvas=self.has_canvas,
         )
         height = content["layout"]["height"]
         slot = self.plots.get(name)
