@@ -64,13 +64,16 @@ class Suspecting:
             first = [group for group in groups if group[0].chosen or group[0].odds >= 1]
             said = "How strong the evidence for each is, alone, and the error that it would leave."
             soft(said if first else "No effect of the catalogue explains more than chance does.")
-            for group in first:
-                self._group(group)
+            self._groups(first)
             if others := [group for group in groups if group not in first]:
                 with ui.element("div").classes("edge w-full"):
                     count = counted(sum(map(len, others)), "effect")
                     title = f"Below this, chance explains as much: {count}"
-                    unfolding(title, lambda: [self._group(group) for group in others])
+                    unfolding(title, partial(self._groups, others))
+
+    def _groups(self, groups: Sequence[Sequence[Suspect]]) -> None:
+        for group in groups:
+            self._group(group)
 
     def _group(self, group: Sequence[Suspect]) -> None:
         """Show an effect, and folded those that these data cannot distinguish from it."""
