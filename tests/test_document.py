@@ -140,14 +140,19 @@ def test_each_number_of_a_page_stands_in_the_text_and_in_the_json(of):
 
 
 @pytest.mark.thorough
-def test_each_number_of_the_report_stands_in_its_text_and_those_of_the_diagnosis_in_the_json(monkeypatch):
-    """Other sections show places, residuals and sizes on the machine, of which the JSON has the parameters."""
+def test_each_number_of_the_report_stands_in_its_text_its_json_and_that_of_the_diagnosis(
+    monkeypatch, tmp_path
+):
+    """The JSON of a diagnosis lacks places, residuals and sizes on the machine, of which it has the parameters."""
     said = []
     monkeypatch.setattr(page, "report", lambda *given: said.append(content.report(*given)) or said[0])
     diagnosis, planned = table(), plan(table().final, 4)
     shown = numbers_of(" ".join(words_of(page.report_page(diagnosis, planned))))
     assert len(shown) > 50
     assert shown <= numbers_of(str(said[0]))
+    page.write_report(diagnosis, tmp_path / "report.json", planned)
+    whole = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert missing(shown, whole) == set()
     data = json.loads(json.dumps([diagnosis.to_dict(), diagnosis.final.to_dict(), planned.to_dict()]))
     sections = [block for block in said[0].blocks if isinstance(block, Part)]
     checked = [block for block in said[0].blocks if isinstance(block, Facts)]  # sizes, in large type

@@ -10,8 +10,8 @@ import html
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
 
 WIDTH = 100
 """Characters of a line of text."""
@@ -135,6 +135,10 @@ class Document:
         lines = [self.title] if self.title else []
         return "\n".join([*lines, *_lines(self.blocks)]).lstrip("\n")
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data: each block with its name and what it holds."""
+        return {"title": self.title, "blocks": as_data(self.blocks)}
+
     def _repr_html_(self) -> str:
         head = f'<p class="title"><strong>{_text(self.title)}</strong></p>' if self.title else ""
         return f'<div class="rodgen">{head}{as_html(self.blocks, 4)}</div>'
@@ -154,6 +158,22 @@ class Documented:
 
     def _repr_html_(self) -> str:
         return self.document()._repr_html_()
+
+
+# plain data ----------------------------------------------------------------------------------------------------------
+
+
+def as_data(blocks: Iterable[Block]) -> list[dict[str, Any]]:
+    """Return blocks as plain data."""
+    return [
+        {"block": type(block).__name__.lower()}
+        | {
+            field.name: as_data(value) if field.name == "blocks" else value
+            for field in fields(block)
+            if (value := getattr(block, field.name))
+        }
+        for block in blocks
+    ]
 
 
 # text ----------------------------------------------------------------------------------------------------------------

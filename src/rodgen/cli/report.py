@@ -32,7 +32,7 @@ def add_to(command: Command) -> None:
         _REPORT,
         MACHINE,
         DATA_OR_NONE,
-        option("-o --output PAGE.html", "the page", OutputFile, required=True),
+        option("-o --output PAGE.html", "the page; .json: what it says as JSON", OutputFile, required=True),
         TEST,
         option("--images FOLDER", "write the page's figures there, too, as PNG and SVG", OutputFolder),
         repeated("--radius JOINT=LENGTH", "of a joint's scale, such as C=40mm; may be repeated"),
@@ -82,9 +82,9 @@ def _of_fleet(options: argparse.Namespace) -> int:
 
 def _check_output(options: argparse.Namespace) -> None:
     """Check the name of the page, before a long diagnosis."""
-    if not options.output.lower().endswith((".html", ".htm")) and not is_device(options.output):
+    if not options.output.lower().endswith((".html", ".htm", ".json")) and not is_device(options.output):
         raise InputFileError(
-            options.output, "file", "not the name of a page", "one that ends in .html or .htm"
+            options.output, "file", "not the name of a page", "one that ends in .html, .htm or .json"
         )
 
 

@@ -18,6 +18,7 @@ from rodgen.output.figures import fleet_nights, fleet_parameter, save_figures
 from rodgen.output.figures.diagnoses import unit_of
 from rodgen.output.figures.html import figure_block, page
 from rodgen.output.report.content import below_the_title, report
+from rodgen.views import to_json
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -38,13 +39,13 @@ def write_report(
     images: str | os.PathLike[str] | None = None,
     radii: Mapping[str, float] | None = None,
 ) -> list[str]:
-    """Write what a diagnosis found as one HTML file that needs no network.
+    """Write what a diagnosis found as one HTML file that needs no network, or the same as JSON.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     path : str or os.PathLike
-        The page.
+        The page; JSON where it ends in ``.json``.
     plan : Plan, optional
         What to measure next; see `Diagnosis.plan`.
     images : str or os.PathLike, optional
@@ -62,10 +63,8 @@ def write_report(
     InputFileError
         When one of them cannot be written, a radius is that of no joint, or there is no browser for images.
     """
-    figures, page = _made(diagnosis, plan, radii or {})
-    with OutputSet():
-        write_file(path, page.encode())
-        return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
+    figures, document, text = _drawn(diagnosis, plan, radii or {})
+    return _written(path, document, text, figures, images)
 
 
 def report_page(
@@ -75,10 +74,12 @@ def report_page(
     radii: Mapping[str, float] | None = None,
 ) -> str:
     """Return the page as text; see `write_report`."""
-    return _made(diagnosis, plan, radii or {})[1]
+    return _drawn(diagnosis, plan, radii or {})[2]
 
 
-def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -> tuple[list[go.Figure], str]:
+def _drawn(
+    diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]
+) -> tuple[list[go.Figure], Document, str]:
     _check(diagnosis, radii)
     figures = list(figures_of(diagnosis, plan))
     # The page has the ranking as a table, with bars of its own.
@@ -88,7 +89,21 @@ def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -
     )
     window = capitalized(VERDICTS[diagnosis.verdict])
     text = page(document, drawn, over="Diagnosis", more=below_the_title(diagnosis), window=window)
-    return figures, text
+    return figures, document, text
+
+
+def _written(
+    path: str | os.PathLike[str],
+    document: Document,
+    text: str,
+    figures: list[go.Figure],
+    images: str | os.PathLike[str] | None,
+) -> list[str]:
+    if os.fspath(path).lower().endswith(".json"):
+        text = f"{to_json(document, indent=1)}\n"
+    with OutputSet():
+        write_file(path, text.encode())
+        return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
 
 
 def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
@@ -110,7 +125,7 @@ def fleet_figures(fleet: Fleet) -> list[go.Figure]:
 def write_fleet_report(
     fleet: Fleet, path: str | os.PathLike[str], *, images: str | os.PathLike[str] | None = None
 ) -> list[str]:
-    """Write what is known of a fleet as one HTML file that needs no network.
+    """Write what is known of a fleet as one HTML file that needs no network, or the same as JSON.
 
     Parameters
     ----------
@@ -132,7 +147,5 @@ def write_fleet_report(
     figures, found = fleet_figures(fleet), fleet.document()
     places = [figure_block(number, figure) for number, figure in enumerate(figures)]
     blocks = [*found.blocks, *places, *map(machines, fleet.kinds)]
-    text = page(Document(blocks, f"Fleet, {fleet.plan.date}"), figures, over="Many machines")
-    with OutputSet():
-        write_file(path, text.encode())
-        return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
+    document = Document(blocks, f"Fleet, {fleet.plan.date}")
+    return _written(path, document, page(document, figures, over="Many machines"), figures, images)
