@@ -139,7 +139,7 @@ def test_the_command_names_writes_and_refuses(tmp_path: Path, capsys: pytest.Cap
     machine.write_text(machine.read_text() + "# a note\n")
     repaired = tmp_path / "repaired.toml"
     assert called("check", machine, data, "-o", repaired) == 1
-    assert "A turns the other way: axis = [1, 0, 0]; with that the error is 0.00" in capsys.readouterr().out
+    assert "A turns the other way: axis = [1, 0, 0]; with that the error is 1.8" in capsys.readouterr().out
     assert Machine.load(repaired).joint("A").axis == (1.0, 0.0, 0.0)
     assert repaired.read_text().endswith("# a note\n")
     assert called("check", repaired, data, "--json") == 0

@@ -140,7 +140,7 @@ def test_a_marker_that_was_mounted_anew_gets_a_target_in_each_run(
     files = [str(folder / "machine.toml"), str(folder / "data.csv")]
     assert main(["check", *files, "-o", str(machine), "--repaired-data", str(data)]) == 1
     said = capsys.readouterr().out
-    assert "each run alone fits: the target sits differently in each run (turned by 20° and 38°)" in said
+    assert "each run alone fits: the target sits differently in each run (turned by 20.0° and 38.0°)" in said
     assert main(["check", str(machine), str(data)]) == 0
     first, *others = (Rotation.from_rotvec(target.attitude) for target in Machine.load(machine).targets)
     turned = [np.degrees((other * first.inv()).magnitude()) for other in others]

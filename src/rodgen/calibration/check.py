@@ -50,7 +50,7 @@ from rodgen.calibration.rows import wrong_rows
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.solve.starting_values import nearest_frames, with_attitudes, with_zeros
-from rodgen.calibration.words import capitalized
+from rodgen.calibration.words import capitalized, sized, three_digits
 from rodgen.data.units import unit_factor
 from rodgen.document import Bullets, Document, Documented, Paragraph
 from rodgen.errors import RodgenError, joined
@@ -381,7 +381,7 @@ class Check(Documented, Result):
         if not self.wrong:
             return ""
         if self.repairs:
-            error = f"{self.after:.3g} instead of {self.before:.3g} {self.unit}"
+            error = f"{sized(self.after, self.unit)} instead of {sized(self.before, self.unit)}"
             said = f"{self.repairs[0].words}; with that the error is {error}"
             if self.before and self.after and self.after > self.before / CHECK.better:
                 said += f"; without that change {'; '.join(self.suspicions)}"
@@ -510,13 +510,13 @@ class _Search:
         """Yield why a repair could gain: the error is larger than missing effects leave, or corrections are."""
         if fit.is_rough:
             yield (
-                f"with numbers near those of the file the error is {fit.rms / self.factor:.3g} {self.unit}, while the "
-                f"joints move what is measured by {fit.moved / self.factor:.3g} {self.unit}"
+                f"with numbers near those of the file the error is {sized(fit.rms / self.factor, self.unit)}, while "
+                f"the joints move what is measured by {sized(fit.moved / self.factor, self.unit)}"
             )
         if fit.prices.sum() >= CHECK.decisive:
             worst = int(np.argmax(fit.prices))
             parameter = fit.model.parameters[worst]
-            yield f"{parameter.key} is {fit.theta[worst] / parameter.factor:.3g} {parameter.unit} off"
+            yield f"{parameter.key} is {three_digits(fit.theta[worst] / parameter.factor)} {parameter.unit} off"
 
     def _unrecorded(self) -> str:
         """Return that no joint moves, but what is measured does; empty where it stays."""
@@ -533,7 +533,7 @@ class _Search:
         names = [joint.column for joint in self.machine.joints if joint.is_read]
         return (
             f"{joined(names)} {'have' if len(names) > 1 else 'has'} the same command in all {o.n} rows, but the "
-            f"readings move by {moved / self.factor:.3g} {self.unit}: the commands were not recorded"
+            f"readings move by {sized(moved / self.factor, self.unit)}: the commands were not recorded"
         )
 
     def _on_gravity(self, null: NearFit) -> Iterator[str]:
@@ -553,7 +553,7 @@ class _Search:
         if held is None or held.cost - cost < CHECK.decisive:
             return
         most = base.model.parameters[max(below, key=lambda i: base.prices[i])]
-        value = f"{most.key} = {base.theta[base.model.keys[most.key]] / most.factor:.3g}"
+        value = f"{most.key} = {three_digits(base.theta[base.model.keys[most.key]] / most.factor)}"
         yield (
             f"Is gravity the right way round? With that of the file weight lifts what it should lower, {value}; "
             f"more probably {best.words}."

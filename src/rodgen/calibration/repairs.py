@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rodgen.array_types import Array
 from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.calibration.problem.attitudes import attitude_numbers
+from rodgen.calibration.words import sized, three_digits
 from rodgen.data.tables.writer import write_columns
 from rodgen.data.units import parse_unit
 from rodgen.errors import counted, joined
@@ -659,14 +660,16 @@ def _mounted(model: Model, theta: Array) -> tuple[str, tuple[Target, ...]]:
     if model.structure.moving:
         points: list[Array] = [model.target(theta, k) for k in numbers]
         targets = tuple(replace(t, point=tuple(x.tolist())) for t, x in zip(targets, points, strict=True))
-        ways = [f"{np.linalg.norm(x - points[0]):.3g} {model.machine.length_unit}" for x in points[1:]]
+        unit = model.machine.length_unit
+        ways = [sized(float(np.linalg.norm(x - points[0])), unit) for x in points[1:]]
         figures = f" (moved by {joined(ways)})"
     if model.structure.measurand.has_attitude:
         turns = [model.attitude(theta, k) for k in numbers]
         vectors = [tuple(rotation_vector(turn).tolist()) for turn in turns]
         targets = tuple(replace(t, attitude=x) for t, x in zip(targets, vectors, strict=True))
         ways = [
-            f"{np.degrees(np.linalg.norm(rotation_vector(turn @ turns[0].T))):.3g}°" for turn in turns[1:]
+            f"{three_digits(float(np.degrees(np.linalg.norm(rotation_vector(turn @ turns[0].T)))))}°"
+            for turn in turns[1:]
         ]
         figures = f" (turned by {joined(ways)})"
     return figures, targets
