@@ -278,16 +278,40 @@ def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):
     np.testing.assert_allclose(run.seen, ALTAZ.direction(az[:, 0], el[:, 0]), atol=1e-8)
 
 
-@pytest.mark.parametrize("date", [" 2021 8 21", ""])
-def test_azimuths_may_be_from_north(date, tmp_path, rodgen_command: Run):
-    (tmp_path / "a.dat").write_text(f"Run\n:ALTAZ\n31 41 19.6{date}\n10 20 10.1 20.2\n100 40 100.1 40.2\n")
-    north = read_pointings(tmp_path / "a.dat", from_south=False)
-    np.testing.assert_allclose(np.degrees(north.commanded), [[10.1, 20.2], [100.1, 40.2]])
-    south = read_pointings(tmp_path / "a.dat")
-    np.testing.assert_allclose(np.degrees(south.commanded), [[169.9, 20.2], [79.9, 40.2]])
+@pytest.mark.parametrize(
+    ("comment", "option", "place", "reason"),
+    [
+        ("", None, "north", ", as TPOINT's do; --azimuth south says otherwise."),
+        ("! N=0, E=90, unlike our own, which is S=0", None, "north", ", as line 2 says."),
+        ("! Azimuth: South = 0, East = 90", None, "south", ", as line 2 says."),
+        ("! Azimuth: South = 0, East = 90", "north", "north", "."),
+        ("", "south", "south", "."),
+    ],
+)
+def test_where_azimuths_begin(comment, option, place, reason, tmp_path, rodgen_command: Run):
+    (tmp_path / "a.dat").write_text(f"Run\n{comment}\n:ALTAZ\n31 41 19.6\n10 20 10.1 20.2\n100 40 100.1 40.2\n")
+    run = read_pointings(tmp_path / "a.dat", azimuth=option)
+    first = [10.1, 100.1] if place == "north" else [169.9, 79.9]
+    np.testing.assert_allclose(np.degrees(run.commanded), np.stack([first, [20.2, 40.2]], -1))
     files = ("-o", tmp_path / "m.toml", "-d", tmp_path / "d.csv")
-    _, out, _ = rodgen_command("import", tmp_path / "a.dat", "--azimuth", "north", *files)
-    assert "Azimuths of the file run from north through east." in out
+    options = ("--azimuth", option) if option else ()
+    _, out, _ = rodgen_command("import", tmp_path / "a.dat", *options, *files)
+    assert f"Azimuths of the file run from {place} through east{reason}\n" in out
+
+
+def test_a_run_from_north_has_the_signs_of_tpoint_s_own_fit(tmp_path):
+    """A run by the formulas of TPOINT, azimuths of which are from north: its six geometric terms come back."""
+    A, E = SKY[ALTAZ].T
+    terms = {"IA": -27.0, "IE": -28.0, "CA": 6.0, "NPAE": -5.0, "AN": 4.4, "AW": 7.0}
+    right, up = sum(value * np.stack(altaz(A, E)[each]) for each, value in terms.items()) / 3600
+    A, E = np.degrees([A, E])
+    rows = np.stack([A, E, A - right / np.cos(np.radians(E)), E - up], -1) % 360
+    lines = [" ".join(f"{x:.7f}" for x in row) for row in rows]
+    (tmp_path / "run.dat").write_text("\n".join(["Run", ": ALTAZ", "-30 14 40.2", *lines, "END\n"]))
+    made = machine_from_tpoint(str(tmp_path / "run.dat"))
+    found = fit(made.machine, Measurements.from_frame(made.columns))
+    # terms are of first order: the product of two of 30 arcsec is 0.004 arcsec, and 0.03 at 80 degrees, by the tangent
+    assert terms_of(found.machine, ALTAZ, 0.0) == pytest.approx(terms, abs=0.05)
 
 
 def test_a_mean_place_needs_the_date(refuses, tmp_path):

@@ -148,9 +148,8 @@ _OPTIONS = (
     ),
     choice(
         "--azimuth",
-        ("south", "north"),
-        "of a pointing run: where azimuth is 0; it runs through east",
-        default="south",
+        ("north", "south"),
+        "of a pointing run: where azimuth is 0; it runs through east. Default: what comments of the run say, or north",
     ),
     choice(
         "--format", (1, 2, 3, 4), "of a pointing run: TPOINT's format, where it could be of two", type=int

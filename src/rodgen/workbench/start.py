@@ -80,7 +80,7 @@ class Dropped:
             self.listed = ui.element("div").classes("w-full")
             self.asked = ui.element("div").classes("w-full")
             with folded("Options of 'rodgen import'"):
-                self.options = field("Options", example="--azimuth north --estimate geometry")
+                self.options = field("Options", example="--azimuth south --estimate geometry")
 
     async def _taken(self, event: MultiUploadEventArguments) -> None:
         await self.take({file.name: await file.read() for file in event.files})

@@ -46,7 +46,7 @@ def import_files(
     tip: str | None = None,
     convention: str | None = None,
     estimate: str = "target",
-    azimuth: str = "south",
+    azimuth: str | None = None,
     format: int | None = None,
     latitude: str | None = None,
 ) -> Imported:
@@ -71,8 +71,8 @@ def import_files(
         Of a Denavit-Hartenberg table that does not tell.
     estimate : {"target", "geometry"}
         Of a URDF or a Denavit-Hartenberg table: what a fit adjusts.
-    azimuth : {"south", "north"}
-        Of a pointing run: where azimuth is 0; it runs through east.
+    azimuth : {"north", "south"}, optional
+        Of a pointing run: where azimuth is 0; it runs through east. Default: what its comments say, else north.
     format : {1, 2, 3, 4}, optional
         Of a pointing run: TPOINT's format of its lines.
     latitude : str, optional
@@ -96,7 +96,7 @@ def import_files(
         ("tip", tip, None, str),
         ("convention", convention, None, "standard", "modified"),
         ("estimate", estimate, "target", "geometry"),
-        ("azimuth", azimuth, "south", "north"),
+        ("azimuth", azimuth, None, "north", "south"),
         ("format", format, None, 1, 2, 3, 4),
         *(("columns", each, str) for pair in _pairs(columns) for each in pair),
     )
@@ -130,7 +130,7 @@ def import_files(
         made = machine_from_klipper(kinds[_PRINTER][0])
     elif _RUN in kinds or _MODEL in kinds:
         run, model = (kinds.get(kind, [None])[0] for kind in (_RUN, _MODEL))
-        made = machine_from_tpoint(run, model, latitude=angle, from_south=azimuth == "south", form=format)
+        made = machine_from_tpoint(run, model, latitude=angle, azimuth=azimuth, form=format)
     else:
         file = kinds.get(_READINGS, kinds.get(_LOG, [""]))[0]
         raise InputFileError(file, "file", _UNKNOWN, "a machine file, too: 'rodgen new' makes one")

@@ -7,8 +7,8 @@ numbers date, temperature, pressure, height, humidity, wavelength), then a recor
    deg ' "), and the sidereal time (h m): 17 numbers;
 2. apparent place of the star, the telescope's place, the sidereal time: 14;
 3. observed hour angle (h m s) and declination of the star, and the telescope's: 12;
-4. observed coordinates of the star and the telescope's in degrees: 4. Azimuth is from south (0) through east (90), or
-   from north.
+4. observed coordinates of the star and the telescope's in degrees: 4. Azimuth is from north (0) through east (90): so
+   written, a fit has the signs of TPOINT's own. A comment such as ``S=0, E=90`` says that it is from south.
 
 Up to three auxiliary readings may follow. Places of stars in 1 and 2 are reduced to what is observed: precession,
 nutation and aberration, by ERFA, at 0 h of the date that the file gives; diurnal aberration, but with ``:NODA``;
@@ -43,6 +43,8 @@ _WORDS = {
     3: "observed hour angles and declinations",
     4: "observed coordinates in degrees",
 }
+_FROM = re.compile(r"\b([NS])(?:orth|outh)?\s*=\s*0\b", re.IGNORECASE)
+"""What a comment says of azimuth: where it is 0."""
 _AUXILIARY = 3
 _SIDEREAL = 86164.0905 / 24
 """Seconds of a sidereal hour."""
@@ -105,15 +107,16 @@ def is_pointing_run(start: bytes) -> bool:
 
 
 def read_pointings(
-    path: str | os.PathLike[str], *, from_south: bool = True, form: int | None = None
+    path: str | os.PathLike[str], *, azimuth: str | None = None, form: int | None = None
 ) -> Pointings:
     """Return a pointing run.
 
     Parameters
     ----------
     path : str or os.PathLike
-    from_south : bool
-        Whether azimuths of a TPOINT file are from south (0) through east (90), else from north.
+    azimuth : {"north", "south"}, optional
+        Where azimuths of a TPOINT file of format 4 are 0; they run through east. Default: what its first comment on
+        that says, else north.
     form : {1, 2, 3, 4}, optional
         Format of observations; default: that which their numbers fit, how many there are and what they can be.
 
@@ -128,7 +131,14 @@ def read_pointings(
     if any(line.startswith("RAA:") for _, line in lines):
         return _of_log(file, lines)
     stated = [(number, line) for number, line in lines if line and not line.startswith("!")]
-    return _of_tpoint(file, stated, form, from_south=from_south)
+    reason = "."
+    if not azimuth:
+        azimuth, reason = "north", ", as TPOINT's do; --azimuth south says otherwise."
+        for number, line in lines:
+            if line.startswith("!") and (match := _FROM.search(line)):
+                azimuth, reason = "south" if match[1] in "sS" else "north", f", as line {number} says."
+                break
+    return _of_tpoint(file, stated, form, azimuth, reason)
 
 
 # TPOINT's files ---------------------------------------------------------------------------------------------
@@ -141,7 +151,7 @@ class _Record:
 
 
 def _of_tpoint(
-    file: str, lines: Sequence[tuple[int, str]], form: int | None, *, from_south: bool
+    file: str, lines: Sequence[tuple[int, str]], form: int | None, azimuth: str, reason: str
 ) -> Pointings:
     if not lines:
         raise InputFileError(file, "file", "no lines", _EXPECTED)
@@ -181,8 +191,8 @@ def _of_tpoint(
                 raise InputFileError(file, f"line {record.line}", found, "from -90 to 90")
         angles = np.radians(values)
         if mount is ALTAZ:
-            angles[:, ::2] = np.pi - angles[:, ::2] if from_south else angles[:, ::2]
-            notes.append(f"Azimuths of the file run from {'south' if from_south else 'north'} through east.")
+            angles[:, ::2] = np.pi - angles[:, ::2] if azimuth == "south" else angles[:, ::2]
+            notes.append(f"Azimuths of the file run from {azimuth} through east{reason}")
         seen = mount.direction(angles[:, 0], angles[:, 1])
         commanded = angles[:, 2:]
     else:

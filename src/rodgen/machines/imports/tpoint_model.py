@@ -382,7 +382,7 @@ def machine_from_tpoint(
     model: str | None = None,
     *,
     latitude: float | None = None,
-    from_south: bool = True,
+    azimuth: str | None = None,
     form: int | None = None,
 ) -> Imported:
     """Return the mount of a pointing run, or with the terms of a model, or both.
@@ -393,8 +393,8 @@ def machine_from_tpoint(
         The files; one of them at least.
     latitude : float, optional
         rad; of an equatorial mount, where no run gives it.
-    from_south : bool
-        Whether azimuths of the run are from south through east, else from north.
+    azimuth : {"north", "south"}, optional
+        Where azimuths of the run are 0; default: what its comments say, else north.
     form : {1, 2, 3, 4}, optional
         Format of the run's observations; default: that which their numbers fit.
 
@@ -407,7 +407,7 @@ def machine_from_tpoint(
     ------
     InputFileError
     """
-    pointings = read_pointings(run, from_south=from_south, form=form) if run else None
+    pointings = read_pointings(run, azimuth=azimuth, form=form) if run else None
     terms = read_model(model) if model else None
     mount = pointings.mount if pointings else (terms and terms.mount) or ALTAZ
     if latitude is None and pointings and pointings.site:
