@@ -400,6 +400,31 @@ def test_a_table_comes_back_as_it_came(tmp_path, table, convention):
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_a_star_marks_what_the_place_of_the_base_makes_up_for(tmp_path, convention):
+    """Of numbers of the first row that vary: another one moves all poses as one body, or the star is wrong."""
+    (tmp_path / "robot.csv").write_text(TABLE)
+    machine = machine_from_table(tmp_path / "robot.csv", "standard").machine
+    keys = [f"J{j}.{part}.{x}" for j in (2, 3, 4) for part in ("axis", "point") for x in "ab"]
+    parts = tuple(f"J{j}.{part}" for j in (2, 3, 4) for part in ("axis", "point"))
+    machine = replace(machine, estimate=parts, values=dict.fromkeys(keys, 1e-4))
+    machine.emit("dh", tmp_path, name="robot", covariance=(keys, np.diag(np.full(len(keys), 1e-10))))
+    path = tmp_path / f"robot_{convention}_dh.toml"
+    text = path.read_text()
+    first = text.split("[[joint]]")[1]
+    q = np.random.default_rng(3).uniform(-2, 2, (8, 6))
+    before, _ = product(path, q, convention)
+    stars = {}
+    for key, value, star in re.findall(r"(\w+) = (\S+)  # U = [\d.e-]+(\*?)", first):
+        changed = first.replace(f"\n{key} = {value}", f"\n{key} = {float(value) + 1}")
+        path.write_text(text.replace(first, changed, 1))
+        after, _ = product(path, q, convention)
+        far = [np.linalg.norm(places[:, None] - places, axis=-1) for places in (before, after)]
+        stars[key] = bool(star)
+        assert stars[key] == np.allclose(*far, atol=1e-9), key
+    assert stars["theta"]
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
 @pytest.mark.parametrize("moved", [0.0, 1e-3], ids=["as imported", "moved"])
 def test_a_table_has_the_rows_of_the_imported_one_and_the_poses_of_the_fit(tmp_path, convention, moved):
     """Parallel axes that a fit has tilted, and a target off the last axis: a product of rows, and read again."""

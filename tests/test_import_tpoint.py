@@ -289,7 +289,9 @@ def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):
     ],
 )
 def test_where_azimuths_begin(comment, option, place, reason, tmp_path, rodgen_command: Run):
-    (tmp_path / "a.dat").write_text(f"Run\n{comment}\n:ALTAZ\n31 41 19.6\n10 20 10.1 20.2\n100 40 100.1 40.2\n")
+    (tmp_path / "a.dat").write_text(
+        f"Run\n{comment}\n:ALTAZ\n31 41 19.6\n10 20 10.1 20.2\n100 40 100.1 40.2\n"
+    )
     run = read_pointings(tmp_path / "a.dat", azimuth=option)
     first = [10.1, 100.1] if place == "north" else [169.9, 79.9]
     np.testing.assert_allclose(np.degrees(run.commanded), np.stack([first, [20.2, 40.2]], -1))

@@ -150,6 +150,11 @@ def _text(geometries: Sequence[Geometry], rows: Sequence[_Rows], convention: str
     coupled = of_couplings(machine, [joint.name for joint in machine.joints if joint.coordinate])
     lines = [f"# {note}", *(f"# not in it: {what}" for what in (*geometry.left_out, *coupled))]
     lines += [f"# {line}" for line in said_of_uncertainties(geometries)]
+    choices = ["theta"] * geometry.turns + ["d"] * geometry.slides
+    if any(columns[key][1][0] > 0 for key in choices):
+        lines.append(
+            "# * A choice of coordinates is in this U: the frame is free, and so is the base along its axis."
+        )
     lines += [
         f"# A row is {order}; the coordinate of a joint is added to its theta, or to its d where it slides.",
         "# Of equal tables this is the one with the least theta. That of the last row is 0 on the nominal machine,",
@@ -175,7 +180,8 @@ def _text(geometries: Sequence[Geometry], rows: Sequence[_Rows], convention: str
         for key, (values, u) in columns.items():
             if key != "beta" or fifth[j]:
                 said = uncertain_number(float(values[j]), float(u[j]), machine.length_unit)[1]
-                lines.append(f"{key} = {_number(values[j])}" + f"  # U = {said}" * bool(said))
+                star = "*" * (j == 0 and key in choices)
+                lines.append(f"{key} = {_number(values[j])}" + f"  # U = {said}{star}" * bool(said))
         if joint.travel:
             scale = math.degrees(1.0) if joint.revolute else 1.0
             lines.append(f"travel = {_listed([x * scale for x in joint.travel])}")

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 CONSTANT = {"axis_tilt", "squareness", "axis_offset", "zero_offset", "target_offset"}
 """Effects that are constants of the geometry."""
 
+ALONG = 1e-6
+"""Sine between the first axis and gravity that a rounded file has."""
+
 
 @dataclass(frozen=True)
 class Geometry:
@@ -38,6 +41,10 @@ class Geometry:
     """The same chain as the file has it, without what was fitted."""
     left_out: tuple[str, ...]
     """A sentence for each part of the model that is not in it."""
+    slides: bool
+    """Whether the base may be anywhere along the first axis: readings are the same, as their frame is free."""
+    turns: bool
+    """Whether the base may be turned about the first axis, too, which nothing that weighs must see."""
 
 
 def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
@@ -112,7 +119,11 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
         ),
         targets=scope.machine.targets,
     )
-    return Geometry(rigid, nominal, tuple(left_out))
+    slides = machine.measured.frame == "free" and not machine.branches
+    upright = np.linalg.norm(np.cross(machine.joints[0].axis, machine.gravity)) < ALONG
+    return Geometry(
+        rigid, nominal, tuple(left_out), slides, slides and bool(upright or not scope.machine.effects)
+    )
 
 
 def of_couplings(machine: Machine, names: Sequence[str]) -> list[str]:
