@@ -345,6 +345,23 @@ def test_coupled_dimensions_of_a_robot_are_found_by_a_tracker():
 # files and code --------------------------------------------------------------------------------------------------
 
 
+def test_touches_with_no_more_rows_than_dimensions_are_weighed():
+    """Thirteen touches of a printer with arms, two of which are off, and one wrong touch: by SciPy, arm by arm."""
+    q = """48.907115 48.907115 48.907115 41.312862 56.605476 53.344195 41.521111 52.700225 57.056141 44.258820 47.964238
+    58.981801 48.633700 43.703628 58.803351 53.288173 41.256732 56.549498 56.956926 41.417370 52.600994 58.758878
+    44.018298 47.729766 58.704033 48.529857 43.595287 56.498320 53.237050 41.201257 52.611927 56.967806 41.423905
+    47.908374 58.930271 44.202989 43.697902 58.802204 48.632482"""
+    angles = np.array(q.split(), float).reshape(-1, 3).T
+    text = machine_file("rotary-delta", kind="height", estimate=["R"])
+    text |= {
+        "geometry": {"R": 33.9, "A": 170.0, "L": 320.0},
+        "target": [{"name": "nozzle", "point": [0, 0, 412.9]}],
+    }
+    arms = machine_of(toml(text), "machine.toml")
+    rows = {f"A{k + 1} [deg]": x for k, x in enumerate(angles)} | {"d [mm]": np.zeros(angles.shape[1])}
+    assert "A1" in {step.effect.place for step in diagnose(arms, Measurements.from_frame(rows)).steps}
+
+
 def test_a_file_comes_back_as_it_was():
     for family in ("linear-delta", "rotary-delta"):
         built = machine(family, kind="height", estimate=["R"], effects=[])

@@ -95,9 +95,11 @@ def _cost(evidence: Evidence, chosen: Sequence[Candidate], off: Sequence[Candida
 
     None is chosen. Those with the same usual size are distributed with the same width, or each as usual or wider: where
     the readings hardly determine them, a common width shrinks with the sizes. Effects may stand for dimensions, so
-    the other effects are selected again.
+    the other effects are selected again, if dimensions leave any degree of freedom.
     """
-    rests = ([c for c in some if not is_dimension(c)] for some in (chosen, select(evidence.beside(off))))
+    beside = evidence.beside(off)
+    others = select(beside) if beside.dof > 0 else []
+    rests = ([c for c in some if not is_dimension(c)] for some in (chosen, others))
     ways = itertools.product((evidence.as_one_cause(off), evidence), rests)
     costs = (way.cost([*rest, *off]) - way.choice([*rest, *off]) + way.choice(rest) for way, rest in ways)
     return min(costs) + 2 * evidence.log_choices
