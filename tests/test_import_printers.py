@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from delta_cases import PRINTER, L, R, commanded, hung, probed, spiral
+from scipy.optimize import brentq
 
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
 from rodgen.machines.imports.imported import Imported
 from rodgen.machines.imports.printers import is_printer, is_probe_log, machine_from_klipper, with_probe_log
 from rodgen.machines.machine import Machine
@@ -116,6 +119,45 @@ def test_a_log_of_touches_becomes_carriages(form, tmp_path: Path):
     assert np.abs(read - q).max() < 1e-4
     assert made.places[0] == "line 2"
     check_found(made)
+
+
+def test_a_log_of_touches_becomes_angles_of_arms(tmp_path: Path):
+    """By Klipper's published geometry, whose angles are positive upwards, solved by SciPy arm by arm."""
+    arms, rods, headings, radius, height = [170.0, 170.6, 170.0], 320.0, [30.0, 151.0, 270.0], 33.9, 412.9
+    config = f"[printer]\nkinematics: rotary_delta\nshoulder_radius: {radius}\nshoulder_height: {height}\n"
+    for letter, arm, at in zip("abc", arms, headings, strict=True):
+        config += f"[stepper_{letter}]\nupper_arm_length: {arm}\nlower_arm_length: {rods}\nangle: {at}\n"
+    places = np.random.default_rng(4).uniform([-60, -60, -0.3], [60, 60, 0.3], (12, 3)).round(6)
+
+    def angle(place: np.ndarray, arm: float, at: float) -> float:
+        c, s = np.cos(np.radians(at)), np.sin(np.radians(at))
+        out, across = place[0] * c + place[1] * s - radius, place[1] * c - place[0] * s
+
+        def left(q: float) -> float:
+            return (
+                (out - arm * np.cos(q)) ** 2
+                + across**2
+                + (place[2] - height - arm * np.sin(q)) ** 2
+                - rods**2
+            )
+
+        return float(np.degrees(brentq(left, -1.5, 1.0)))
+
+    expected = [[-angle(place, arm, at) for arm, at in zip(arms, headings, strict=True)] for place in places]
+    printer = file(tmp_path, "printer.cfg", config)
+    log = file(
+        tmp_path, "probe.log", "\n".join("probe at {:.6f},{:.6f} is z={:.6f}".format(*p) for p in places)
+    )
+    assert is_printer(printer.read_bytes())
+    made = with_probe_log(machine_from_klipper(printer), log, str(printer))
+    read = np.stack([made.columns[f"A{k} [deg]"] for k in (1, 2, 3)], axis=1)
+    np.testing.assert_allclose(read, expected, atol=1e-6)  # six decimals are written
+    assert [effect.title for effect in made.machine.effects] == ["arm_length at A2", "delta_angle at A2"]
+    # the nozzle of the machine is on the plate where the log says 0, once the angle of the arm is right
+    columns = {**made.columns, "d [mm]": places[:, 2]}
+    found = fit(replace(made.machine, estimate=()), Measurements.from_frame(columns))
+    assert found.rms < 1e-5
+    assert found.estimates["A2.delta_angle.a"].value == pytest.approx(1.0, abs=1e-4)
 
 
 def test_a_height_map_is_read_by_rows(tmp_path: Path):

@@ -7,6 +7,9 @@ firmware's own dimensions that is the height of each carriage, and there the noz
 - Klipper's ``probe at 10.000,20.000 is z=0.123456``;
 - Marlin's ``Bed X: 10.00 Y: 20.00 Z: 0.12`` of G30;
 - RepRapFirmware's ``heightmap.csv`` of G29.
+
+Klipper's printers with arms (``rotary_delta``) are read, too: x of the machine points to the first arm, as they know no
+other direction, and what a log says is turned into these axes.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,9 +29,10 @@ from rodgen.array_types import Array
 from rodgen.errors import InputFileError, shown
 from rodgen.files import decoded, read_input
 from rodgen.kinematics import delta
-from rodgen.machines.families.delta import LinearDelta
+from rodgen.machines.families.delta import LinearDelta, RotaryDelta
 from rodgen.machines.imports.imported import Imported
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.rigid import rotation_matrix
 
 _SAVED = "#*#"
 """What the lines begin with that Klipper writes itself."""
@@ -72,7 +77,7 @@ class Firmware:
 def is_printer(start: bytes) -> bool:
     """Return whether a file begins as the printer.cfg of a delta printer does."""
     text = start.decode("utf-8", "replace")
-    return bool(re.search(r"^kinematics\s*[:=]\s*delta\s*(?:[#;].*)?$", text, re.MULTILINE))
+    return bool(re.search(r"^kinematics\s*[:=]\s*(?:rotary_)?delta\s*(?:[#;].*)?$", text, re.MULTILINE))
 
 
 def is_probe_log(start: bytes) -> bool:
@@ -91,6 +96,10 @@ def machine_from_klipper(file: str | os.PathLike[str]) -> Imported:
     """
     name = os.fspath(file)
     config = _read(name)
+    if config.get("printer", {}).get("kinematics") == "rotary_delta":
+        machine = _of_arms(name, config)[0]
+        note = f"{name}: the rotary delta of Klipper, in mm; x points to arm A1, and z = 0 is the plate."
+        return Imported(machine, (note, *_notes(machine)))
     firmware = _firmware(name, config)
     machine = _machine(firmware, name)
     heights = list(_saved_heights(name, config, firmware))
@@ -125,25 +134,32 @@ def with_probe_log(made: Imported, file: str | os.PathLike[str], printer: str | 
         When the machine is none, the log has no touch, or one is out of reach.
     """
     name, machine = os.fspath(file), made.machine
-    kinematics = machine.kinematics
-    if not isinstance(kinematics, LinearDelta) or machine.measured.kind != "height":
-        found = "a probe log, but the machine is no linear-delta whose kind of reading is 'height'"
+    kinematics, unit = machine.kinematics, machine.length_unit
+    if not isinstance(kinematics, LinearDelta | RotaryDelta) or machine.measured.kind != "height":
+        found = "a probe log, but the machine is no delta whose kind of reading is 'height'"
         raise InputFileError(name, "file", found, "the machine file that 'rodgen new linear-delta' makes")
-    geometry = delta.LinearGeometry(kinematics.R, kinematics.L)
-    if printer is not None:
-        geometry = _firmware(printer, _read(printer)).geometry
-    unit = machine.length_unit
     touches = list(_touches(name))
     if not touches:
         raise InputFileError(name, "file", "no touch of a probe", "lines such as 'probe at 10,20 is z=0.12'")
     places = np.array([touch[1:] for touch in touches])
-    carriages, status = delta.linear_inverse(places, geometry)
+    if isinstance(kinematics, RotaryDelta):
+        arms, turn = delta.RotaryGeometry(kinematics.R, kinematics.A, kinematics.L), 0.0
+        if printer is not None:
+            _, arms, turn = _of_arms(printer, _read(printer))
+        places = places @ rotation_matrix([0.0, 0.0, turn]) - machine.targets[0].point
+        carriages, status = delta.rotary_inverse(places, arms)
+        carriages, of = np.degrees(carriages), "deg"
+    else:
+        geometry, of = delta.LinearGeometry(kinematics.R, kinematics.L), unit
+        if printer is not None:
+            geometry = _firmware(printer, _read(printer)).geometry
+        carriages, status = delta.linear_inverse(places, geometry)
     if np.any(status):
         touch = touches[int(np.argmax(status != 0))]
         found = f"x = {touch.x:g}, y = {touch.y:g}, which the rods do not reach"
         raise InputFileError(name, f"line {touch.line}", found, f"places within R = {kinematics.R:g} {unit}")
     columns: dict[str, Any] = {
-        f"{tower} [{unit}]": carriages[:, k].round(6) for k, tower in enumerate(kinematics.legs)
+        f"{tower} [{of}]": carriages[:, k].round(6) for k, tower in enumerate(kinematics.legs)
     }
     columns[f"d [{unit}]"] = np.zeros(len(touches))
     note = (
@@ -175,20 +191,56 @@ def _read(name: str) -> Mapping[str, Mapping[str, str]]:
     return {section: dict(found.items(section)) for section in found.sections()}
 
 
-def _firmware(name: str, config: Mapping[str, Mapping[str, str]]) -> Firmware:
-    def number(section: str, key: str, default: float | None = None) -> float:
-        text = config.get(section, {}).get(key)
-        if text is None and default is not None:
-            return default
-        found = "missing" if text is None else shown(text)
-        try:
-            value = float(text or "")
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputFileError(name, f"[{section}], {key}", found, "a number")
-        return value
+def _number(
+    name: str,
+    config: Mapping[str, Mapping[str, str]],
+    section: str,
+    key: str,
+    default: float | None = None,
+) -> float:
+    text = config.get(section, {}).get(key)
+    if text is None and default is not None:
+        return default
+    found = "missing" if text is None else shown(text)
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputFileError(name, f"[{section}], {key}", found, "a number")
+    return value
 
+
+def _of_arms(
+    name: str, config: Mapping[str, Mapping[str, str]]
+) -> tuple[Machine, delta.RotaryGeometry, float]:
+    """Return a printer with arms, its geometry in the machine's axes, and by how much these are turned, rad."""
+    number = partial(_number, name, config)
+    radius, height = number("printer", "shoulder_radius"), number("printer", "shoulder_height")
+    arms, rods, angles = list[float](), list[float](), list[float]()
+    for letter, usual in zip("abc", (30.0, 150.0, 270.0), strict=True):
+        section = f"stepper_{letter}"
+        arms.append(number(section, "upper_arm_length", arms[0] if arms else None))
+        rods.append(number(section, "lower_arm_length", rods[0] if rods else None))
+        angles.append(number(section, "angle", usual))
+    heading = (0.0, angles[1] - angles[0], angles[2] - angles[0])
+    kinematics = RotaryDelta(radius, rods[0], arms[0])
+    if not (min(radius, *arms) > 0 and kinematics.fault is None):
+        found = f"shoulder_radius {radius:g}, upper_arm_length {arms[0]:g}, lower_arm_length {rods[0]:g}"
+        raise InputFileError(name, "[printer]", found, "positive numbers, with which rods reach the middle")
+    machine = replace(_printer(kinematics), targets=(Target("nozzle", (0.0, 0.0, height)),))
+    for leg, (arm, rod, at) in zip(kinematics.legs, zip(arms, rods, heading, strict=True), strict=True):
+        for effect, off in (("arm_length", arm - arms[0]), ("rod_length", rod - rods[0])):
+            if off:
+                machine = machine.with_effect(machine.effect(effect, leg, hold={"a": off}))
+        if math.remainder(at - kinematics.legs[leg], 360):
+            machine = machine.with_effect(machine.effect("delta_angle", leg))
+    geometry = delta.RotaryGeometry(radius, (arms[0], arms[1], arms[2]), (rods[0], rods[1], rods[2]), heading)
+    return machine, geometry, math.radians(angles[0])
+
+
+def _firmware(name: str, config: Mapping[str, Mapping[str, str]]) -> Firmware:
+    number = partial(_number, name, config)
     radius = number("printer", "delta_radius")
     rods: list[float] = []
     angles: list[float] = []
@@ -250,18 +302,7 @@ def _machine(firmware: Firmware, name: str) -> Machine:
     geometry = firmware.geometry
     (radius, *_), rods, _ = geometry.numbers
     legs = LinearDelta.legs
-    machine = Machine(
-        "Delta printer",
-        "mm",
-        "deg",
-        (0.0, 0.0, -1.0),
-        20.0,
-        tuple(Joint(tower, LinearDelta.leg) for tower in legs),
-        (Target("nozzle", (0.0, 0.0, 0.0)),),
-        Measured("height", "machine"),
-        ("R",),
-        kinematics=LinearDelta(float(radius), float(rods[0])),
-    )
+    machine = _printer(LinearDelta(float(radius), float(rods[0])))
     for (tower, usual), angle, rod in zip(legs.items(), geometry.heading, rods, strict=True):
         if rod != rods[0]:
             machine = machine.with_effect(
@@ -272,12 +313,28 @@ def _machine(firmware: Firmware, name: str) -> Machine:
     return machine
 
 
+def _printer(kinematics: LinearDelta | RotaryDelta) -> Machine:
+    return Machine(
+        "Delta printer",
+        "mm",
+        "deg",
+        (0.0, 0.0, -1.0),
+        20.0,
+        tuple(Joint(leg, kinematics.leg) for leg in kinematics.legs),
+        (Target("nozzle", (0.0, 0.0, 0.0)),),
+        Measured("height", "machine"),
+        ("R",),
+        kinematics=kinematics,
+    )
+
+
 def _notes(machine: Machine) -> Iterator[str]:
     for effect in machine.effects:
         if effect.name == "delta_angle":
-            yield f"The angle of tower {effect.place} is not the usual one: a fit estimates it, from the usual one."
+            yield f"The angle of {effect.place} is not the usual one: a fit estimates it, from the usual one."
         else:
-            yield f"The rods of tower {effect.place} have a length of their own, which is held."
+            part = "arm" if effect.name == "arm_length" else "rods"
+            yield f"{effect.place}: the length of its {part} is its own, which is held."
 
 
 # logs -------------------------------------------------------------------------------------------------------------
