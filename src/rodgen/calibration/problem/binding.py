@@ -281,7 +281,8 @@ class _Binder:
         unit = parse_unit(column.unit)
         if unit.dimension != dimension:
             found = f"unit {shown(column.unit)}, which is not a unit of {quantity}"
-            raise self._wrong_column(column, found, f"a unit of {quantity}, such as {example}{why}")
+            weight = " or kgf" * (dimension == FORCE)  # of a mass in kg
+            raise self._wrong_column(column, found, f"a unit of {quantity}, such as {example}{weight}{why}")
         return column
 
     def _check_numbers(self, column: Any) -> None:
