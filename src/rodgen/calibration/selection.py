@@ -323,7 +323,10 @@ def _alike(
     evidence.weighed([*rest, *some] for some in tried)
     for some in tried:
         keys = frozenset(c.key for c in some)
-        cost = _dearer(evidence, chosen, rest, some)
+        more = evidence.cost([*rest, *some]) - evidence.cost(chosen)
+        cost = max(
+            _dearer(evidence, chosen, rest, some), min(more, 0.0)
+        )  # what says nothing makes nothing likelier
         fewer = [x.cost - COST.needed * (other < keys) for other, x in found.items() if other <= keys]
         before = max(evidence.choice([*rest, *some]) - choice, 0.0)
         if not certain:
