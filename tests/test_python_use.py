@@ -12,6 +12,7 @@ from dataclasses import is_dataclass, replace
 
 import numpy as np
 import pytest
+from made_diagnoses import mount
 
 import rodgen
 from rodgen.calibration.fit import Fit
@@ -240,6 +241,13 @@ def test_a_fit_draws_its_residuals(refuses, fit, monkeypatch):
     monkeypatch.setitem(sys.modules, "rodgen.output.figures.residuals", None)
     monkeypatch.setitem(sys.modules, "plotly", None)
     refuses(fit.plot)
+
+
+def test_a_diagnosis_draws_the_error_of_each_model():
+    pytest.importorskip("plotly")
+    diagnosis = mount()
+    drawn = [value for mark in diagnosis.plot().data for value in mark.x]
+    assert {diagnosis.rms.before, diagnosis.rms.after} <= set(drawn)
 
 
 def public_classes():

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 
 FUNCTIONS = {
     "Diagnosis.document": "rodgen.calibration.diagnosis_text.document",
+    "Diagnosis.plot": "rodgen.facade.plot_errors",
     "Derivation.report": "rodgen.symbolic.display.report",
     "Entry._repr_markdown_": "rodgen.symbolic.display.markdown",
     "Entry.steps": "rodgen.symbolic.display.steps",
@@ -111,8 +112,24 @@ def plot(fit: fitted.Fit, against: str = "order") -> Any:
     RodgenError
         Where Plotly is not installed, or there is nothing of this name.
     """
+    return _figure("residual_plot")(fit, against)
+
+
+def plot_errors(diagnosis: Diagnosis) -> Any:
+    """Return the error of each model, fitted and held out, as a figure of Plotly; see ``rodgen.figures.diagnosis``.
+
+    Raises
+    ------
+    RodgenError
+        Where Plotly is not installed.
+    """
+    return next(_figure("diagnosis")(diagnosis))
+
+
+def _figure(name: str) -> Any:
+    from rodgen.output import figures
+
     try:
-        from rodgen.output.figures import residual_plot
+        return getattr(figures, name)
     except ModuleNotFoundError as error:
         raise RodgenError(f"no module {error.name!r}; expected it: pip install 'rodgen[plot]'") from None
-    return residual_plot(fit, against)

@@ -484,6 +484,7 @@ class Diagnosis(HasOdds, Documented, Result):
         return plan(self, n)
 
     document = cast("Callable[..., Document]", method())
+    plot = method()
 
 
 def _is_one(alias: Alias) -> bool:
