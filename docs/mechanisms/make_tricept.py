@@ -7,6 +7,7 @@ The table compares the paper's eq. (24) with the sums of influences, the paper's
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,8 @@ def draw_bounds(found: tricept.Bounds) -> go.Figure:
 
 
 def main() -> None:
+    """Write the table and the pictures."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     found = tricept.bounds(*BOX, tricept.PAPER, U_X, gap=GAP)
     text = PAGE.read_text(encoding="utf-8")
     start, end = "<!-- table: make_tricept.py -->\n", "<!-- end of table -->"
