@@ -48,6 +48,10 @@ BANNED = {
     r"\bbrings? nothing\b": "does not help",
     r"\bwhat it was\b": "unchanged",
     r"\bpull the axis\b": "bias",
+    r"\bkeeps? (its|their) promises?\b": "suffice as often as stated",
+    r"\bhow far to believe\b": "how reliable",
+    r"\bexplains? it not\b": "does not explain it",
+    r"\band not falsely\b": "and false alarms are no more frequent",
     r"\bnothing tells\b": "there is no evidence",
 }
 """Idioms that must be read twice, as patterns, and what to write instead."""

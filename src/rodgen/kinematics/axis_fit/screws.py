@@ -756,7 +756,7 @@ def _motion_spread(equations: Equations, factor: Factorised) -> Array:
 def _outlier(
     equations: Equations, state: State, basis: Array, factor: Factorised, cost: float, dof: int
 ) -> int | None:
-    """Return the reading of a point, or the pose, without which the squares fall most, where chance explains it not.
+    """Return the reading of a point, or the pose, without which the squares fall most, unless chance explains that.
 
     Without a reading they fall by dᵀ (I - h)⁻¹ d in units of the noise, with its part h of the fit (W. Baarda, 1968).
     """
