@@ -719,14 +719,22 @@ def _on_stretch(subject: _Subject, state: _State) -> str:
     place = subject.fitted.observations.data.place
     first, last = place(stretch.first), place(stretch.last)
     targets = "targets" if len(subject.fitted.machine.targets) > 1 else "target"
+    dearer, speed = stretch.gain - stretch.rival, "sudden" if stretch.creeps else "slow"
+    near = stretch.of_target and dearer < COST.tied
+    instead = f" A {speed} motion of the {targets} instead is {comparison(_odds(dearer))}." * near
+    if stretch.creeps:
+        return (
+            f"The {targets} may creep, moving slowly against the machine from {first} to {last}.{instead} Fasten the "
+            f"{targets}, let the machine warm up, and measure again."
+        )
     other = (
         f"{targets} may have been mounted another way"
         if stretch.of_target
         else "set-up may have been another"
     )
     return (
-        f"The readings from {first} to {last} lie displaced against the others: the {other} there. Note the set-ups "
-        "in a column run, and diagnose again."
+        f"The readings from {first} to {last} lie displaced against the others: the {other} there.{instead} Note the "
+        "set-ups in a column run, and diagnose again."
     )
 
 

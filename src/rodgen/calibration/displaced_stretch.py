@@ -1,4 +1,4 @@
-"""A stretch of rows that lies displaced: poses that follow each other and share a motion of the frame."""
+"""A stretch of rows that lies displaced: poses that follow each other and share a motion, or all poses a slow one."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ NEARER = 8
 """How much nearer ends are tried from one step to the next."""
 ROWS = 4096
 """Rows whose columns are multiplied at once."""
+SLOWEST = 3
+"""Half waves over all poses, at most, of which a slow motion consists: what is faster is nearly a jump."""
 RIDGE = 1e-3
 """Part of the products of columns that is added to them: a motion that the fitted parameters imitate has no gain."""
 
@@ -44,6 +46,10 @@ class DisplacedStretch:
     columns: Array = field(repr=False)
     of_target: bool = False
     """Whether the targets lie displaced in the body that carries them, not the frame."""
+    creeps: bool = False
+    """Whether the motion is a slow one over all poses."""
+    rival: float = 0.0
+    """The gain of the likeliest motion of the other kind, at once or slow."""
 
 
 def stretch_of(
@@ -54,7 +60,7 @@ def stretch_of(
     order: NDArray[np.int_],
     wrong: Mask,
 ) -> DisplacedStretch | None:
-    """Return the likeliest stretch of several rows; None where the residuals are likelier without any.
+    """Return the likeliest stretch of several rows, or a slow motion; None where the residuals are likelier without.
 
     Parameters
     ----------
@@ -74,7 +80,8 @@ def stretch_of(
     -----
     Translations alone, and with turns, are tried. A motion of k components costs k ln of the degrees of freedom
     (Schwarz 1978). Each motion of the set-up may be after any of N poses, which costs 2 ln N: one where the stretch
-    reaches the first or the last pose, else two. That its readings only scatter more competes with the motion.
+    reaches the first or the last pose, else two. That its readings only scatter more competes with the motion, and so
+    does a slow motion over all poses: cosines of one to `SLOWEST` half waves.
     """
     n, m, k = motion.shape
     ends = np.flatnonzero(np.diff(pose[order], prepend=-1, append=-1))
@@ -83,19 +90,33 @@ def stretch_of(
         return None
     sums = _Sums(residual, model, motion, order, ~wrong, ends)
     total, dof = sums.total, m * int(np.count_nonzero(~wrong)) - sums.rank
-    best = (0.0, 0, 0, 0, 0.0)
+    best, slow = (0.0, 0, 0, 0, 0.0), (0.0, 0, 0)
+
+    def gain_of(fall: float, numbers: int) -> float:
+        return float(-dof * math.log(max(1 - fall / total, 1e-12)) - numbers * math.log(dof))
+
     for size in {min(k, 3), k}:
         if dof <= size + m or not total:
             continue
         for moves in (1, 2):
             fall, first, last = sums.best(moves, size)
             of_place = 2 * moves * math.log(poses)
-            gain = -dof * math.log(max(1 - fall / total, 1e-12)) - size * math.log(dof) - of_place
-            best = max(best, (gain, first, last, size, of_place))
+            best = max(best, (gain_of(fall, size) - of_place, first, last, size, of_place))
+        for waves in range(1, SLOWEST + 1):
+            if dof > size * waves + m:
+                slow = max(slow, (gain_of(sums.slow(waves, size), size * waves), waves, size))
     gain, first, last, size, of_place = best
+    if gain and sums.gain_of_scatter(first, last, dof) - math.log(dof) >= gain + of_place:
+        gain = 0.0
+    if slow[0] > gain:
+        place = np.searchsorted(ends, np.argsort(order), side="right").astype(float) - 0.5
+        wave = _half_waves(place, poses, slow[1]).T[:, None, None]
+        columns = (motion[:, :, : slow[2], None] * wave).reshape(n, m, -1)
+        every = np.ones(n, bool)
+        return DisplacedStretch(
+            int(order[0]), int(order[-1]), slow[0], every, columns, creeps=True, rival=gain
+        )
     if gain <= 0:
-        return None
-    if sums.gain_of_scatter(first, last, dof) - math.log(dof) >= gain + of_place:
         return None
     if 2 * (last - first) > poses and (first == 0 or last == poses):  # a jump: the shorter side of it
         first, last = (last, poses) if first == 0 else (0, first)
@@ -103,7 +124,20 @@ def stretch_of(
     rows = np.zeros(n, bool)
     rows[found] = True
     columns = motion[:, :, :size] * rows[:, None, None]
-    return DisplacedStretch(int(found[0]), int(found[-1]), gain, rows, columns)
+    return DisplacedStretch(int(found[0]), int(found[-1]), gain, rows, columns, rival=slow[0])
+
+
+def _half_waves(place: Array, poses: int, count: int) -> Array:
+    """Return cosines of one half wave over all poses, two, and so on, at some places among them, (count, n)."""
+    return np.asarray(np.cos(np.pi * np.arange(1, count + 1)[:, None] * place / poses))
+
+
+def _falls(seen: Array, shared: Array, pull: Array) -> Array:
+    """Return the falls of the sum of squares by columns, (s,), from their products with all."""
+    size = seen.shape[-1]
+    ridge = RIDGE * np.trace(seen, axis1=1, axis2=2)[:, None, None] * np.eye(size) + 1e-300 * np.eye(size)
+    beyond = seen - shared @ shared.transpose(0, 2, 1) + ridge
+    return np.asarray(np.einsum("sk,sk->s", pull, np.linalg.solve(beyond, pull[:, :, None])[:, :, 0]))
 
 
 class _Sums:
@@ -144,8 +178,8 @@ class _Sums:
             for count in (ENDS, math.isqrt(poses))
         )
         self.cells = np.union1d(self.grid, cells)
-        sums = [self._between(*pair) for pair in pairwise(ends[self.cells])]
-        before = np.concatenate([[sums[0] * 0], np.cumsum(sums, axis=0)])
+        self.within = np.stack([self._between(*pair) for pair in pairwise(ends[self.cells])])
+        before = np.concatenate([self.within[:1] * 0, np.cumsum(self.within, axis=0)])
         self.before = dict(zip(self.cells.tolist(), before, strict=True))
 
     def _base(self, some: slice) -> Array:
@@ -200,6 +234,15 @@ class _Sums:
                 found = better
         return found
 
+    def slow(self, count: int, size: int) -> float:
+        """Return the fall of the sum of squares by so many half waves of a motion, each constant within a cell."""
+        wave = _half_waves((self.cells[1:] + self.cells[:-1]) / 2, len(self.ends) - 1, count)
+        some, k = self.within[:, :size], len(self.scale)
+        seen = np.einsum("ac,bc,cij->aibj", wave, wave, some[:, :, :size])
+        shared, pull = np.einsum("ac,cir->air", wave, some[:, :, k:-1]), wave @ some[:, :, -1]
+        n = count * size
+        return float(_falls(seen.reshape(1, n, n), shared.reshape(1, n, -1), pull.reshape(1, n))[0])
+
     def _best_of(
         self, firsts: NDArray[np.int_], lasts: NDArray[np.int_], moves: int, size: int
     ) -> tuple[float, int, int]:
@@ -218,8 +261,6 @@ class _Sums:
         one, other = numbers.reshape(2, -1)
         inside, k = sums[other] - sums[one], len(self.scale)
         seen, shared, pull = inside[:, :, :size], inside[:, :, k:-1], inside[:, :, -1]
-        ridge = RIDGE * np.trace(seen, axis1=1, axis2=2)[:, None, None] * np.eye(size) + 1e-300 * np.eye(size)
-        beyond = seen - shared @ shared.transpose(0, 2, 1) + ridge
-        falls = np.einsum("sk,sk->s", pull, np.linalg.solve(beyond, pull[:, :, None])[:, :, 0])
+        falls = _falls(seen, shared, pull)
         i = int(np.argmax(falls))
         return float(falls[i]), int(a[i]), int(b[i])

@@ -167,7 +167,9 @@ class Rows:
                 if motion.shape[2]
                 for one in [stretch_of(self.residual, self.model, motion, self.pose, self.orders[0], wrong)]
             ]
-        return max(filter(None, found), key=lambda one: one.gain, default=None)
+        best = max(filter(None, found), key=lambda one: one.gain, default=None)
+        # a frame that moves slowly wanders
+        return None if best is not None and best.creeps and not best.of_target else best
 
     def following(self, found: Verdict) -> Mask:
         """Return the wrong rows, (n,), whose poses follow each other in an order more than by chance.

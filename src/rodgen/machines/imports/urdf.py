@@ -331,7 +331,9 @@ def _check_way(
         way.append(above.name)
         if above.mimic[0] in {*inside, *way}:
             found = " follows ".join([*way, above.mimic[0]])
-            raise InputFileError(file, f"joint {joint}, mimic", found, "a joint that follows none of this chain")
+            raise InputFileError(
+                file, f"joint {joint}, mimic", found, "a joint that follows none of this chain"
+            )
         above = joint_of.get(above.mimic[0])
 
 
