@@ -381,7 +381,8 @@ class Check(Documented, Result):
         if not self.wrong:
             return ""
         if self.repairs:
-            error = f"{sized(self.after, self.unit)} instead of {sized(self.before, self.unit)}"
+            error = sized(self.after or 0.0, self.unit)
+            error += "" if self.before is None else f" instead of {sized(self.before, self.unit)}"
             said = f"{self.repairs[0].words}; with that the error is {error}"
             if self.before and self.after and self.after > self.before / CHECK.better:
                 said += f"; without that change {'; '.join(self.suspicions)}"
