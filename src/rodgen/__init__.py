@@ -127,20 +127,20 @@ __all__ = [
 def __getattr__(name: str) -> _Any:
     if name in _SUBJECTS:
         return _import_module(_SUBJECTS[name])
-    found: _Any
+    attribute: _Any
     if name in __all__:
         modules = map(_import_module, _NUMERIC)
-        found = next(getattr(module, name) for module in modules if name in module.__all__)
+        attribute = next(getattr(module, name) for module in modules if name in module.__all__)
     elif name in _LATER:
-        found = getattr(_import_module(_LATER[name]), name)
+        attribute = getattr(_import_module(_LATER[name]), name)
     elif name == "__version__":
         from importlib.metadata import version
 
-        found = version("rodgen")
+        attribute = version("rodgen")
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    globals()[name] = attribute
+    return attribute
 
 
 def __dir__() -> list[str]:

@@ -307,9 +307,9 @@ def _html(block: Block, level: int) -> str:
 
 def _of_list(name: str, text: str) -> str:
     value, _, unit = text.partition(" ")
-    shown = f"{_text(value)} <span>{_text(unit)}</span>" if value[:1].isdigit() else _text(text)
+    value_html = f"{_text(value)} <span>{_text(unit)}</span>" if value[:1].isdigit() else _text(text)
     kind = re.sub(r"\W+", "-", name)
-    return _tag("div", f"<dt>{_text(name)}</dt><dd>{shown}</dd>", kind)
+    return _tag("div", f"<dt>{_text(name)}</dt><dd>{value_html}</dd>", kind)
 
 
 def _html_of_part(part: Part, level: int) -> str:
@@ -344,21 +344,23 @@ def _html_of_table(table: Table) -> str:
     rows = ["".join(map(_html_of_cell, range(len(row)), row, sides, names)) for row in table.rows]
     kind = f"{table.kind} many".strip() if many else table.kind
     bodies = [rows[: table.most or None], rows[table.most :] if table.further else []]
-    made = [f"{head}<tbody>{''.join(f'<tr>{row}</tr>' for row in body)}</tbody>" for body in bodies]
-    first = _boxed(_caption(table.title) + made[0], kind, table.title)
+    bodies_html = [f"{head}<tbody>{''.join(f'<tr>{row}</tr>' for row in body)}</tbody>" for body in bodies]
+    first = _boxed(_caption(table.title) + bodies_html[0], kind, table.title)
     if not table.further:
         return first
-    return first + _tag("details", f"<summary>{table.further} more</summary>{_boxed(made[1], kind, '')}")
+    return first + _tag(
+        "details", f"<summary>{table.further} more</summary>{_boxed(bodies_html[1], kind, '')}"
+    )
 
 
 def _html_of_cell(column: int, cell: str, side: str, name: str) -> str:
     if column == 0 and side == "l":
         return _tag("th", _text(cell), "", ' scope="row"')
     bar = ""
-    if side == "b" and (found := re.search(r"[\d.]+", cell)):
+    if side == "b" and (match := re.search(r"[\d.]+", cell)):
         bar = (
             '<svg class="mini" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true"><rect class="track" '
-            f'width="100" height="10"/><rect class="fill" width="{found[0]}" height="10"/></svg>'
+            f'width="100" height="10"/><rect class="fill" width="{match[0]}" height="10"/></svg>'
         )
     kind = {"l": "m" if len(cell) < 40 else ""}.get(side, side)
     return _tag("td", bar + _text(cell), kind, f' data-column="{html.escape(name)}"' if name else "")

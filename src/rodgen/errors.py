@@ -43,8 +43,8 @@ class RodgenError(ValueError):
 
         frames = traceback.extract_tb(self.__traceback__)
         ours = os.path.dirname(__file__) + os.sep
-        own = next((k for k, frame in enumerate(frames) if frame.filename.startswith(ours)), len(frames))
-        return [*traceback.format_list(frames[max(own - 1, 0) : own]), f"{type(self).__name__}: {self}"]
+        begin = next((k for k, frame in enumerate(frames) if frame.filename.startswith(ours)), len(frames))
+        return [*traceback.format_list(frames[max(begin - 1, 0) : begin]), f"{type(self).__name__}: {self}"]
 
 
 class UnexpectedError(RodgenError):

@@ -294,7 +294,7 @@ class OutputSet:
 
     def add(self, output: Output) -> None:
         """Take a complete output."""
-        if output.place and any(output.place == other.place for other in self._written):
+        if output.place and any(output.place == written.place for written in self._written):
             raise _twice(output.file)
         self._written.append(output)
 

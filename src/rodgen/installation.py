@@ -49,7 +49,7 @@ def examine() -> dict[str, Any]:
     Keys are ``rodgen``, ``python``, ``platform``, ``packages``, ``kernels``, ``compiler``, ``cache``, ``threads``,
     ``browser``, ``environment`` and ``problems``.
     """
-    found: dict[str, Any] = {
+    report: dict[str, Any] = {
         "rodgen": metadata.version("rodgen"),
         "python": {"version": platform.python_version(), "executable": sys.executable},
         "platform": platform.platform(),
@@ -61,12 +61,12 @@ def examine() -> dict[str, Any]:
         "browser": _browser(),
         "environment": {name: os.environ[name] for name in _VARIABLES if name in os.environ},
     }
-    found["problems"] = [
-        f"{part}: {found[part]['problem']}"
+    report["problems"] = [
+        f"{part}: {report[part]['problem']}"
         for part in ("kernels", "compiler", "cache")
-        if found[part]["problem"]
+        if report[part]["problem"]
     ]
-    return found
+    return report
 
 
 def _packages() -> dict[str, str | None]:
@@ -101,19 +101,19 @@ def _kernels() -> dict[str, Any]:
 def _compiler() -> dict[str, Any]:
     from rodgen.codegen.build_cache import CompilerError, check_compiler, compiler, compiler_version
 
-    found: dict[str, Any] = {"command": None, "version": None, "problem": None}
+    report: dict[str, Any] = {"command": None, "version": None, "problem": None}
     try:
         command = compiler()
     except CompilerError as error:
         # A machine without a compiler is in order; a compiler that CC names should exist.
-        return found | {"problem": str(error) if os.environ.get("CC", "").strip() else None}
-    found["command"] = " ".join(command)
+        return report | {"problem": str(error) if os.environ.get("CC", "").strip() else None}
+    report["command"] = " ".join(command)
     try:
-        found["version"] = next(iter(compiler_version(command).splitlines()), None)
+        report["version"] = next(iter(compiler_version(command).splitlines()), None)
         check_compiler(command)
     except CompilerError as error:
-        found["problem"] = str(error)
-    return found
+        report["problem"] = str(error)
+    return report
 
 
 def _cache() -> dict[str, Any]:
@@ -159,12 +159,12 @@ def _browser() -> str | None:
     return browser()
 
 
-def document(found: dict[str, Any]) -> Document:
+def document(report: dict[str, Any]) -> Document:
     """Return what `examine` found as a document."""
-    kernels, compiler, cache, threads = (found[part] for part in ("kernels", "compiler", "cache", "threads"))
+    kernels, compiler, cache, threads = (report[part] for part in ("kernels", "compiler", "cache", "threads"))
     missing: dict[str, list[str]] = {}
     for name, extra in EXTRAS.items():
-        if found["packages"][name] is None:
+        if report["packages"][name] is None:
             missing.setdefault(extra, []).append(name)
     if kernels["instruction_set"] != "numpy":
         compiled = f"compiled, {kernels['instruction_set']}"
@@ -177,22 +177,22 @@ def document(found: dict[str, Any]) -> Document:
     libraries = [f"{library['library']} {library['threads']}" for library in threads["libraries"]]
     none = (
         "no Chrome or Chromium"
-        if found["packages"]["choreographer"]
+        if report["packages"]["choreographer"]
         else "not looked for: Kaleido is not installed"
     )
     rows = [
-        ("rodgen", f"{found['rodgen']} on Python {found['python']['version']}, {found['platform']}"),
+        ("rodgen", f"{report['rodgen']} on Python {report['python']['version']}, {report['platform']}"),
         (
             "packages",
-            ", ".join(f"{name} {version}" for name, version in found["packages"].items() if version),
+            ", ".join(f"{name} {version}" for name, version in report["packages"].items() if version),
         ),
         *(("", f"no {', '.join(names)}: pip install 'rodgen[{extra}]'") for extra, names in missing.items()),
         ("kernels", compiled),
         ("compiler", known if compiler["command"] else "none: kernels run on NumPy"),
         ("cache", f"{cache['folder']}: {size}"),
         ("threads", ", ".join([f"{threads['processors']} processors", *libraries])),
-        ("browser", found["browser"] or f"{none}; figures as .html only"),
-        ("set", " ".join(f"{name}={value}" for name, value in found["environment"].items())),
+        ("browser", report["browser"] or f"{none}; figures as .html only"),
+        ("set", " ".join(f"{name}={value}" for name, value in report["environment"].items())),
     ]
-    problems = found["problems"] or ["Nothing is broken."]
+    problems = report["problems"] or ["Nothing is broken."]
     return Document([Facts(rows), Part([Paragraph(text, "line") for text in problems])])

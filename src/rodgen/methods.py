@@ -51,5 +51,5 @@ class _Attribute(_Method):
         if instance is None:
             return property(self.function)  # for help()
         name = self.key.partition(".")[2]
-        found = instance.__dict__[name] = self.function(instance)
-        return found
+        value = instance.__dict__[name] = self.function(instance)
+        return value

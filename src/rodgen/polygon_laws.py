@@ -78,10 +78,10 @@ class HalfTangent:
         """Tell whether both laws hold, and are of one angle and one twist: x follows from sin θ and cos θ."""
         twist, turn = ("s", self.twist), ("theta", self.joint)
         pair = (twist, ("s", turn)), (twist, ("c", turn))
-        found = [
+        claims = [
             law.right.factors for law in (self.sine, self.sine_cosine) if isinstance(law.right, Monomial)
         ]
-        return self.sine.holds() and self.sine_cosine.holds() and tuple(found) == pair
+        return self.sine.holds() and self.sine_cosine.holds() and tuple(claims) == pair
 
     def text(self) -> str:
         """Write it in plain characters."""
@@ -120,16 +120,16 @@ def laws(n: int, *, shifts: bool = True) -> tuple[AnyLaw, ...]:
     """
     if n < 3:
         raise ValueError(f"a spherical polygon has 3 joints and more, not {n}")
-    found = []
+    every_law = []
     for make in (_fundamental, _subsidiary, _polar, _polar_subsidiary):
         for shift in range(n if shifts else 1):
-            found += list(make(n, shift))
+            every_law += list(make(n, shift))
     half = [
-        HalfTangent(sine, other)
-        for sine, other in pairwise(found)
+        HalfTangent(sine, next_sine)
+        for sine, next_sine in pairwise(every_law)
         if sine.family == "fundamental" and sine.kind == "sine"
     ]
-    return (*found, *half)
+    return (*every_law, *half)
 
 
 def _fundamental(n: int, shift: int) -> Iterator[Law]:

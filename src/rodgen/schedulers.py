@@ -164,11 +164,11 @@ def workers(address: str | None = None) -> Iterator[Workers]:
     if around is not None and address in (None, around.address):
         yield around
         return
-    with _made(address) as made:
-        made.address = address
-        before = _active.set(made)
+    with _made(address) as scheduler:
+        scheduler.address = address
+        before = _active.set(scheduler)
         try:
-            yield made
+            yield scheduler
         finally:
             _active.reset(before)
 
@@ -247,13 +247,13 @@ def local_processes(count: int) -> Iterator[Workers]:
         ending.close()
 
 
-def _end_with(other: Connection) -> None:
+def _end_with(end: Connection) -> None:
     """Let this process end when the other end of a connection is closed; Ctrl-C is for the process that has it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def wait() -> None:
         try:
-            other.poll(None)
+            end.poll(None)
         finally:
             os._exit(1)
 

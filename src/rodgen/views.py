@@ -75,9 +75,9 @@ class Records(Tabular, tuple[Item, ...]):
 
     def __new__(cls, items: Iterable[Item], record: Callable[[Item], Mapping[str, Any]]) -> Records[Item]:
         """Return them as a tuple."""
-        made = super().__new__(cls, items)
-        made._record = record
-        return made
+        records = super().__new__(cls, items)
+        records._record = record
+        return records
 
     def __getnewargs__(self) -> tuple[Any, ...]:
         return tuple(self), self._record
@@ -112,14 +112,14 @@ def plain(result: Any, names: str = "") -> dict[str, Any]:
     >>> plain(slice(1, (2, 3)), "start end=stop real=start.real none=step.real")
     {'start': 1, 'end': [2, 3], 'real': 1, 'none': None}
     """
-    found = {}
+    content = {}
     for name in names.split() or [field.name for field in dataclasses.fields(result)]:
         key, _, path = name.partition("=")
         value = result
         for part in (path or key).split("."):
             value = None if value is None else getattr(value, part)
-        found[key] = encoded(value)
-    return found
+        content[key] = encoded(value)
+    return content
 
 
 def encoded(value: Any) -> Any:

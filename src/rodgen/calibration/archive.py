@@ -144,16 +144,16 @@ def _fit_of(file: str, about: Any) -> Fit:
     rotation, position = (np.array(solution[name], float) for name in ("rotation", "position"))
     frame = Frame(rotation.reshape(3, 3), position.reshape(3))
     theta = np.array([values[key] for key in keys], float)
-    found = Solution(theta, frame, solution["cost"], solution["iterations"], solution["converged"])
-    given = observations.counted_as
-    named = np.zeros(observations.n if given is None else len(given), bool)
+    least = Solution(theta, frame, solution["cost"], solution["iterations"], solution["converged"])
+    rows_counted = observations.counted_as
+    named = np.zeros(observations.n if rows_counted is None else len(rows_counted), bool)
     named[settings["outliers"]] = True
     outliers = observations.counted(named)
     problem = Problem(model, observations)
     if outliers.any():
         problem.leave_out(outliers)
     free = tuple(keys.index(key) for key in solution["free"])
-    fit, rms = Fit.of(problem, found, free, outliers, str(settings["loss"])), float(about["rms"])
+    fit, rms = Fit.of(problem, least, free, outliers, str(settings["loss"])), float(about["rms"])
     rounding = 1e-12 * float(np.abs(observations.reading).max())
     if not math.isclose(fit.rms, rms, rel_tol=AGREE, abs_tol=rounding):
         raise _of_another_version(file, about, f"an rms of {rms:.6g}, which is {fit.rms:.6g} here")

@@ -40,9 +40,11 @@ def attitude_arm(fit: Fit) -> float:
     """
     arm = fit.observations.arm
     with one_thread_in_blas():
-        found = _of_replicates(fit)
+        arm_of_replicates = _of_replicates(fit)
         squares, freedom = (
-            np.sum([_redundancy(one) for one in _runs(fit)], axis=0) if found is None else found
+            np.sum([_redundancy(one) for one in _runs(fit)], axis=0)
+            if arm_of_replicates is None
+            else arm_of_replicates
         )
     rounding = ROUNDING**2 * fit.problem.scale
     if not (np.isfinite(squares).all() and freedom.min() > 1 and squares.min() > rounding):
@@ -67,8 +69,8 @@ def _of_replicates(fit: Fit) -> tuple[Array, Array] | None:
 
 def _runs(fit: Fit) -> list[Fit]:
     """Return the fits of runs by themselves; that of all rows where these are too few."""
-    run, kept = fit.observations.run, ~fit.outliers
-    runs = [np.flatnonzero(kept & (run == number)) for number in np.unique(run[kept])]
+    run, is_inlier = fit.observations.run, ~fit.outliers
+    runs = [np.flatnonzero(is_inlier & (run == number)) for number in np.unique(run[is_inlier])]
     if len(runs) < 2 or min(6 * len(rows) for rows in runs) < len(fit.free) + 2 * ENOUGH:
         return [fit]
     problems = [fit.problem.take(rows) for rows in runs]

@@ -53,8 +53,8 @@ def fit_axis_of(
         When there is nothing to fit.
     """
     exact = isinstance(table, Pairs) and table.angle is not None and not sigma_angle
-    for name, given in (("point", point), ("loss", loss)):
-        if given is not None and not exact:
+    for name, argument in (("point", point), ("loss", loss)):
+        if argument is not None and not exact:
             expected = "it with pairs of points and a column angle"
             raise UnfitArgumentError(name, "a table without known angles", expected)
     if near is not None and point not in (None, "free"):

@@ -83,22 +83,22 @@ def candidates(
     """
     priors = possible(sensitivities, effects, prefer)
     effects = [effect for effect in effects if effect.identity in priors]
-    found = [c for effect in effects if is_direct(effect) for c in _direct(sensitivities, effect)]
+    every = [c for effect in effects if is_direct(effect) for c in _direct(sensitivities, effect)]
     waves = []
     for effect in (effect for effect in effects if not is_direct(effect)):
         values, tries = list(_tried(sensitivities, effect)), number_tried(sensitivities, effect)
         if _is_wave(effect) and len(values) > 1:
             waves.append(effect)
         else:
-            found += [replace(with_searched(sensitivities, effect, x), tries=tries) for x in values]
-    found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
+            every += [replace(with_searched(sensitivities, effect, x), tries=tries) for x in values]
+    every = [replace(candidate, prior=priors[candidate.key]) for candidate in every]
     if waves:
-        for effect, searched in promising_periods(sensitivities, waves, found):
+        for effect, searched in promising_periods(sensitivities, waves, every):
             c = with_searched(sensitivities, effect, searched)
             tries = number_tried(sensitivities, effect)
-            found.append(replace(c, tries=tries, prior=_of_wave(priors[c.key], *searched.values())))
+            every.append(replace(c, tries=tries, prior=_of_wave(priors[c.key], *searched.values())))
     order = {effect.identity: i for i, effect in enumerate(effects)}
-    return sorted(found, key=lambda c: order[c.key])
+    return sorted(every, key=lambda c: order[c.key])
 
 
 def _of_wave(prior: Plausibility, period: float) -> Plausibility:
@@ -157,8 +157,8 @@ def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
     scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
     if "F" in definition.formula.names and sensitivities.observations.load is not None:
         scale *= float(np.abs(sensitivities.observations.load).max())
-    own = next(_direct(sensitivities, effect)).columns
-    return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < SELECTION.weightless * scale)
+    columns = next(_direct(sensitivities, effect)).columns
+    return bool(np.sqrt(np.sum(columns**2, axis=(0, 1))).max(initial=0.0) < SELECTION.weightless * scale)
 
 
 def _is_wave(effect: Effect) -> bool:
@@ -173,18 +173,18 @@ def _direct(sensitivities: Sensitivities, effect: Effect) -> Iterator[Candidate]
     """
     keys = [key for key in sensitivities.index if effect.owns(key)]
     later = [key for key in keys if _is_later_weight(effect, key)]
-    own = [key for key in keys if key not in later]
+    keys_at_once = [key for key in keys if key not in later]
 
     def of(*names: str) -> Candidate:
         return Candidate(
             effect, names, sensitivities.columns[:, :, [sensitivities.index[k] for k in names]], {}
         )
 
-    yield of(*own)
+    yield of(*keys_at_once)
     size = {key: float(np.linalg.norm(of(key).columns)) for key in keys}
     later = [key for key in later if size[key] > COST.visible * max(size.values())]
     chosen = [[key] for key in later] + ([later] if len(later) > 1 else [])
-    yield from (replace(of(*own, *some), tries=float(1 + len(chosen))) for some in chosen)
+    yield from (replace(of(*keys_at_once, *some), tries=float(1 + len(chosen))) for some in chosen)
 
 
 def _is_later_weight(effect: Effect, key: str) -> bool:
@@ -220,9 +220,11 @@ def promising_periods(
     model = sensitivities.model[some].reshape(len(residual), -1)
     bases = [orthonormal_basis(model)]
     once = {c.key: c for c in others}.values()
-    for given in ([c for c in once if c.prior.log_odds >= 0], once):
-        whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in given)], axis=1)
-        if given and whole.shape[1] < len(residual) // 2:
+    for preferred in ([c for c in once if c.prior.log_odds >= 0], once):
+        whole = np.concatenate(
+            [model, *(c.columns[some].reshape(len(residual), -1) for c in preferred)], axis=1
+        )
+        if preferred and whole.shape[1] < len(residual) // 2:
             bases.append(orthonormal_basis(whole))
     lefts = [project_out(base, residual) for base in bases]
     for effect in effects:
@@ -308,12 +310,12 @@ def _column(
     turns = not sensitivities.fit.machine.measurand.moving
     letter = "r" if definition.component == "rotation" or (definition.component == "frame" and turns) else "t"
     change = np.broadcast_to(change, (count, 3, n))
-    found = np.zeros((count, *sensitivities.residual.shape))
+    columns = np.zeros((count, *sensitivities.residual.shape))
     for x, along in zip("xyz", np.swapaxes(change, 0, 1), strict=True):
         sensitivity = sensitivities.component(effect.place, f"{letter}{x}")
         if sensitivity is not None and along.any():
-            found += sensitivity * along[:, :, None]
-    return found
+            columns += sensitivity * along[:, :, None]
+    return columns
 
 
 def _vocabulary(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:

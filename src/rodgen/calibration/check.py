@@ -315,11 +315,11 @@ def fit_near(
     frame = min(frames, key=lambda frame: problem.cost(theta, frame)) if len(frames) > 1 else frames[0]
     if not np.isfinite(problem.residuals(theta, frame)).all():
         return None
-    found = NearFit(problem, theta, frame, motion(problem, theta), enlarged)
-    usual = tolerances(model, found.moved, usual=True)
+    near = NearFit(problem, theta, frame, motion(problem, theta), enlarged)
+    usual = tolerances(model, near.moved, usual=True)
     effects = [i for i in free if model.kinds[i] == "e"]
     square = np.diag(problem.normal_equations(theta, frame)[1])[effects]
-    change = CHECK.usual_effect * found.moved * np.sqrt(np.sum(problem.weight**2) / problem.components)
+    change = CHECK.usual_effect * near.moved * np.sqrt(np.sum(problem.weight**2) / problem.components)
     usual[effects] = np.divide(change, np.sqrt(square), out=np.ones(len(effects)), where=square > 0)
     usual[[i for i in _zeros(model) if i in free]] = np.inf
     stated, known = stated_deviations(model), model.known[1] > 0
@@ -331,15 +331,15 @@ def fit_near(
         problem.file_values, precision=precision, lowest=lowest, possible=np.zeros(len(theta))
     )
     for _ in range(rounds):
-        before = found.scale
-        found.weigh()
-        ended = minimise(problem, found.theta, found.frame, free, max_iterations=STEPS)
+        before = near.scale
+        near.weigh()
+        ended = minimise(problem, near.theta, near.frame, free, max_iterations=STEPS)
         if not np.isfinite(ended.cost):
             break
-        found = replace(found, theta=ended.theta, frame=ended.frame)
-        if abs(np.log(found.scale / before)) < LAST and ended.converged:
+        near = replace(near, theta=ended.theta, frame=ended.frame)
+        if abs(np.log(near.scale / before)) < LAST and ended.converged:
             break
-    return found
+    return near
 
 
 @dataclass(frozen=True, repr=False)
@@ -383,14 +383,14 @@ class Check(Documented, Result):
         if self.repairs:
             error = sized(self.after or 0.0, self.unit)
             error += "" if self.before is None else f" instead of {sized(self.before, self.unit)}"
-            said = f"{self.repairs[0].words}; with that the error is {error}"
+            reason = f"{self.repairs[0].words}; with that the error is {error}"
             if self.before and self.after and self.after > self.before / CHECK.better:
-                said += f"; without that change {'; '.join(self.suspicions)}"
+                reason += f"; without that change {'; '.join(self.suspicions)}"
         elif self.before is None:
-            said = "; ".join(self.suspicions)
+            reason = "; ".join(self.suspicions)
         else:
-            said = f"{'; '.join(self.suspicions)}, and no change that was tried explains that"
-        return f"This looks like a wrong file: {said}."
+            reason = f"{'; '.join(self.suspicions)}, and no change that was tried explains that"
+        return f"This looks like a wrong file: {reason}."
 
     @property
     def is_shown(self) -> bool:
@@ -402,13 +402,15 @@ class Check(Documented, Result):
     def document(self) -> Document:
         """Return what is wrong, if anything, and notes."""
         name = f"{self.machine.name}, {self.observations.data.file}"
-        said, others = [f"{name}: nothing looks wrong."], list[str]()
+        verdict, others = [f"{name}: nothing looks wrong."], list[str]()
         if self.wrong:
-            said = [f"{name}:", self.sentence]
+            verdict = [f"{name}:", self.sentence]
             others = [f"Equally probable: {repair.words}." for repair in self.repairs[1:]]
         elif not self.is_shown:
-            said = [f"{name}: too few readings, for as many parameters, to show whether something is wrong."]
-        lines = [Paragraph(text, "line") for text in (*self.observations.on_rows, *said)]
+            verdict = [
+                f"{name}: too few readings, for as many parameters, to show whether something is wrong."
+            ]
+        lines = [Paragraph(text, "line") for text in (*self.observations.on_rows, *verdict)]
         notes = [Paragraph(text, "line") for text in self.notes]
         return Document([*lines, Bullets(others), *notes])
 
@@ -484,8 +486,8 @@ class _Search:
         alone = ratio_of_one_axis(self.machine, self.observations)
         if not doubts and abs(alone or 1) == 1:
             return right
-        found = self._searched(alone, np.inf if null is None else null.cost)
-        named = [x for x in found if x[1].cost - found[0][1].cost < CHECK.equal]
+        tried = self._searched(alone, np.inf if null is None else null.cost)
+        named = [x for x in tried if x[1].cost - tried[0][1].cost < CHECK.equal]
         if not named or not _is_named(*named[0], null):
             wrong = null is None or null.is_impossible
             return replace(right, suspicions=doubts, wrong=wrong)
@@ -563,16 +565,16 @@ class _Search:
     def _searched(self, alone: Fraction | None, cost: float) -> list[tuple[Repair, NearFit]]:
         """Return the repairs, the most probable first; where none does alone, several, given the cost of none."""
         singles = repairs(self.machine, self.observations, alone)
-        found = self._tried(singles)
-        if found and found[0][1].is_open:
-            found += self._tried(self._of_several_axes(singles, cost))
-            found.sort(key=lambda x: x[1].cost)
-        if found and found[0][1].is_open:
-            most = [first for first, _ in found[:BEAM]]
+        tried = self._tried(singles)
+        if tried and tried[0][1].is_open:
+            tried += self._tried(self._of_several_axes(singles, cost))
+            tried.sort(key=lambda x: x[1].cost)
+        if tried and tried[0][1].is_open:
+            most = [first for first, _ in tried[:BEAM]]
             pairs = self._tried([a.then(b) for a in most for b in singles if a.kind != b.kind])
-            if pairs and pairs[0][1].cost < found[0][1].cost - CHECK.decisive:
+            if pairs and pairs[0][1].cost < tried[0][1].cost - CHECK.decisive:
                 return pairs
-        return found
+        return tried
 
     def _of_several_axes(self, singles: Sequence[Repair], cost: float) -> Iterator[Repair]:
         """Yield senses and ratios of all joints at once, also in the likeliest other orders of joints or columns."""

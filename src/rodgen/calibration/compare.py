@@ -116,12 +116,12 @@ class Trial:
         curves = [*(_waves(self.drivers[0]) if len(self.drivers) == 1 else ()), *reversed(by_size.values())]
         definition = EffectDefinition(self.name, frozenset({"machine"}), "reading", _BARE, {}, own=True)
         effect, several = Effect(definition, self.where), list[Candidate]()
-        made = any(driver.kind == "place" for driver in self.drivers)  # by the joints
+        by_place = any(driver.kind == "place" for driver in self.drivers)  # by the joints
         for curve in curves:
             columns = self.motion[:, :, :, None] * curve[:, None, None, :]
             columns = columns.reshape(*self.motion.shape[:2], -1)
             names = tuple(f"{self.name}.{k}" for k in range(columns.shape[2]))
-            prior = Plausibility(self.log_odds - made * COST.needed / 2)
+            prior = Plausibility(self.log_odds - by_place * COST.needed / 2)
             several.append(Candidate(effect, names, columns, {}, float(len(curves)), prior))
         return several
 
@@ -153,8 +153,11 @@ def _first_order(driver: Driver) -> Array:
 
 def _drivers(rows: Sensitivities) -> list[Driver]:
     """Return everything that residuals are compared with, as far as it varies."""
-    fit, own = rows.fit, rows.rows
-    recorded = (driver.as_noted(lambda values: values[own], own) for driver in fit.observations.drivers())
+    fit, rows_of_fit = rows.fit, rows.rows
+    recorded = (
+        driver.as_noted(lambda values: values[rows_of_fit], rows_of_fit)
+        for driver in fit.observations.drivers()
+    )
     places = drivers_of_place(fit.machine, fit.places(rows.observations))
     return [driver for driver in (*recorded, *places) if driver.levels > 1]
 
@@ -267,8 +270,8 @@ class Comparison(Documented, Result):
         """Return the sentences, then a table of each driver alone, then the error of each component."""
         each = zip(self.fit.machine.measurand.components, self.rms, self.fit.units, strict=True)
         rms = ", ".join(f"{name} {sized(value, unit)}" for name, value, unit in each)
-        said = [Paragraph(text, "line") for text in self.sentences]
-        parts = [Part(part) for part in (said, _table(self)) if part]
+        paragraphs = [Paragraph(text, "line") for text in self.sentences]
+        parts = [Part(part) for part in (paragraphs, _table(self)) if part]
         return Document([*parts, Part([Paragraph(f"rms by component: {rms}", "line")])])
 
     def to_dict(self) -> dict[str, Any]:
@@ -459,10 +462,10 @@ def _worst(comparison: Comparison) -> Iterator[str]:
 def _found(comparison: Comparison) -> Iterator[str]:
     for i, one in enumerate(comparison.found):
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
-        said = f"{start} {one.trial.text}: {percent(one.explained)} of their variance"
+        statement = f"{start} {one.trial.text}: {percent(one.explained)} of their variance"
         if one.trial.joint or (one.trial.component and len(one.places) < len(comparison.rms)):
-            said += f", {joined(one.places)}"
-        yield f"{said} ({_odds(one.log10_odds)})."
+            statement += f", {joined(one.places)}"
+        yield f"{statement} ({_odds(one.log10_odds)})."
         if one.instead:
             names = [plain(name) for name in one.instead]
             yield f"These data cannot distinguish that from a dependence on {joined(names, 'or')}."

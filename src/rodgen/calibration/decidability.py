@@ -71,11 +71,11 @@ def on_unmoved_joints(base: Fit) -> list[str]:
 def on_few_poses(base: Fit) -> list[str]:
     """Return a sentence where poses are too few to show wrong dimensions of a robot; nothing where they are not."""
     machine = base.machine
-    other = with_geometry(machine) if kind_of_machine(machine) == "robot" else None
-    if other is None:
+    calibrated = with_geometry(machine) if kind_of_machine(machine) == "robot" else None
+    if calibrated is None:
         return []
     runs, poses = base.observations.run_names, len(np.unique(base.observations.pose[~base.outliers]))
-    before, after = (len(parameters_of(one, one.structure, runs)) for one in (machine, other))
+    before, after = (len(parameters_of(one, one.structure, runs)) for one in (machine, calibrated))
     if base.degrees_of_freedom - (after - before) >= EVIDENCE.fewest_residual_dof:
         return []
     return [

@@ -219,8 +219,8 @@ class Correlation:
             spread = motion.covariance_of(deviations, columns, onto)
             error = np.zeros(len(spread))  # variance of log v
             for step in self._errors():
-                one, other = (motion.variances_of(self._moved(x), columns, onto) for x in (step, -step))
-                error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
+                one, below = (motion.variances_of(self._moved(x), columns, onto) for x in (step, -step))
+                error += np.log(np.divide(one, below, out=np.ones_like(one), where=below > 0)) ** 2 / 4
             enlarged = 1 / np.sqrt(1 - np.minimum(error, UNCERTAIN))
             return np.asarray(self.white**2 * spread * np.outer(enlarged, enlarged))
 
@@ -353,25 +353,25 @@ def dependence(fit: Fit) -> Dependence:
     if not fit.free:
         return Dependence(INDEPENDENT, None)
     rows = FitRows.of(fit)
-    found = estimate_correlation(rows, ())
-    if found.independent:
-        return Dependence(found, None)
-    if _is_weighed(fit, found):
-        covariance, _, p_value = _generalized(fit, found)
+    correlation = estimate_correlation(rows, ())
+    if correlation.independent:
+        return Dependence(correlation, None)
+    if _is_weighed(fit, correlation):
+        covariance, _, p_value = _generalized(fit, correlation)
         if fit.weighed or p_value > LACK_OF_FIT.rare:
-            return Dependence(found, covariance, weighed=True)
+            return Dependence(correlation, covariance, weighed=True)
     single = fit.determinacy.covariance
     with one_thread_in_blas():
         n, m, p = rows.columns.shape
         columns = (rows.columns.reshape(n * m, p) @ single).reshape(n, m, p)
         part = len(rows.residual) / max(fit.rows, 1)
-        covariance = found.covariance_of(columns) / part
+        covariance = correlation.covariance_of(columns) / part
         if fit.problem.file_values.is_prior or fit.determinacy.held:
             _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
             covariance += fit.variance_factor * (single - single @ square @ single)
     alone = np.diag(fit.independent_covariance)
     factors = np.diag(covariance)[alone > 0] / alone[alone > 0]
-    return Dependence(found, np.asarray(covariance), float(np.sqrt(factors.max(initial=0.0))))
+    return Dependence(correlation, np.asarray(covariance), float(np.sqrt(factors.max(initial=0.0))))
 
 
 def as_one_body(fit: Fit, correlation: Correlation | None = None) -> Fit:
@@ -401,36 +401,40 @@ def as_one_body(fit: Fit, correlation: Correlation | None = None) -> Fit:
     return fit
 
 
-def _is_weighed(fit: Fit, found: Correlation) -> bool:
+def _is_weighed(fit: Fit, correlation: Correlation) -> bool:
     """Return whether estimates may weigh readings by what poses share."""
-    return not (found.independent or found.wanders) and fit.degrees_of_freedom > 0 and is_one_body(fit)
+    return (
+        not (correlation.independent or correlation.wanders)
+        and fit.degrees_of_freedom > 0
+        and is_one_body(fit)
+    )
 
 
-def _generalized(fit: Fit, found: Correlation) -> tuple[Array, Array, float]:
+def _generalized(fit: Fit, correlation: Correlation) -> tuple[Array, Array, float]:
     """Return the covariance of the estimates of generalized least squares, the step to these, and how likely it is.
 
     The step from the estimates of least squares has the difference of both covariances.
     """
     from scipy import special
 
-    assert found.deviations is not None
+    assert correlation.deviations is not None
     rows, root = FitRows.at(fit, np.flatnonzero(~fit.outliers)), Whitened(fit).root
     with one_thread_in_blas():
         motion, _ = shared_motion(rows)
         columns = np.concatenate([rows.columns @ root, rows.residual[:, :, None]], axis=2)
-        white = Whitener(motion, found.deviations)(columns).reshape(-1, columns.shape[2])
+        white = Whitener(motion, correlation.deviations)(columns).reshape(-1, columns.shape[2])
         file = fit.problem.file_values
         away = np.column_stack([root, fit.solution.theta - file.centre]) * file.precision[:, None]
-        known = away[file.precision > 0] * found.white
+        known = away[file.precision > 0] * correlation.white
         triangle = np.asarray(np.linalg.qr(np.concatenate([white, known]), mode="r"))
         half = np.linalg.inv(triangle[:-1, :-1])
         step = -half @ triangle[:-1, -1]
-        spread = motion.covariance_of(found.deviations, columns[:, :, :-1])
-        values, vectors = eigh(found.white**2 * (spread - half @ half.T))
+        spread = motion.covariance_of(correlation.deviations, columns[:, :, :-1])
+        values, vectors = eigh(correlation.white**2 * (spread - half @ half.T))
     real = values > ALIKE * values[-1]
     off = float(np.sum((vectors[:, real].T @ step) ** 2 / values[real]))
     half, p_value = root @ half, float(special.chdtrc(np.count_nonzero(real), off))
-    return found.white**2 * half @ half.T, root @ step, p_value
+    return correlation.white**2 * half @ half.T, root @ step, p_value
 
 
 def estimate_correlation(
@@ -505,15 +509,15 @@ def estimate_correlation(
         if not components.names:
             return Correlation(white)
         white *= float(np.sqrt(components.variance))
-        found = Correlation(white, components, "", motion, groups)
+        correlation = Correlation(white, components, "", motion, groups)
         # where readings scatter no more than their stated noise, nothing else is needed
         within_noise = o.sigma is not None and scatter <= dof
         if components.gain - components.price <= VARIANCES.claimed or within_noise:
-            return found
+            return correlation
         typical = 1 / (
             float(np.median(np.broadcast_to(linear.weight, believed.shape)[believed])) * fit.unit_factor
         )
-        return replace(found, text=_text(found, typical, fit.unit, poses))
+        return replace(correlation, text=_text(correlation, typical, fit.unit, poses))
 
 
 def _least_error(linear: FitRows, believed: Mask, kinds: Sequence[str]) -> float:
@@ -572,21 +576,21 @@ def believed_readings(linear: FitRows) -> NDArray[np.bool_]:
 
 def _chosen(count: int) -> NDArray[np.bool_]:
     """Return which poses the variance components are estimated from."""
-    kept = np.ones(count, np.bool_)
+    is_chosen = np.ones(count, np.bool_)
     if count > MOST_POSES:
-        kept[:] = False
+        is_chosen[:] = False
         length = MOST_POSES // STRETCHES_VARIANCE
         for start in np.linspace(0, count - length, STRETCHES_VARIANCE).astype(int):
-            kept[start : start + length] = True
-    return kept
+            is_chosen[start : start + length] = True
+    return is_chosen
 
 
 def _often_read(target: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which rows, (n,), are of the targets from which the variance components are estimated."""
     times = np.bincount(target[rows], minlength=int(target.max(initial=0)) + 1)
-    kept = np.zeros(len(times), np.bool_)
-    kept[np.argsort(-times, kind="stable")[:MOST_TARGETS]] = True
-    return np.asarray(kept[target])
+    is_chosen = np.zeros(len(times), np.bool_)
+    is_chosen[np.argsort(-times, kind="stable")[:MOST_TARGETS]] = True
+    return np.asarray(is_chosen[target])
 
 
 def _sized(size: float, unit: str) -> str:
@@ -594,19 +598,19 @@ def _sized(size: float, unit: str) -> str:
     return f"{two_digits(size * factor)} {unit}"
 
 
-def _text(found: Correlation, typical: float, unit: str, poses: Poses) -> str:
+def _text(correlation: Correlation, typical: float, unit: str, poses: Poses) -> str:
     """Return the sentence; `typical` brings a weighted residual to the fit's unit."""
     parts = []
     for kind, _, words in SHARED:
-        if found.size(kind):
-            parts.append(f"{words} {_sized(typical * found.size(kind), unit)}")
-    if found.wanders:
-        parts[-1] += f" {_time(found.time, poses)}"
+        if correlation.size(kind):
+            parts.append(f"{words} {_sized(typical * correlation.size(kind), unit)}")
+    if correlation.wanders:
+        parts[-1] += f" {_time(correlation.time, poses)}"
     text = ", and ".join(parts)
-    if found.white < NO_ERROR * math.hypot(*(found.size(kind) for kind, _, _ in SHARED)):
+    if correlation.white < NO_ERROR * math.hypot(*(correlation.size(kind) for kind, _, _ in SHARED)):
         return f"{capitalized(text)}; single readings have no error of their own compared with that."
-    alone = _sized(typical * found.white, unit)
-    if not found.size("pose") and np.bincount(poses.of).max() > 1:
+    alone = _sized(typical * correlation.white, unit)
+    if not correlation.size("pose") and np.bincount(poses.of).max() > 1:
         return (
             f"{capitalized(text)}, in addition to an error of {alone} by which readings of one pose differ."
         )
@@ -651,8 +655,12 @@ def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArra
     pose, taken = observations.pose, np.zeros(observations.n, bool)
     for start in np.linspace(0, observations.n, STRETCHES, endpoint=False).astype(int):
         some = slice(start, start + most // STRETCHES)
-        own = pose[some]
-        taken[some] = (own != own[0]) & (own != own[-1]) if len(np.unique(own)) > 2 else True
+        pose_of_row = pose[some]
+        taken[some] = (
+            (pose_of_row != pose_of_row[0]) & (pose_of_row != pose_of_row[-1])
+            if len(np.unique(pose_of_row)) > 2
+            else True
+        )
     return np.flatnonzero(taken & believed)
 
 
@@ -681,8 +689,8 @@ def frame_motion(
     middle : ndarray, shape (3,), optional
         Another point than the middle.
     """
-    found, whitening = _independent(model, o, theta, frame, weight, middle), o.whitening
-    return found if whitening is None else whitening @ found
+    motion, whitening = _independent(model, o, theta, frame, weight, middle), o.whitening
+    return motion if whitening is None else whitening @ motion
 
 
 def _independent(

@@ -85,7 +85,7 @@ def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
     variance = evidence.estimated([]).variance
     if base.observations.sigma is not None:  # readings that scatter less than stated do so by chance
         variance = max(variance, 1.0)
-    found: dict[tuple[str, str | None], list[Detectable]] = {}
+    sizes_of: dict[tuple[str, str | None], list[Detectable]] = {}
     for candidate in (c for c in evidence.candidates if c.key not in evidence.refused):
         seen = evidence.lengths(candidate)
         cost = COST.something + evidence.choice([candidate]) + evidence.width(candidate)
@@ -106,9 +106,9 @@ def detectable(evidence: Evidence) -> tuple[Detectable, ...]:
             rare = known is not None and size > VERDICT.unusual * known.usual
             each.append(Detectable(candidate.effect, name, size / factor, unit, rms, possible, rare))
         if each:
-            found.setdefault(candidate.key, []).append(max(each, key=attrgetter("rms")))
+            sizes_of.setdefault(candidate.key, []).append(max(each, key=attrgetter("rms")))
     # of the values tried for a searched parameter that in the middle: some are nearly constant, and hide anything
-    middle = [sorted(several, key=attrgetter("rms"))[len(several) // 2] for several in found.values()]
+    middle = [sorted(several, key=attrgetter("rms"))[len(several) // 2] for several in sizes_of.values()]
     return tuple(sorted(middle, key=attrgetter("rms"), reverse=True))
 
 

@@ -131,13 +131,13 @@ def diagnose(
         fitted = fit(fitted, observations, progress=progress)
     with reporting(progress), one_thread_in_blas():
         freed = without_wrong_bounds(fitted)
-        found = _diagnosed(_Subject(freed, others, prefer))
-        if found.final.machine.known == fitted.machine.known:
-            return found
-        bounded = found.final.refit(replace(found.final.machine, known=fitted.machine.known))
+        diagnosis = _diagnosed(_Subject(freed, others, prefer))
+        if diagnosis.final.machine.known == fitted.machine.known:
+            return diagnosis
+        bounded = diagnosis.final.refit(replace(diagnosis.final.machine, known=fitted.machine.known))
         if bounded.without_bounds is None:  # with what was found, the bounds are right
             return _diagnosed(_Subject(fitted, others, prefer))
-        return replace(found, wrong_bounds=held_at_bounds(bounded, found.final))
+        return replace(diagnosis, wrong_bounds=held_at_bounds(bounded, diagnosis.final))
 
 
 def without_wrong_bounds(fit: Fit) -> Fit:
@@ -296,9 +296,9 @@ def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
     """
     if (whole := _whole(evidence, chosen)) is None:
         return None
-    found, left, basis = whole
+    whole_fit, left, basis = whole
     second = project_out(basis, left - evidence.sensitivities.residual.ravel())  # what is of higher order
-    return found if second @ second > COST.needed * (left @ left) / max(evidence.dof, 1) else None
+    return whole_fit if second @ second > COST.needed * (left @ left) / max(evidence.dof, 1) else None
 
 
 @stage("further fits")
@@ -319,22 +319,22 @@ def _whole(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Fit, Array,
     Without forms and what is searched. None where it fails, or an effect takes the place of a freedom.
     """
     base, rows = evidence.base, evidence.sensitivities
-    plain = [c for c in chosen if not (c.driver or c.searched)]
-    if not plain:
+    direct = [c for c in chosen if not (c.driver or c.searched)]
+    if not direct:
         return None
-    sizes = [size for c, size in zip(chosen, evidence.sizes(chosen), strict=True) if c in plain]
-    start = dict(zip([n for c in plain for n in c.names], np.concatenate(sizes).tolist(), strict=True))
+    sizes = [size for c, size in zip(chosen, evidence.sizes(chosen), strict=True) if c in direct]
+    start = dict(zip([n for c in direct for n in c.names], np.concatenate(sizes).tolist(), strict=True))
     try:
-        found = ended(base.extended([c.effect for c in plain], start, creeps=False))
+        whole_fit = ended(base.extended([c.effect for c in direct], start, creeps=False))
     except FitError:
         return None
-    if not {p.key for p in base.parameters} <= {p.key for p in found.parameters}:
+    if not {p.key for p in base.parameters} <= {p.key for p in whole_fit.parameters}:
         return None
-    moving = {found.parameters[i].key for i in found.moving}
+    moving = {whole_fit.parameters[i].key for i in whole_fit.moving}
     there = rows.columns[:, :, [i for key, i in rows.index.items() if key in moving]]
-    products = [c.columns for c in plain if not rows.index.keys() & {*c.names}]
+    products = [c.columns for c in direct if not rows.index.keys() & {*c.names}]
     columns = np.concatenate([there, *products], axis=2).reshape(rows.residual.size, -1)
-    return found, FitRows.at(found, rows.rows).residual.ravel(), orthonormal_basis(columns)
+    return whole_fit, FitRows.at(whole_fit, rows.rows).residual.ravel(), orthonormal_basis(columns)
 
 
 def _rows(evidence: Evidence) -> Rows:
@@ -368,8 +368,8 @@ def _stretch(state: _State, rows: Rows) -> DisplacedStretch | None:
             alone = Rows.of(base).stretch(base.outliers)
             if alone is not None and alone.gain > likelier + worth_of_effects * last.rows / len(some):
                 return alone
-    found = rows.stretch(last.outliers)
-    return found if found is not None and found.gain > likelier else None
+    stretch = rows.stretch(last.outliers)
+    return stretch if stretch is not None and stretch.gain > likelier else None
 
 
 def _numbered(subject: _Subject, state: _State) -> Evidence | None:
@@ -410,13 +410,13 @@ def _wrong_geometry(subject: _Subject, state: _State) -> tuple[float, tuple[Wron
     return gain_of_all, None
 
 
-def _on_sets(found: Iterable[Equal]) -> tuple[SetAlias, ...]:
+def _on_sets(sets: Iterable[Equal]) -> tuple[SetAlias, ...]:
     """Return alternatives to sets of effects in the form in which a result has them."""
     return tuple(
         SetAlias(
             tuple(c.effect for c in one.replaced), tuple(c.effect for c in one.candidates), _odds(one.cost)
         )
-        for one in found
+        for one in sets
     )
 
 
@@ -440,10 +440,10 @@ def _instead_of(state: _State) -> list[Equal]:
 def _refitted(base: Fit, machine: Machine) -> Fit | None:
     """Return the fit with dimensions estimated; None where it fails."""
     try:
-        found = base.refit(machine, outliers=base.outliers)
+        refit = base.refit(machine, outliers=base.outliers)
     except FitError:
         return None
-    return found if found.solution.converged else None
+    return refit if refit.solution.converged else None
 
 
 def _confirmed(state: _State) -> _State:
@@ -472,8 +472,8 @@ def _confirmed(state: _State) -> _State:
                 named = [c for c in evidence.candidates if not (c.driver or c in state.evidence.candidates)]
                 evidence = state.evidence.including(named)
             evidence = evidence.without(refused)
-            kept = [c for c in chosen if c in evidence.candidates and c.key not in refused]
-            chosen = select(evidence, kept) if len(refused) <= MOST_REFUSED else []
+            remaining = [c for c in chosen if c in evidence.candidates and c.key not in refused]
+            chosen = select(evidence, remaining) if len(refused) <= MOST_REFUSED else []
 
 
 @stage("forms outside the catalogue")
@@ -504,10 +504,10 @@ def _with_effects(
     alike = takewhile(lambda pair: pair[0] is pair[1], zip(were, chosen, known[1:], strict=False))
     fits = [known[0], *(fit for *_, fit in alike)]
     base, first = fits[0], len(fits) - 1
-    for c, own in [*zip(chosen, evidence.sizes(chosen), strict=True)][first:]:
+    for c, size in [*zip(chosen, evidence.sizes(chosen), strict=True)][first:]:
         start = {c.effect.key(name): value for name, value in c.searched.items()}
         if not c.driver:
-            start |= dict(zip(c.names, own.tolist(), strict=True))
+            start |= dict(zip(c.names, size.tolist(), strict=True))
         try:
             fit = fits[-1].extended([c.effect], start, creeps=False)
             if not fit.solution.converged:  # slow along a narrow valley: once more, from where it ended
@@ -527,8 +527,8 @@ def _zero(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
     """
     estimates = EffectEstimates(fits[-1])
     p_values = {c: estimates.significance(c.effect) for c in reversed(chosen)}
-    found = [c for c, p_value in p_values.items() if p_value > VERDICT.zero]
-    return [max(found, key=p_values.__getitem__)] if found and fits[-1].dependence.independent else found
+    zeros = [c for c, p_value in p_values.items() if p_value > VERDICT.zero]
+    return [max(zeros, key=p_values.__getitem__)] if zeros and fits[-1].dependence.independent else zeros
 
 
 def _idle_forms(chosen: Sequence[Candidate], fits: Sequence[Fit]) -> list[Candidate]:
@@ -597,8 +597,8 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         ]
         rest = uneven(last) or disagreement(last, correlation)
         # a displaced stretch looks like a wander
-        said = state.stretch is not None or (rest and seen is correlation)
-        shared = "" if said else seen.text
+        is_told = state.stretch is not None or (rest and seen is correlation)
+        shared = "" if is_told else seen.text
         if not (rest or chosen) and moved[1] and seen.size("wander") > VERDICT.wander * seen.white:
             rest, shared = seen.text, ""
     refused = _on_refused(state)
@@ -664,11 +664,11 @@ def _steps(
 ) -> tuple[list[DiagnosedEffect], list[SetAlias]]:
     """Return the effects that were found, and what may be there instead of several of them."""
     evidence, chosen = state.evidence, state.chosen
-    found = sorted([*equals(evidence, chosen), *_instead_of(state)], key=lambda one: one.cost)
+    replacements = sorted([*equals(evidence, chosen), *_instead_of(state)], key=lambda one: one.cost)
     steps = []
     for k, c in enumerate(c for c in chosen if not c.driver):
-        own = [one for one in found if [x.key for x in one.replaced] == [c.key]]
-        aliases = [Alias(tuple(x.effect for x in one.candidates), _odds(one.cost)) for one in own]
+        of_effect = [one for one in replacements if [x.key for x in one.replaced] == [c.key]]
+        aliases = [Alias(tuple(x.effect for x in one.candidates), _odds(one.cost)) for one in of_effect]
         steps.append(
             DiagnosedEffect(
                 c.effect,
@@ -679,7 +679,7 @@ def _steps(
                 tuple(aliases),
             )
         )
-    return steps, [*_on_sets(one for one in found if len(one.replaced) > 1)]
+    return steps, [*_on_sets(one for one in replacements if len(one.replaced) > 1)]
 
 
 def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut]) -> list[Unexplained]:
@@ -701,14 +701,14 @@ def _forms(state: _State, estimates: EffectEstimates, held_out: Sequence[HeldOut
 
 def _on_refused(state: _State) -> list[str]:
     """Return why effects that the evidence selects are not reported, in a sentence for each reason."""
-    found, titles = [], dict[Refusal, dict[str, None]]()
+    missing, titles = [], dict[Refusal, dict[str, None]]()
     for c in state.evidence.candidates:  # a refused form has no name that a reader knows
         if c.key in state.refused and not c.driver:
             titles.setdefault(state.refused[c.key], {})[c.effect.title] = None
     for why, out in titles.items():
         are, it = ("is", "it") if len(out) == 1 else ("are", "them")
-        found.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.value.format(it)}.")
-    return found
+        missing.append(f"{joined([*out], most=NAMES)} {are} not reported: {why.value.format(it)}.")
+    return missing
 
 
 def _on_stretch(subject: _Subject, state: _State) -> str:
@@ -727,13 +727,13 @@ def _on_stretch(subject: _Subject, state: _State) -> str:
             f"The {targets} may creep, moving slowly against the machine from {first} to {last}.{instead} Fasten the "
             f"{targets}, let the machine warm up, and measure again."
         )
-    other = (
+    remedy = (
         f"{targets} may have been mounted another way"
         if stretch.of_target
         else "set-up may have been another"
     )
     return (
-        f"The readings from {first} to {last} lie displaced against the others: the {other} there.{instead} Note the "
+        f"The readings from {first} to {last} lie displaced against the others: the {remedy} there.{instead} Note the "
         "set-ups in a column run, and diagnose again."
     )
 
@@ -758,6 +758,6 @@ def _stated(machine: Machine, steps: Sequence[DiagnosedEffect]) -> str:
         for step in steps
         for e in (step.effect, *(x for a in step.indistinguishable_from for x in a.effects))
     ]
-    found = list(dict.fromkeys(e.title for e in listed if {e.key(""), e.name} & machine.plausible.keys()))
-    are = "is" if len(found) == 1 else "are"
-    return f"[plausibility] of the machine file says how likely {joined(found)} {are}." if found else ""
+    titles = list(dict.fromkeys(e.title for e in listed if {e.key(""), e.name} & machine.plausible.keys()))
+    are = "is" if len(titles) == 1 else "are"
+    return f"[plausibility] of the machine file says how likely {joined(titles)} {are}." if titles else ""

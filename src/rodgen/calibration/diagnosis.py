@@ -187,14 +187,14 @@ class DiagnosedEffect(HasOdds, Result):
     @property
     def _definition(self) -> dict[str, Any]:
         """The keys of an ``[[effect]]`` of a machine file, of an effect that is none of the catalogue."""
-        own = self.effect.definition
+        definition = self.effect.definition
         return {
-            "name": own.name,
+            "name": definition.name,
             "joint": self.effect.place,
-            "component": own.component,
-            "formula": own.formula.text,
-            "parameters": dict(own.parameters),
-            "meaning": own.meaning,
+            "component": definition.component,
+            "formula": definition.formula.text,
+            "parameters": dict(definition.parameters),
+            "meaning": definition.meaning,
         }
 
 
@@ -409,31 +409,31 @@ class Diagnosis(HasOdds, Documented, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen diagnose --json`` prints it."""
-        found: dict[str, Any] = {"verdict": self.verdict}
+        content: dict[str, Any] = {"verdict": self.verdict}
         if self.wrong_bounds:
-            found["wrong_bounds"] = self.wrong_bounds
+            content["wrong_bounds"] = self.wrong_bounds
         if self.reason is not None:
-            found["reason"] = self.reason
-        found |= {
+            content["reason"] = self.reason
+        content |= {
             "rows": self.rows,
             **self.base.observations.not_here,
             **plain(self, "odds outliers rms steps unexplained dependence=final_with_forms.dependence"),
         }
         if self.rms.before_held_out is not None:
-            found["held_out_by"] = self.base.held_out().by
+            content["held_out_by"] = self.base.held_out().by
         if self.rms.not_held_out is not None:
-            found["not_held_out"] = dict(self.rms.not_held_out)
+            content["not_held_out"] = dict(self.rms.not_held_out)
         if on_sky := pointing(self.final_with_forms):
-            found["pointing"] = on_sky.to_dict()
+            content["pointing"] = on_sky.to_dict()
         if self.geometry is not None:
-            found |= plain(self, "geometry")
+            content |= plain(self, "geometry")
         if self.further_exclusions:
-            found |= plain(self, "exclude=further_exclusions")
+            content |= plain(self, "exclude=further_exclusions")
         if self.indistinguishable_sets:
-            found |= plain(self, "indistinguishable_sets")
+            content |= plain(self, "indistinguishable_sets")
         if self.verdict == "nothing_missing":
-            found |= plain(self, "could_hide")
-        return found
+            content |= plain(self, "could_hide")
+        return content
 
     @property
     def unseen(self) -> tuple[Effect, ...]:
@@ -458,10 +458,10 @@ class Diagnosis(HasOdds, Documented, Result):
             for step in self.steps
         ]
         alternatives = [each for each in alternatives if len(each) > 1]
-        final, found = self.final_with_forms, {one.effect: None for one in self.found}
+        final, named = self.final_with_forms, {one.effect: None for one in self.found}
         for effect in () if alternatives else [e for step in self.steps for e in step.shared_by]:
-            if effect not in found:
-                final, found[effect] = final.extended([effect], {}), None
+            if effect not in named:
+                final, named[effect] = final.extended([effect], {}), None
         play = [ranked for ranked in self.ranking if ranked.effect.name == "backlash"]
         sides, why = [r.effect for r in play if r.visible < COST.visible], ""
         if sides:
@@ -471,7 +471,7 @@ class Diagnosis(HasOdds, Documented, Result):
             why = "Read at positions that were not read yet, from both sides: what their errors follow shows only then."
         return OpenQuestions(
             final=final,
-            found=tuple(found),
+            found=tuple(named),
             alternatives=tuple(alternatives),
             sides=tuple(sides),
             why=why,
@@ -505,16 +505,16 @@ def _estimates(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
     return {name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in parameters.items()}
 
 
-def _record(found: DiagnosedEffect | Unexplained) -> dict[str, Any]:
+def _record(missing: DiagnosedEffect | Unexplained) -> dict[str, Any]:
     """Return the row of a table."""
-    effect = found.effect
+    effect = missing.effect
     return {
         "effect": effect.name,
         "joint": effect.place,
-        "parameters": "; ".join(f"{name} = {e.text}" for name, e in found.parameters.items()),
-        "odds": found.odds,
-        "rms": found.rms,
-        "rms_held_out": found.rms_held_out,
+        "parameters": "; ".join(f"{name} = {e.text}" for name, e in missing.parameters.items()),
+        "odds": missing.odds,
+        "rms": missing.rms,
+        "rms_held_out": missing.rms_held_out,
         "meaning": effect.definition.meaning,
     }
 

@@ -72,10 +72,10 @@ def headline(diagnosis: Diagnosis) -> str:
 
 def statements(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """Return what the diagnosis says, the verdict last: each a statement, and what follows it in its sentence."""
-    said = [(diagnosis.wrong_bounds, ""), on_geometry(diagnosis)]
+    pairs = [(diagnosis.wrong_bounds, ""), on_geometry(diagnosis)]
     if diagnosis.verdict != "wrong_geometry":
-        said.append(_verdict(diagnosis))
-    return [one for one in said if one[0]]
+        pairs.append(_verdict(diagnosis))
+    return [one for one in pairs if one[0]]
 
 
 def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -117,7 +117,7 @@ def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
     noise = diagnosis.rms.noise
     if not noise:
         return ""
-    shown = sized(noise, diagnosis.rms.unit)
+    noise_text = sized(noise, diagnosis.rms.unit)
     readings = max(fit.residuals.shape[1] * int(np.sum(~fit.outliers)), 1)
     dof = max(fit.degrees_of_freedom, 1)
     error, same = fit.rms / math.sqrt(dof / readings), max(AT_NOISE, 1 + 2 / math.sqrt(2 * dof))
@@ -125,11 +125,11 @@ def _against_noise(diagnosis: Diagnosis, fit: Fit) -> str:
     low, high = (replicates.low, replicates.high) if replicates else (noise, noise)
     if error < min(noise / same, low):
         source = "stated" if diagnosis.final.noise.source == "stated" else "the replicates say"
-        return f", less than the noise ({shown}), which is smaller than {source}"
+        return f", less than the noise ({noise_text}), which is smaller than {source}"
     return (
-        f", which agrees with the noise ({shown})"
+        f", which agrees with the noise ({noise_text})"
         if error <= max(same * noise, high)
-        else f"; the noise is {shown}"
+        else f"; the noise is {noise_text}"
     )
 
 
@@ -154,10 +154,10 @@ def with_alternatives(step: DiagnosedEffect, machine: Machine) -> str:
 
 def of_all_legs(step: DiagnosedEffect, machine: Machine) -> str:
     """Return what an effect of all legs says of the machine; empty of others."""
-    e, found = next(iter(step.parameters.values())), machine.kinematics.dimension(step.effect.name)
+    e, dimension = next(iter(step.parameters.values())), machine.kinematics.dimension(step.effect.name)
     if step.effect.name == "common_zero_offset":
         return f"the zeros of all {machine.kinematics.leg}s are off alike by {e.text}"
-    return "" if found is None else f"the {found[0]} is {_dimension(found[1], e)}"
+    return "" if dimension is None else f"the {dimension[0]} is {_dimension(dimension[1], e)}"
 
 
 def _dimension(drawn: float, e: Estimate) -> str:
@@ -189,11 +189,11 @@ def on_geometry(diagnosis: Diagnosis) -> tuple[str, str]:
 
 def _instead(geometry: WrongGeometry) -> str:
     """Return a sentence on what the data cannot distinguish from numbers that all legs share; empty without."""
-    found = [
+    clauses = [
         f"{together(one.named)} is indistinguishable from {together(one.effects)}, {comparison(one.odds)}"
         for one in geometry.alternatives[:MOST_NAMED]
     ]
-    return f"Here {'; '.join(found)}. " if found else ""
+    return f"Here {'; '.join(clauses)}. " if clauses else ""
 
 
 def _numbers(diagnosis: Diagnosis) -> Iterator[str]:
@@ -205,10 +205,10 @@ def _numbers(diagnosis: Diagnosis) -> Iterator[str]:
     before = geometry.before.machine.estimate
     for name in (name for name in kinematics.numbers if name in geometry.estimate and name not in before):
         for x, drawn in zip(kinematics.numbers[name], kinematics.number(name), strict=True):
-            shown = f"{name}.{x}" if x else name
-            one = fit.estimates[f"geometry.{shown}"]
+            key = f"{name}.{x}" if x else name
+            one = fit.estimates[f"geometry.{key}"]
             if not x or abs(one.value) > 2 * (one.std or 0.0):
-                yield f"{shown} is {_dimension(drawn, one)}"
+                yield f"{key} is {_dimension(drawn, one)}"
 
 
 def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
@@ -301,7 +301,7 @@ def causes(d: Diagnosis, more: Callable[[DiagnosedEffect], Facts] | None = None)
         yield replace(
             part, blocks=[*part.blocks, *([Facts(list(dict.fromkeys(further)))] if further else [])]
         )
-    yield from (Part([Paragraph(said)]) for said in (*on_sets(d), how_to_distinguish(d)) if said)
+    yield from (Part([Paragraph(sentence)]) for sentence in (*on_sets(d), how_to_distinguish(d)) if sentence)
     yield from map(_form, d.unexplained)
 
 
@@ -352,27 +352,27 @@ def not_seen(d: Diagnosis) -> Iterator[Part]:
             f"These data would show only more than any machine has of {joined(huge, most=MOST_UNSEEN)}.",
         ),
     ]
-    said = [row for row, names in zip(rows, (unseen, huge), strict=True) if names]
-    yield from [Part([Facts(said)])] * bool(said)
+    facts = [row for row, names in zip(rows, (unseen, huge), strict=True) if names]
+    yield from [Part([Facts(facts)])] * bool(facts)
 
 
 def rungs(d: Diagnosis) -> list[Model]:
     """Return the models of a diagnosis, from that of the file on."""
     rms = d.rms
     first = "without bounds" if d.wrong_bounds else THE_FILE
-    found = [Model(first, rms.before, rms.before_held_out, "", rms.before_test)]
+    models = [Model(first, rms.before, rms.before_held_out, "", rms.before_test)]
     if d.geometry is not None:
         held_out, odds = d.base.held_out().rms, odds_text(d.geometry.odds)
-        found.append(Model("+ its dimensions", d.base.rms, held_out, odds))
+        models.append(Model("+ its dimensions", d.base.rms, held_out, odds))
     titles = [step.effect.title for step in d.steps]
     for form in d.unexplained:
         place = f" at {form.joint}" if form.joint else ""
         titles.append(f"{plain(form.form, 30)}{place}, outside the catalogue")
-    found += [
+    models += [
         Model(f"+ {title}", one.rms, one.rms_held_out, odds_text(one.odds))
         for title, one in zip(titles, d.found, strict=True)
     ]
-    return [*found[:-1], found[-1]._replace(rms_test=rms.after_test)] if len(found) > 1 else found
+    return [*models[:-1], models[-1]._replace(rms_test=rms.after_test)] if len(models) > 1 else models
 
 
 def on_errors(d: Diagnosis) -> Iterator[Block]:
@@ -425,23 +425,23 @@ def of_effects(steps: Sequence[DiagnosedEffect], machine: Machine, most: int | N
 def alternatives(step: DiagnosedEffect, most: int | None = MOST_NAMED) -> list[str]:
     """Return what these data cannot distinguish from an effect, the most probable first, each with its odds."""
     others = [alias for alias in step.indistinguishable_from if alias not in step.shares]
-    found = [
+    names_and_odds = [
         f"{together(alias.effects)}, {comparison(alias.odds)}"
         for alias in sorted(others, key=lambda a: -a.odds)
     ]
-    listed = found[:most]
-    more = len(found) - len(listed)
+    listed = names_and_odds[:most]
+    more = len(names_and_odds) - len(listed)
     return [*listed, *([f"{more} more, in --json"] if more else [])]
 
 
 def shares(step: DiagnosedEffect) -> str:
     """Return the odds of where an effect is, with those places that may have it, or a part of it; or nothing."""
-    found = [((step.effect,), 1.0), *((a.effects, a.odds) for a in step.shares)][: MOST_NAMED + 1]
-    least = min(odds for _, odds in found)
-    where = [f"{joined([str(e.place) for e in some])}{' alone' * (len(some) == 1)}" for some, _ in found]
-    odds = " : ".join(odds_text(odds / least).removesuffix(".0") for _, odds in found)
-    said = f"Odds of {' to '.join(where)}: {odds}. These data do not tell how much is where."
-    return said if step.shares else ""
+    named = [((step.effect,), 1.0), *((a.effects, a.odds) for a in step.shares)][: MOST_NAMED + 1]
+    least = min(odds for _, odds in named)
+    where = [f"{joined([str(e.place) for e in some])}{' alone' * (len(some) == 1)}" for some, _ in named]
+    odds = " : ".join(odds_text(odds / least).removesuffix(".0") for _, odds in named)
+    sentence = f"Odds of {' to '.join(where)}: {odds}. These data do not tell how much is where."
+    return sentence if step.shares else ""
 
 
 def at_reach(step: DiagnosedEffect, machine: Machine) -> str:
@@ -467,20 +467,20 @@ def at_reach(step: DiagnosedEffect, machine: Machine) -> str:
 def far_from_usual(step: DiagnosedEffect, machine: Machine) -> str:
     """Return a sentence on sizes that few machines have; empty where there are none."""
     sizes = plausibility(machine, step.effect).sizes
-    found = []
+    clauses = []
     for name, e in step.parameters.items():
         if name in sizes and e.std is not None:
             factor = unit_factor(e.unit, machine.length_unit)[0]
             least = max(abs(e.value) - CERTAIN * e.std, 0.0) * factor
             if least > VERDICT.unusual * sizes[name].usual:
                 times = abs(e.value) * factor / sizes[name].usual
-                found.append(f"{name} is {two_digits(times)} times the size that is usual")
-    if not found:
+                clauses.append(f"{name} is {two_digits(times)} times the size that is usual")
+    if not clauses:
         return ""
     if _is_ratio(step):
-        return f"{joined(found)}: {on_ratio(step, machine)}"
-    other = ", or a wrong ratio" if step.effect.name in RATIOS else ""
-    return f"{joined(found)}. Few machines have so much: look for another cause, too, such as one not recorded{other}."
+        return f"{joined(clauses)}: {on_ratio(step, machine)}"
+    also = ", or a wrong ratio" if step.effect.name in RATIOS else ""
+    return f"{joined(clauses)}. Few machines have so much: look for another cause, too, such as one not recorded{also}."
 
 
 def _is_ratio(step: DiagnosedEffect) -> bool:

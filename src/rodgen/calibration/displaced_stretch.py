@@ -120,11 +120,11 @@ def stretch_of(
         return None
     if 2 * (last - first) > poses and (first == 0 or last == poses):  # a jump: the shorter side of it
         first, last = (last, poses) if first == 0 else (0, first)
-    found = order[ends[first] : ends[last]]
+    stretch = order[ends[first] : ends[last]]
     rows = np.zeros(n, bool)
-    rows[found] = True
+    rows[stretch] = True
     columns = motion[:, :, :size] * rows[:, None, None]
-    return DisplacedStretch(int(found[0]), int(found[-1]), gain, rows, columns, rival=slow[0])
+    return DisplacedStretch(int(stretch[0]), int(stretch[-1]), gain, rows, columns, rival=slow[0])
 
 
 def _half_waves(place: Array, poses: int, count: int) -> Array:
@@ -225,14 +225,14 @@ class _Sums:
             Components of the motion, translations first.
         """
         poses = len(self.ends) - 1
-        found = self._best_of(self.grid, self.grid, moves, size)
+        best = self._best_of(self.grid, self.grid, moves, size)
         step = poses / ENDS
         while step > 1:
             step = max(step / NEARER, 1.0)
             near = np.unique(np.round(step * np.arange(-NEARER, NEARER + 1)).astype(int))
-            while (better := self._best_of(found[1] + near, found[2] + near, moves, size)) > found:
-                found = better
-        return found
+            while (better := self._best_of(best[1] + near, best[2] + near, moves, size)) > best:
+                best = better
+        return best
 
     def slow(self, count: int, size: int) -> float:
         """Return the fall of the sum of squares by so many half waves of a motion, each constant within a cell."""
@@ -258,8 +258,8 @@ class _Sums:
             return 0.0, 0, 0
         ends, numbers = np.unique([a, b], return_inverse=True)
         sums = self._at(ends)[:, :size]
-        one, other = numbers.reshape(2, -1)
-        inside, k = sums[other] - sums[one], len(self.scale)
+        one, later = numbers.reshape(2, -1)
+        inside, k = sums[later] - sums[one], len(self.scale)
         seen, shared, pull = inside[:, :, :size], inside[:, :, k:-1], inside[:, :, -1]
         falls = _falls(seen, shared, pull)
         i = int(np.argmax(falls))

@@ -39,12 +39,12 @@ def error_table(models: Sequence[Model], unit: str, noise: NoiseFloor | None) ->
         Of their errors.
     noise : NoiseFloor or None
     """
-    factor, shown = readable(unit, max(model.rms for model in models))
+    factor, readable_unit = readable(unit, max(model.rms for model in models))
 
     def size(value: float | None) -> str:
         return "–" if value is None else three_digits(value * factor)
 
-    header = [f"rms in {shown} per reading", "fitted", "held out"]
+    header = [f"rms in {readable_unit} per reading", "fitted", "held out"]
     rows = [[model.title, size(model.rms), size(model.rms_held_out)] for model in models]
     more = {
         "test file": [None if m.rms_test is None else size(m.rms_test) for m in models],
@@ -66,10 +66,12 @@ def on_replicates(models: Sequence[Model], unit: str, noise: NoiseFloor) -> str:
     """Return how well replicates determine the noise, in the unit of the table, and what is stated; or nothing."""
     if (known := noise.replicates) is None:
         return ""
-    factor, shown = readable(unit, max(model.rms for model in models))
+    factor, readable_unit = readable(unit, max(model.rms for model in models))
     low, high = (three_digits(x * factor) for x in (known.low, known.high))
-    stated = "" if noise.stated is None else f"; {three_digits(noise.stated * factor)} {shown} is stated"
-    return f"By replicates the noise is between {low} and {high} {shown} (95 %){stated}."
+    stated = (
+        "" if noise.stated is None else f"; {three_digits(noise.stated * factor)} {readable_unit} is stated"
+    )
+    return f"By replicates the noise is between {low} and {high} {readable_unit} (95 %){stated}."
 
 
 def noise_name(source: str | None) -> str:

@@ -60,7 +60,7 @@ def estimates_with(fit: Fit, further: Array) -> dict[str, Estimate]:
 
 def _estimates(fit: Fit, of: Determinacy, covariance: Array) -> dict[str, Estimate]:
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    found, bounds, model = {}, fit.problem.at_bounds(fit.solution.theta), fit.problem.model
+    by_key, bounds, model = {}, fit.problem.at_bounds(fit.solution.theta), fit.problem.model
     rounding = ROUNDING * np.where(model.ways, model.farthest, model.turns)
     for i, p in enumerate(fit.parameters):
         held, lacking = i not in fit.free, bool(of.lacking[i])
@@ -71,10 +71,10 @@ def _estimates(fit: Fit, of: Determinacy, covariance: Array) -> dict[str, Estima
         if of.undetermined[i] and max(abs(fit.values[i]), spread or 0.0) < rounding[i]:
             value, spread = 0.0, spread and 0.0
         spread = spread and spread / p.factor
-        found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
+        by_key[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
     for tied in fit.problem.model.tied:
-        found[tied.parameter.key] = _tied(fit, tied, found, covariance)
-    return found
+        by_key[tied.parameter.key] = _tied(fit, tied, by_key, covariance)
+    return by_key
 
 
 def _tied(fit: Fit, tied: Tied, others: Mapping[str, Estimate], covariance: Array) -> Estimate:
@@ -113,16 +113,16 @@ class EffectEstimates:
         numbers = self._numbers(effect)
         first = {self.final.parameters[i].slot[2]: i for i in reversed(numbers) if self._is_shift(i)}
         relative = bool(first) and any(self.final.determinacy.undetermined[i] for i in numbers)
-        found = {}
+        by_name = {}
         for i in numbers:
             parameter = self.final.parameters[i]
             name = parameter.key[len(effect.key("")) :].removeprefix(".")
             start = first[parameter.slot[2]] if relative else None
             if start is None:
-                found[name] = self.final.estimates[parameter.key]
+                by_name[name] = self.final.estimates[parameter.key]
             elif i != start:
-                found[name] = self._difference(i, start)
-        return found
+                by_name[name] = self._difference(i, start)
+        return by_name
 
     def _numbers(self, effect: Effect) -> list[int]:
         return [
@@ -168,8 +168,10 @@ def held_out(fit: Fit, folds: int | None = None, *, progress: Progress | None = 
         As of :func:`rodgen.calibration.fit.fit`.
     """
     with reporting(progress):
-        found: checks.HeldOut = fit.held_out_of_poses if folds is None else checks.held_out(fit, folds=folds)
-        return found
+        validated: checks.HeldOut = (
+            fit.held_out_of_poses if folds is None else checks.held_out(fit, folds=folds)
+        )
+        return validated
 
 
 def used_rows(fit: Fit) -> dict[str, Any]:

@@ -312,31 +312,35 @@ class Evidence:
         sizes = [c.columns.shape[2] for c in more]
         n, m = self.sensitivities.residual.shape
         whole = np.concatenate([np.zeros((n, m, 0)), *(c.columns for c in more)], axis=2)
-        own = self.models[0].space.whiten(whole).reshape(n * m, -1)
-        lengths = np.linalg.norm(own, axis=0)
-        z = self.models[0].space.beyond(own)
+        part_of_model = self.models[0].space.whiten(whole).reshape(n * m, -1)
+        lengths = np.linalg.norm(part_of_model, axis=0)
+        z = self.models[0].space.beyond(part_of_model)
         shares = np.linalg.norm(z, axis=0) / np.where(lengths > 0, lengths, 1.0)
-        largest = [float(own.max(initial=0.0)) for own in np.split(shares, np.cumsum(sizes)[:-1])]
+        largest = [
+            float(part_of_model.max(initial=0.0)) for part_of_model in np.split(shares, np.cumsum(sizes)[:-1])
+        ]
         seen = [share >= COST.visible for share in largest]
-        kept = np.repeat(np.array(seen, bool), np.array(sizes, int))
+        is_seen = np.repeat(np.array(seen, bool), np.array(sizes, int))
         hidden = shares < HIDDEN
         z[:, hidden] = 0.0
-        shown = whole[:, :, kept] * ~hidden[kept]
+        visible = whole[:, :, is_seen] * ~hidden[is_seen]
         models = [
             Columns.of(
                 model.space,
-                np.concatenate([model.across, z[:, kept] if k == 0 else model.space.seen(shown)], axis=1),
+                np.concatenate(
+                    [model.across, z[:, is_seen] if k == 0 else model.space.seen(visible)], axis=1
+                ),
             )
             for k, model in enumerate(self.models)
         ]
         parts, end = dict(self.parts), self.models[0].across.shape[1]
-        found = [c for c, there in zip(more, seen, strict=True) if there]
+        added = [c for c, there in zip(more, seen, strict=True) if there]
         exact, dimensions = self._exact, self.sensitivities.exact
-        for c in found:
+        for c in added:
             parts[id(c)] = np.arange(end, end := end + c.columns.shape[2])
-        sure = [c.effect.name in exact or c.key in dimensions for c in found]
-        known = [_known(c, models[0], parts[id(c)], one) for c, one in zip(found, sure, strict=True)]
-        every = [*self.candidates, *found]
+        sure = [c.effect.name in exact or c.key in dimensions for c in added]
+        known = [_known(c, models[0], parts[id(c)], one) for c, one in zip(added, sure, strict=True)]
+        every = [*self.candidates, *added]
         unseen = [*self.unseen, *(c for c, there in zip(more, seen, strict=True) if not there)]
         return replace(
             self,
@@ -376,8 +380,8 @@ class Evidence:
 
     def size(self, chosen: Sequence[Candidate], one: Candidate) -> tuple[Array, Array]:
         """Return the sizes of one of a set of candidates by its columns, (k,), and their standard deviations."""
-        found, part = self.estimated(chosen), np.searchsorted(self._index(chosen), self.parts[id(one)])
-        return found.theta[part], found.spread[part]
+        estimates, part = self.estimated(chosen), np.searchsorted(self._index(chosen), self.parts[id(one)])
+        return estimates.theta[part], estimates.spread[part]
 
     @property
     def imperfect(self) -> float:
@@ -389,18 +393,20 @@ class Evidence:
 
         With the covariance S of the sizes of the set, those of a candidate explain θᵀS⁻¹θ in addition to the others.
         """
-        best, index, found = self.estimated(chosen), self._index(chosen), list[float]()
+        best, index, differences = self.estimated(chosen), self._index(chosen), list[float]()
         width, gram = best.width, self.model_for(chosen).gram[np.ix_(index, index)]
         values, vectors = eigh(width[:, None] * gram * width)
         covariance = vectors / (1 + np.maximum(values, 0.0) / best.variance) @ vectors.T
         theta = best.theta / np.where(width > 0, width, 1.0)
         for c in chosen:
             part = np.searchsorted(index, self.parts[id(c)])
-            own = covariance[np.ix_(part, part)]
-            paid = best.of_width[part].sum() - np.linalg.slogdet(own)[1]
-            choice = self.choice([other for other in chosen if other is not c])
-            found.append(float(theta[part] @ solve(own, theta[part]) - paid) + choice - self.choice(chosen))
-        return found
+            variance = covariance[np.ix_(part, part)]
+            paid = best.of_width[part].sum() - np.linalg.slogdet(variance)[1]
+            choice = self.choice([candidate for candidate in chosen if candidate is not c])
+            differences.append(
+                float(theta[part] @ solve(variance, theta[part]) - paid) + choice - self.choice(chosen)
+            )
+        return differences
 
     def misfit(self, chosen: Sequence[Candidate]) -> float:
         """Return the cost of a set without that of its odds and of the sizes of its effects."""
@@ -439,8 +445,8 @@ class Evidence:
 
     def weighed(self, sets: Iterable[list[Candidate]]) -> list[list[Candidate]]:
         """Return sets of candidates whose costs are known, those of as many columns computed together."""
-        found, alike = [*sets], dict[tuple[int, bool], dict[frozenset[Candidate], Ints]]()
-        for chosen in found:
+        those, alike = [*sets], dict[tuple[int, bool], dict[frozenset[Candidate], Ints]]()
+        for chosen in those:
             key = frozenset(chosen)
             if key not in self._estimates:
                 index = self._index(chosen)
@@ -448,7 +454,7 @@ class Evidence:
                 alike.setdefault((len(index), many), {})[key] = index
         for (_, many), some in alike.items():
             self._estimates |= zip(some, self._weigh(np.array([*some.values()]), many), strict=True)
-        return found
+        return those
 
     def _weigh(self, index: Ints, many: bool) -> Iterator[list[Estimated]]:
         """Yield the costs of sets of as many columns, (S, k), under each noise model: (variants, models, S, k).
@@ -490,8 +496,8 @@ class Evidence:
             times = np.clip(ratio, narrow, WIDEST)
             if many:
                 there = _there(usual * times, gram, theta, variance, known["many"], same)
-        kept = first & ((same @ there[..., None])[..., 0] > 0)
-        of_width = 2 * kept * np.where(times > 1, np.log1p(times**2), -np.log(times))
+        is_paid = first & ((same @ there[..., None])[..., 0] > 0)
+        of_width = 2 * is_paid * np.where(times > 1, np.log1p(times**2), -np.log(times))
         sizes = np.sum(of_width, axis=-1)
         if many:
             of_variants = [0 * index[:, 0], known["rank"].sum(axis=1), (first & known["many"]).sum(axis=1)]
@@ -509,20 +515,22 @@ class Evidence:
             width[..., None] * vectors / np.sqrt(values + variance[..., None])[..., None, :], axis=-1
         ) * np.sqrt(variance[..., None])
         sizes += _impossible(known, theta, spread)
-        found = costs(log[..., None])[..., 0] + sizes + determinants[:, None]
-        best, of_sets = found.argmin(axis=0), (theta, spread, sizes, width, of_width)
+        costs_of_models = costs(log[..., None])[..., 0] + sizes + determinants[:, None]
+        best, of_sets = costs_of_models.argmin(axis=0), (theta, spread, sizes, width, of_width)
         for s in range(len(index)):
             at = [(best[m, s], m, s) for m in range(len(self.models))]
-            yield [Estimated(float(found[i]), float(variance[i]), *(x[i] for x in of_sets)) for i in at]
+            yield [
+                Estimated(float(costs_of_models[i]), float(variance[i]), *(x[i] for x in of_sets)) for i in at
+            ]
 
     @cached_property
     def _products(self) -> tuple[Array, ...]:
         """Of each noise model XᵀX and Xᵀy, with a last column of zeros, |y|², that without dimensions, ln|V|."""
-        found = (
+        products = (
             (np.pad(m.gram, (0, 1)), np.pad(m.pull, (0, 1)), m.square, m.imperfect, m.space.log_determinant)
             for m in self.models
         )
-        return tuple(np.array(of_models) for of_models in zip(*found, strict=True))
+        return tuple(np.array(of_models) for of_models in zip(*products, strict=True))
 
     def choice(self, chosen: Sequence[Candidate]) -> float:
         """Return -2 ln of the odds of choosing these: how often machines have them, and how many values were tried.
@@ -644,18 +652,18 @@ class Evidence:
         keys = [*map(frozenset, sets)]
         if new := [key for key in dict.fromkeys(keys) if key not in self._bounds]:
             self._bounds |= zip(new, self._gains(new), strict=True)
-        found = list[list[Candidate]]()
+        promising = list[list[Candidate]]()
         prices = [self._price(c) for c in self.candidates]
         for key in keys:
             there, kinds = {c.key for c in key} | {*self.refused}, {c.effect.name for c in key}
             choices = [
-                math.inf if own in there else again if name in kinds else first
-                for own, name, first, again in prices
+                math.inf if inverse in there else again if name in kinds else first
+                for inverse, name, first, again in prices
             ]
             costs, limit = self._bounds[key] + choices, under - self.choice([*key])
             order = np.argsort(costs, kind="stable")[:most].tolist()
-            found.append([self.candidates[i] for i in order if costs[i] < limit])
-        return found
+            promising.append([self.candidates[i] for i in order if costs[i] < limit])
+        return promising
 
     def _gains(self, sets: Sequence[Collection[Candidate]]) -> Array:
         """Return what sets cost with each candidate at least, but for odds and sizes, (S, candidates)."""
@@ -677,12 +685,12 @@ class Evidence:
         for size, members in self._by_size.items():
             part = np.stack([self.parts[id(self.candidates[i])] for i in members])
             beside, scale = cross[..., part], np.sqrt(diagonal[:, None, part])
-            own = gram[:, None, part[:, :, None], part[:, None, :]] - np.einsum(
+            within = gram[:, None, part[:, :, None], part[:, None, :]] - np.einsum(
                 "mnisk,mnisl->mnskl", beside, beside
             )
-            own = own / scale[..., :, None] / scale[..., None, :] + COST.visible**2 * np.eye(size)
+            within = within / scale[..., :, None] / scale[..., None, :] + COST.visible**2 * np.eye(size)
             force = pull[..., part] / scale
-            falls[..., members] = np.sum(force * np.linalg.solve(own, force[..., None])[..., 0], axis=-1)
+            falls[..., members] = np.sum(force * np.linalg.solve(within, force[..., None])[..., 0], axis=-1)
         with np.errstate(invalid="ignore"):
             rests = np.log(left) + np.log1p(-np.minimum(falls / left, 1 - 1e-12))
         constant = self.dof * (1 - math.log(self.dof))
@@ -721,10 +729,10 @@ class Estimated:
     of_width: Array
 
 
-def _in_place(found: Sequence[Candidate], further: Sequence[Candidate]) -> list[Candidate]:
+def _in_place(chosen: Sequence[Candidate], further: Sequence[Candidate]) -> list[Candidate]:
     """Return candidates with a user's instead of those that have the same names and places."""
     keys = {c.key for c in further}
-    return [*(c for c in found if c.key not in keys), *further]
+    return [*(c for c in chosen if c.key not in keys), *further]
 
 
 GRID = np.linspace(-0.4, 1.6, 11)
@@ -768,18 +776,18 @@ def _known(c: Candidate, model: Columns, part: Ints, exact: bool) -> NDArray[Any
     lengths = np.sqrt(np.maximum(np.diag(gram), 0.0))
     # a column that is hidden has no size
     unit = np.where(lengths > 0, math.sqrt(model.imperfect) / np.where(lengths > 0, lengths, 1.0), 0.0)
-    found = np.zeros(len(part), KNOWN)
-    found["usual"] = np.minimum(np.where(np.isfinite(stated), stated, unit), 1e4 * unit)
-    found["largest"] = [size.largest for size in sizes]
-    found["positive"] = [size.positive for size in sizes]
-    found["relative"] = c.effect.name in SCALES
-    found["exact"] = exact
-    found["effect"] = part[0]
-    found["group"] = part[0] + np.unique(stated, return_inverse=True)[1]
-    found["many"] = len(part) > FEW_COLUMNS
-    if found["many"][0]:
-        found["rank"][0] = _rank(gram)
-    return found
+    known = np.zeros(len(part), KNOWN)
+    known["usual"] = np.minimum(np.where(np.isfinite(stated), stated, unit), 1e4 * unit)
+    known["largest"] = [size.largest for size in sizes]
+    known["positive"] = [size.positive for size in sizes]
+    known["relative"] = c.effect.name in SCALES
+    known["exact"] = exact
+    known["effect"] = part[0]
+    known["group"] = part[0] + np.unique(stated, return_inverse=True)[1]
+    known["many"] = len(part) > FEW_COLUMNS
+    if known["many"][0]:
+        known["rank"][0] = _rank(gram)
+    return known
 
 
 def _there(width: Array, gram: Array, theta: Array, variance: Array, many: Mask, same: Mask) -> Array:
@@ -826,12 +834,16 @@ def _dependences(
     alone = estimate_correlation(rows, (), None, beside, runs=runs)
     columns, tries = [c.columns for c in nuisance], [c.tries for c in nuisance]
     there = [*(c.columns for c in known), *beside]
-    found = estimate_correlation(rows, columns, tries, there, runs=runs, alone=None if known else alone)
-    competing = [found, *([] if alone.independent else [alone])]
-    if (position := alone.position) is not None and alone.size("position") and not found.size("position"):
+    correlation = estimate_correlation(rows, columns, tries, there, runs=runs, alone=None if known else alone)
+    competing = [correlation, *([] if alone.independent else [alone])]
+    if (
+        (position := alone.position) is not None
+        and alone.size("position")
+        and not correlation.size("position")
+    ):
         within = [_within(x, position) for x in (*columns, *there)]
         competing.append(estimate_correlation(rows, within, None, beside, runs=runs, alone=alone))
-    return [*competing, *([] if found.independent else [INDEPENDENT])]
+    return [*competing, *([] if correlation.independent else [INDEPENDENT])]
 
 
 def _within(columns: Array, position: Ints) -> Array:

@@ -193,8 +193,8 @@ class Fit(Documented):
         )
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
-        found = cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss, weighed)
-        return replace(found, machine=replace(machine, doubts=found._doubts))
+        fit = cls(machine, problem.observations, problem, solution, tuple(free), outliers, loss, weighed)
+        return replace(fit, machine=replace(machine, doubts=fit._doubts))
 
     @property
     def outlier_numbers(self) -> list[int]:
@@ -311,9 +311,11 @@ class Fit(Documented):
 
         Without their stated correlation.
         """
-        found = self.problem.residuals(self.solution.theta, self.solution.frame) * self.problem.base_weight
+        residuals = (
+            self.problem.residuals(self.solution.theta, self.solution.frame) * self.problem.base_weight
+        )
         whitening = self.observations.whitening
-        return np.asarray(found if whitening is None else np.einsum("nij,nj->ni", whitening, found))
+        return np.asarray(residuals if whitening is None else np.einsum("nij,nj->ni", whitening, residuals))
 
     @cached_property
     def rms(self) -> float:
@@ -325,8 +327,8 @@ class Fit(Documented):
         """Sums of the squares of the residuals, by component, in :attr:`unit`, without the outliers."""
         if isinstance(self.problem, BlockProblem):
             return self.problem.squares(self.solution.theta, self.solution.frame) / self.unit_factor**2
-        kept = self._residuals[~self.outliers]
-        return np.asarray(np.einsum("ij,ij->j", kept, kept))
+        inliers = self._residuals[~self.outliers]
+        return np.asarray(np.einsum("ij,ij->j", inliers, inliers))
 
     @property
     def rows(self) -> int:
@@ -389,12 +391,12 @@ class Fit(Documented):
         """
         measurand = self.machine.measurand
         names = measurand.columns
-        found: dict[str, NDArray[Any]] = {}
+        columns: dict[str, NDArray[Any]] = {}
         if measurand.is_direction:
             places = self.problem.places(self.solution.theta, self.solution.frame)
-            found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
+            columns |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
             parts = zip(("horizontal", "vertical"), self.residuals.T, strict=True)
-            found |= {f"residual_{part} [{self.unit}]": values for part, values in parts}
+            columns |= {f"residual_{part} [{self.unit}]": values for part, values in parts}
         else:
             data, residuals = self.observations.data, self.residuals * self.unit_factor
             reading = (
@@ -406,23 +408,23 @@ class Fit(Documented):
             for label, values in (("predicted", reading - of_places), ("residual", of_places)):
                 for name, part in zip(names, values.T, strict=False):
                     unit = str(data.columns[name].unit)
-                    found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(
+                    columns[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(
                         self.machine.length_unit
                     )
             if measurand.has_attitude:
                 attitudes = self.problem.attitudes(self.solution.theta, self.solution.frame)
-                found |= {
+                columns |= {
                     f"predicted_{name}": part for name, part in attitude_columns(attitudes, data).items()
                 }
                 turns = (self.residuals * self.in_units)[:, -3:]
-                found |= {
+                columns |= {
                     f"residual_{name} [arcsec]": part for name, part in zip(TURNS, turns.T, strict=True)
                 }
-        found["outlier"] = self.outliers.astype(np.int8)
+        columns["outlier"] = self.outliers.astype(np.int8)
         rows = self.observations.counted_as
         if rows is None:
-            return found
-        everywhere = {name: values[rows] for name, values in found.items()}
+            return columns
+        everywhere = {name: values[rows] for name, values in columns.items()}
         return (
             {n: np.ma.array(x, mask=rows < 0) for n, x in everywhere.items()}
             if (rows < 0).any()
@@ -442,8 +444,8 @@ class Fit(Documented):
     def places(self, observations: Observations) -> Array:
         """Return where the model puts what is measured, in machine axes, (n, 3); unit vectors of directions."""
         frame = self.solution.frame
-        found = Problem(self.problem.model, observations).places(self.solution.theta, frame)
-        return (found - frame.position) @ frame.rotation if self.machine.measured.frame == "free" else found
+        places = Problem(self.problem.model, observations).places(self.solution.theta, frame)
+        return (places - frame.position) @ frame.rotation if self.machine.measured.frame == "free" else places
 
     def emit(self, lang: str, folder: str | os.PathLike[str], **options: Any) -> list[Path]:
         """Write the fitted machine as code or tables, which state the uncertainties of this fit.
@@ -461,14 +463,14 @@ class Fit(Documented):
         list of Path
             The files.
         """
-        given: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "travel": self.observations.travel,
             "covariance": ([p.key for p in self.parameters], self.covariance),
             "residual": (self.rows, float(np.sqrt(self._squares.sum() / self.rows)) * self.unit_factor),
         }
         from rodgen.machines.emit import emit
 
-        return emit(self.machine, lang, folder, **given | options)
+        return emit(self.machine, lang, folder, **arguments | options)
 
 
 def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:

@@ -223,8 +223,10 @@ class Term:
         """Return its functions in every row, (n, count); zero where they are too large to be squared."""
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [factor.functions(drivers[factor.driver].values) for factor in self.factors]
-            found = np.stack([reduce(np.multiply, several) for several in itertools.product(*parts)], axis=1)
-        return found if np.abs(found).max(initial=0.0) < LARGEST else np.zeros_like(found)
+            functions = np.stack(
+                [reduce(np.multiply, several) for several in itertools.product(*parts)], axis=1
+            )
+        return functions if np.abs(functions).max(initial=0.0) < LARGEST else np.zeros_like(functions)
 
     def multiplied(self, drivers: Sequence[Driver]) -> list[Term]:
         """Return products with a low function of each driver that it does not follow; of two, with further powers."""
@@ -237,12 +239,12 @@ class Term:
         (factor,) = self.factors
         curve = factor.kind in {"power", "series", "curve"} and drivers[factor.driver].levels > DEGREE
         return [
-            Term((own, other), self.choices * len(low))
+            Term((factors, second), self.choices * len(low))
             for k, driver in enumerate(drivers)
             if k != factor.driver and _multiply(drivers[factor.driver], driver)
             for low in [_low(k, driver)]
-            for other in low
-            for own in (factor, *([_polynomial(factor)] if curve else []))
+            for second in low
+            for factors in (factor, *([_polynomial(factor)] if curve else []))
         ]
 
     def neighbours(self, drivers: Sequence[Driver], part: float) -> Iterator[Term]:
@@ -276,8 +278,8 @@ class Term:
 
     def follows(self, drivers: Sequence[Driver]) -> str:
         """Return what drives it, in words: columns before joints, each once; of a direction of approach its joint."""
-        own = [drivers[factor.driver] for factor in self.factors]
-        ordered = sorted(own, key=lambda d: d.kind in {"joint", "approach"})
+        of_factors = [drivers[factor.driver] for factor in self.factors]
+        ordered = sorted(of_factors, key=lambda d: d.kind in {"joint", "approach"})
         return " and ".join(dict.fromkeys(str(d.joint) if d.kind == "approach" else d.name for d in ordered))
 
 
@@ -286,33 +288,33 @@ class Term:
 
 def terms(drivers: Sequence[Driver]) -> list[Term]:
     """Return the terms that are tried first, searched values on a coarse grid."""
-    found = list[Term]()
+    every = list[Term]()
     for i, driver in enumerate(drivers):
         alone = _alone(i, driver)
         kinds = Counter(factor.kind for factor in alone)
-        found += [Term((factor,), float(len(kinds) * kinds[factor.kind])) for factor in alone]
+        every += [Term((factor,), float(len(kinds) * kinds[factor.kind])) for factor in alone]
     for i, k in itertools.combinations(range(len(drivers)), 2):
-        one, other = drivers[i], drivers[k]
-        if one.kind != "joint" or not _multiply(one, other):
+        one, latter = drivers[i], drivers[k]
+        if one.kind != "joint" or not _multiply(one, latter):
             continue
-        if other.kind == "joint":
+        if latter.kind == "joint":
             first, second = (_low(j, drivers[j])[: 1 + HARMONICS_OF_TWO] for j in (i, k))
         else:
             first = [*_low(i, one), *_local(i, one, PLACES // 3, WIDTHS[:1])]
-            second = _low(k, other)
+            second = _low(k, latter)
         choices = float(len(first) * len(second))
-        found += [Term(pair, choices) for pair in itertools.product(first, second)]
-    return found
+        every += [Term(pair, choices) for pair in itertools.product(first, second)]
+    return every
 
 
 def _polynomial(factor: Factor) -> Factor:
     return replace(factor, kind="polynomial", order=DEGREE)
 
 
-def _multiply(one: Driver, other: Driver) -> bool:
+def _multiply(one: Driver, second: Driver) -> bool:
     """Return whether products of two drivers are formed: what belongs to a joint is multiplied with its coordinate."""
-    of_one = [d for d in (one, other) if d.joint is not None and d.kind != "joint"]
-    return all(one.joint == other.joint and "joint" in {one.kind, other.kind} for _ in of_one)
+    of_one = [d for d in (one, second) if d.joint is not None and d.kind != "joint"]
+    return all(one.joint == second.joint and "joint" in {one.kind, second.kind} for _ in of_one)
 
 
 def _alone(i: int, driver: Driver) -> list[Factor]:
@@ -370,11 +372,11 @@ def _local(i: int, driver: Driver, places: int, widths: Sequence[float]) -> list
         return []
     between = np.unique(np.linspace(1, len(x) - 1, min(places, len(x) - 1), dtype=int))
     at = [float(a) for a in (x[between] + x[between - 1]) / 2]
-    found = [Factor(i, kind, 1, (a,)) for kind in ("step", "kink") for a in at]
+    factors = [Factor(i, kind, 1, (a,)) for kind in ("step", "kink") for a in at]
     for width in widths:
         centres = np.linspace(x[0], x[-1], round(0.75 / width) + 1)
-        found += [Factor(i, "bump", 1, (float(c), width * driver.span)) for c in centres]
-    return found
+        factors += [Factor(i, "bump", 1, (float(c), width * driver.span)) for c in centres]
+    return factors
 
 
 def _decays(i: int, driver: Driver) -> list[Factor]:
@@ -415,8 +417,8 @@ def effect_of(
         texts.append(factor.texts(str(word(driver, place, machine)), numbers))
         dimensions.append([driver.dimension**p for p in factor.powers])
     wanted = component_dimension(component, machine.kind_of(place), machine.measurand)
-    own = [drivers[factor.driver] for factor in term.factors]
-    columns = [driver.unit for driver in own if driver.kind == "column"]
+    of_factors = [drivers[factor.driver] for factor in term.factors]
+    columns = [driver.unit for driver in of_factors if driver.kind == "column"]
     coefficients: dict[str, str] = {}
     parts = list[str]()
     for several, of in zip(itertools.product(*texts), itertools.product(*dimensions), strict=True):
@@ -449,9 +451,9 @@ def _free(name: str, taken: set[str], between: str = "") -> str:
 def _unit(wanted: Dimension, function: Dimension, columns: Sequence[str], length: str) -> str:
     """Return the unit of a coefficient, by those of columns; an angle in a function is a plain number."""
     function = Dimension.of((name, power) for name, power in function.powers if name != "angle")
-    own = "arcsec" if wanted == ANGLE else length
+    unit_of_place = "arcsec" if wanted == ANGLE else length
     if function == ONE:
-        return own
+        return unit_of_place
     simple = (unit for unit in columns if unit and not re.search(r"[*/^ ]", unit))
-    same = (f"{own}/{unit}" for unit in simple if parse_unit(unit).dimension == function)
+    same = (f"{unit_of_place}/{unit}" for unit in simple if parse_unit(unit).dimension == function)
     return next(same, display_unit(wanted / function, length).text)

@@ -105,9 +105,9 @@ def propose(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
     known = [c for c in every if c.effect.definition.own or c.key in evidence.refused]
     with one_thread_in_blas():
         views = search.views(chosen)
-        drives = [c for given, scored in views for c in search.drives(given, scored)]
+        drives = [c for view, scored in views for c in search.drives(view, scored)]
         # the best of each view, then the second of each
-        of_views = [search.forms(given, scored, known) for given, scored in views]
+        of_views = [search.forms(view, scored, known) for view, scored in views]
         turns = itertools.chain.from_iterable(itertools.zip_longest(*of_views))
         forms = list(itertools.islice(filter(None, turns), MOST))
         # of those that are alike, one
@@ -120,21 +120,21 @@ def sharpened(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate
 
     At a period of the grid a wave leaves a part of itself, which a form of just the right period would take away.
     """
-    found = list[Candidate]()
+    sharp = list[Candidate]()
     for c in chosen:
         if len(c.searched) != 1 or is_direct(c.effect):
             continue
-        given = _Given.of(evidence, [other for other in chosen if other is not c])
-        finer = _sharper(given, c)
-        before, after = given.falls([c.columns, finer.columns])
-        if after - before > LOST * (given.left - after) / given.dof:
-            found.append(finer)
-    return found
+        view = _Given.of(evidence, [each for each in chosen if each is not c])
+        finer = _sharper(view, c)
+        before, after = view.falls([c.columns, finer.columns])
+        if after - before > LOST * (view.left - after) / view.dof:
+            sharp.append(finer)
+    return sharp
 
 
-def _sharper(given: _Given, c: Candidate) -> Candidate:
+def _sharper(view: _Given, c: Candidate) -> Candidate:
     """Return an effect with its searched value where it explains most of what a set leaves."""
-    sensitivities, ((name, value),) = given.evidence.sensitivities, c.searched.items()
+    sensitivities, ((name, value),) = view.evidence.sensitivities, c.searched.items()
     reach, most, columns = math.log(2), math.inf, c.columns
     if c.effect.definition.searched[name] is StartSearch.PERIOD:  # half a wave more or less
         j = sensitivities.fit.machine.number_of(str(c.effect.place))
@@ -143,7 +143,7 @@ def _sharper(given: _Given, c: Candidate) -> Candidate:
     for k in range(ROUNDS):
         values = np.minimum(value * np.exp(reach * np.linspace(-1, 1, 9) / 4**k), most)
         near = columns_at(sensitivities, c.effect, {name: values})
-        best = int(np.argmax(given.falls([*near])))
+        best = int(np.argmax(view.falls([*near])))
         value, columns = float(values[best]), near[best]
     return replace(c, searched={name: value}, columns=columns)
 
@@ -152,7 +152,7 @@ def _further_wave(evidence: Evidence, c: Candidate, there: Sequence[Effect]) -> 
     """Return a wave of a drive that has others already, as an effect that a user could have written."""
     machine, definition, place = evidence.base.machine, c.effect.definition, str(c.effect.place)
     taken = {effect.name for effect in (*there, *machine.effects)}
-    own = own_effect(
+    wave = own_effect(
         next(name for k in itertools.count(2) if (name := f"{DRIVE_ERROR}_{k}") not in taken),
         definition.component,
         definition.formula.text,
@@ -162,7 +162,7 @@ def _further_wave(evidence: Evidence, c: Candidate, there: Sequence[Effect]) -> 
         file=machine.file or machine.name,
         place=f"wave at {place}",
     )
-    effect = Effect(own, place)
+    effect = Effect(wave, place)
     return replace(c, effect=effect, names=tuple(map(effect.key, c.short_names)))
 
 
@@ -209,34 +209,34 @@ class _Search:
         pieces = [piece for _, scored in views for cost, piece in scored if cost < price]
         fewer = [tuple(c for c in chosen if c is not one) for one in chosen]
         parts = [*fewer, ()] if pieces and chosen else []
-        given = [_Given.of(self.evidence, part) for part in dict.fromkeys(parts)]
-        return [*views, *zip(given, self._exact(given, pieces), strict=True)]
+        each_view = [_Given.of(self.evidence, part) for part in dict.fromkeys(parts)]
+        return [*views, *zip(each_view, self._exact(each_view, pieces), strict=True)]
 
     def _searched(self, chosen: Sequence[Candidate]) -> list[tuple[_Given, list[Scored]]]:
         """Return what a set leaves, with the pieces of a search; and that as if there were no errors readings share."""
         models = dict.fromkeys([self.evidence.model_for(chosen), self.evidence.independent])
         views = [_Given.of(self.evidence, chosen, model) for model in models]
-        return [(given, self._promising(given)) for given in views]
+        return [(view, self._promising(view)) for view in views]
 
-    def forms(self, given: _Given, scored: Sequence[Scored], found: list[Candidate]) -> Iterator[Candidate]:
+    def forms(self, view: _Given, scored: Sequence[Scored], forms: list[Candidate]) -> Iterator[Candidate]:
         """Yield forms that lower the cost of a set, the best first, and add them to those that were found."""
         similar = list[Array]()
         for cost, piece in scored:
             if cost >= 0:
                 break
-            similar += [orthonormal_basis(given.beyond(c.columns)) for c in found[len(similar) :]]
-            if self._is_variant(given, piece, similar):
+            similar += [orthonormal_basis(view.beyond(c.columns)) for c in forms[len(similar) :]]
+            if self._is_variant(view, piece, similar):
                 continue
-            (refined,) = self._refined(given, [piece])
-            if refined != piece and self._is_variant(given, refined, similar):
+            (refined,) = self._refined(view, [piece])
+            if refined != piece and self._is_variant(view, refined, similar):
                 continue
             columns = self._independent(refined)
-            if columns is None or self._is_catalogued(refined) or self._is_error(given, refined):
+            if columns is None or self._is_catalogued(refined) or self._is_error(view, refined):
                 continue
-            found.append(self._candidate(refined, columns, [c.effect for c in found]))
-            yield found[-1]
+            forms.append(self._candidate(refined, columns, [c.effect for c in forms]))
+            yield forms[-1]
 
-    def drives(self, given: _Given, scored: Sequence[Scored]) -> Iterator[Candidate]:
+    def drives(self, view: _Given, scored: Sequence[Scored]) -> Iterator[Candidate]:
         """Yield a wave of a joint's drive in addition to the best form that is a wave of that joint: plain physics.
 
         One more wave of a drive that has another already is an effect of its own. It may be finer than any form, so it
@@ -248,9 +248,9 @@ class _Search:
         waves = [term.factors[0] for term in terms if self._reading_wave(term) is not None]
         of_forms = {wave.driver: wave.values[0] for wave in reversed(waves) if wave.kind == "wave"}
         for number, driver in enumerate(self.drivers):
-            found = [one for one in given.chosen if _is_wave_of(driver.joint, one.effect)]
+            waves_there = [one for one in view.chosen if _is_wave_of(driver.joint, one.effect)]
             fitted = [e for e in evidence.base.machine.effects if _is_wave_of(driver.joint, e)]
-            there = [*fitted, *(one.effect for one in found)]
+            there = [*fitted, *(one.effect for one in waves_there)]
             if driver.kind != "joint" or not (number in of_forms or there):
                 continue
             c = self._drive_error(driver.joint)
@@ -258,19 +258,23 @@ class _Search:
                 continue
             ((name, _),) = c.searched.items()
             numbers = [evidence.base.problem.model.keys[e.key(name)] for e in fitted]
-            periods = [*solution.theta[numbers], *(one.searched[name] for one in found)]
+            periods = [*solution.theta[numbers], *(one.searched[name] for one in waves_there)]
             tried = [2 * math.pi / of_forms[number]] if number in of_forms else []
             if there:
-                tried += [searched[name] for of, searched in self._periods(given.chosen) if of is c.effect]
+                tried += [searched[name] for of, searched in self._periods(view.chosen) if of is c.effect]
                 tried += [period / k for period in periods for k in OVERTONES]
             # half a wave away is what a coarse period leaves
             counts = {p: driver.span / p for p in tried}
-            far = [p for p, n in counts.items() if all(abs(driver.span / own - n) > 0.5 for own in periods)]
+            far = [
+                p
+                for p, n in counts.items()
+                if all(abs(driver.span / known_period - n) > 0.5 for known_period in periods)
+            ]
             if not far:
                 continue
             near = columns_at(evidence.sensitivities, c.effect, {name: far})
-            best = int(np.argmax(given.falls([*near])))
-            c = _sharper(given, replace(c, searched={name: far[best]}, columns=near[best]))
+            best = int(np.argmax(view.falls([*near])))
+            c = _sharper(view, replace(c, searched={name: far[best]}, columns=near[best]))
             count = driver.span / c.searched[name]
             if count >= FEWEST_WAVES and all(abs(driver.span / p - count) > 0.5 for p in periods):
                 yield c if c.effect.name not in {e.name for e in there} else _further_wave(evidence, c, there)
@@ -301,11 +305,13 @@ class _Search:
                 every.append(replace(with_searched(sensitivities, effect, period), tries=tries, prior=prior))
         return every[-1] if every else None
 
-    def _is_variant(self, given: _Given, piece: Piece, others: Sequence[Array]) -> bool:
+    def _is_variant(self, view: _Given, piece: Piece, others: Sequence[Array]) -> bool:
         """Return whether a piece explains what one of other forms does, given by orthonormal columns."""
-        basis = orthonormal_basis(given.beyond(self.columns(piece)))
-        explained = basis @ (basis.T @ given.y)
-        least = min((np.linalg.norm(project_out(other, explained)) for other in others), default=math.inf)
+        basis = orthonormal_basis(view.beyond(self.columns(piece)))
+        explained = basis @ (basis.T @ view.y)
+        least = min(
+            (np.linalg.norm(project_out(basis_of, explained)) for basis_of in others), default=math.inf
+        )
         return bool(least < SIMILAR * np.linalg.norm(explained))
 
     def _candidate(self, piece: Piece, columns: Array, others: Sequence[Effect]) -> Candidate:
@@ -323,8 +329,10 @@ class _Search:
         """
         columns = self.columns(piece)
         length = np.maximum(np.linalg.norm(columns, axis=(0, 1)), 1e-300)
-        own = self._beyond_model(piece) / length
-        root = inverse_root(own.T @ own, least=UNDETERMINED) * float(np.linalg.norm(self.follow[piece.at]))
+        beyond = self._beyond_model(piece) / length
+        root = inverse_root(beyond.T @ beyond, least=UNDETERMINED) * float(
+            np.linalg.norm(self.follow[piece.at])
+        )
         return np.asarray(columns / length @ root) if root.shape[1] == len(root) else None
 
     def columns(self, piece: Piece) -> Array:
@@ -377,74 +385,74 @@ class _Search:
             return [[] for _ in views]
         columns = [self.columns(piece) for piece in pieces]
         prices = np.array([self._prices([term])[at, 0] for term, at in pieces])
-        white = {model: _white(model, columns) for model in {given.model for given in views}}
-        costs = [given.gains(given.falls_of(white[given.model])) + prices for given in views]
+        white = {model: _white(model, columns) for model in {view.model for view in views}}
+        costs = [view.gains(view.falls_of(white[view.model])) + prices for view in views]
         return [[(float(of[i]), pieces[i]) for i in np.argsort(of, kind="stable")] for of in costs]
 
-    def _falls(self, given: _Given, pieces: Sequence[Piece]) -> Array:
-        return given.falls([self.columns(piece) for piece in pieces])
+    def _falls(self, view: _Given, pieces: Sequence[Piece]) -> Array:
+        return view.falls([self.columns(piece) for piece in pieces])
 
     # the search -------------------------------------------------------------------------------------------------------
 
-    def _promising(self, given: _Given) -> list[Scored]:
+    def _promising(self, view: _Given) -> list[Scored]:
         """Return the pieces that explain most of what a set leaves, searched values refined, and products of them."""
-        if not given.left > 0:
+        if not view.left > 0:
             return []
-        rough, everywhere = _Rough.of(given, self.follow), [*range(len(self.places))]
-        (scored,) = self._exact([given], self._best(given, rough, self.terms, everywhere, SHORT_LIST))
+        rough, everywhere = _Rough.of(view, self.follow), [*range(len(self.places))]
+        (scored,) = self._exact([view], self._best(view, rough, self.terms, everywhere, SHORT_LIST))
         searched = [piece for _, piece in scored if piece.term.searched][:REFINED]
-        (more,) = self._exact([given], self._refined(given, searched))
+        (more,) = self._exact([view], self._refined(view, searched))
         scored = sorted([*scored, *more], key=itemgetter(0))
         products = [
             product
             for _, piece in scored[:MULTIPLIED]
-            for product in self._best(given, rough, piece.term.multiplied(self.drivers), [piece.at], ALIKE)
+            for product in self._best(view, rough, piece.term.multiplied(self.drivers), [piece.at], ALIKE)
         ]
-        (more,) = self._exact([given], self._refined(given, products))
+        (more,) = self._exact([view], self._refined(view, products))
         return sorted([*scored, *more], key=itemgetter(0))
 
     def _best(
-        self, given: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
+        self, view: _Given, rough: _Rough, tried: Sequence[Term], places: Sequence[int], most: int
     ) -> list[Piece]:
         """Return the cheapest pieces, roughly, not too many of one family at one component."""
         costs, ordered = [np.zeros((len(places), 0))], list[Term]()
         alike = self._functions if tried is self.terms else _alike(tried, self.drivers)
         for some, falls in rough.falls(alike, places):
-            costs.append(given.gains(falls) + self._prices(some)[places])
+            costs.append(view.gains(falls) + self._prices(some)[places])
             ordered += some
         every = np.concatenate(costs, axis=1)
-        found, times = list[Piece](), Counter[object]()
+        pieces, times = list[Piece](), Counter[object]()
         for i in np.argsort(every, axis=None, kind="stable")[: np.count_nonzero(every < math.inf)]:
             number, k = divmod(int(i), len(ordered))
             piece = Piece(ordered[k], places[number])
             family = piece.at, *((factor.driver, factor.kind) for factor in piece.term.factors)
             times[family] += 1
             if times[family] <= ALIKE:
-                found.append(piece)
-                if len(found) == most:
+                pieces.append(piece)
+                if len(pieces) == most:
                     break
-        return found
+        return pieces
 
     @cached_property
     def _functions(self) -> list[tuple[list[Term], Array]]:
         return _alike(self.terms, self.drivers)
 
-    def _refined(self, given: _Given, pieces: Sequence[Piece]) -> list[Piece]:
+    def _refined(self, view: _Given, pieces: Sequence[Piece]) -> list[Piece]:
         """Return pieces with better searched values, of as few digits as the data determine; all at once."""
-        refined, fall = [*pieces], self._falls(given, pieces)
+        refined, fall = [*pieces], self._falls(view, pieces)
         for k in range(ROUNDS):
             tried = [
                 (number, Piece(near, at))
                 for number, (term, at) in enumerate(refined)
                 for near in term.neighbours(self.drivers, 0.5**k)
             ]
-            falls = self._falls(given, [piece for _, piece in tried])
-            for (number, piece), own in zip(tried, falls, strict=True):
-                if own > fall[number]:
-                    fall[number], refined[number] = own, piece
-        enough, digits = fall - LOST * (given.left - fall) / given.dof, range(DIGITS, 0, -1)
+            falls = self._falls(view, [piece for _, piece in tried])
+            for (number, piece), falls_of_piece in zip(tried, falls, strict=True):
+                if falls_of_piece > fall[number]:
+                    fall[number], refined[number] = falls_of_piece, piece
+        enough, digits = fall - LOST * (view.left - fall) / view.dof, range(DIGITS, 0, -1)
         short = [Piece(term.rounded(some, self.drivers), at) for some in digits for term, at in refined]
-        falls = self._falls(given, short).reshape(DIGITS, -1)  # the fewest last
+        falls = self._falls(view, short).reshape(DIGITS, -1)  # the fewest last
         for some, number in np.argwhere(falls >= enough).tolist():
             refined[number] = short[some * len(pieces) + number]
         return refined
@@ -472,28 +480,28 @@ class _Search:
             for c in evidence.candidates
             if c.effect.place in at and not c.searched and not c.effect.definition.own
         ]
-        span, own = model.across[:, np.concatenate([np.zeros(0, int), *there])], self._beyond_model(piece)
+        span, beyond = model.across[:, np.concatenate([np.zeros(0, int), *there])], self._beyond_model(piece)
         if (reading := self._reading_wave(piece.term)) is not None:
             span = np.concatenate([span, self._beyond_model(Piece(piece.term, reading))], axis=1)
         span = unit_columns(span)
-        explained = falls_from_products(span.T @ span, own.T @ span, relative=COST.visible**2)
-        return bool(np.sum(own**2) - np.sum(explained) < COST.imperfect**2 * np.sum(own**2))
+        explained = falls_from_products(span.T @ span, beyond.T @ span, relative=COST.visible**2)
+        return bool(np.sum(beyond**2) - np.sum(explained) < COST.imperfect**2 * np.sum(beyond**2))
 
     def _beyond_model(self, piece: Piece) -> Array:
         space = self.evidence.models[0].space
         return space.seen(self.columns(piece))
 
-    def _is_error(self, given: _Given, piece: Piece) -> bool:
+    def _is_error(self, view: _Given, piece: Piece) -> bool:
         """Return whether errors of the few worst poses, each for itself, explain as much at the same cost."""
         n, m = self.evidence.sensitivities.residual.shape
         number = np.unique(self.evidence.sensitivities.observations.pose, return_inverse=True)[1]
         readings = np.bincount(number) * m
-        squares = np.bincount(number, np.sum(given.y.reshape(n, m) ** 2, axis=1))
+        squares = np.bincount(number, np.sum(view.y.reshape(n, m) ** 2, axis=1))
         worst = np.argsort(-squares / readings, kind="stable")[:FEW_POSES]
         blocks = [np.flatnonzero(np.repeat(number == pose, m)) for pose in worst]
         errors = [(np.arange(n * m)[:, None] == rows).astype(float).reshape(n, m, -1) for rows in blocks]
-        fall, *falls = given.falls([self.columns(piece), *errors])
-        variance = (given.left - fall) / given.dof
+        fall, *falls = view.falls([self.columns(piece), *errors])
+        variance = (view.left - fall) / view.dof
         sizes = np.array(falls) / variance / readings[worst]
         gains = readings[worst] * (sizes - np.log(np.maximum(sizes, 1.0))) + 2 * math.log(GROSS)
         price = self._prices([piece.term])[piece.at, 0]
@@ -555,15 +563,15 @@ class _Given:
         # the products beyond the model and what was chosen, from whose rounding the least part is far
         whole = np.concatenate(white, axis=1)
         along, pull = self.out.T @ whole, whole.T @ self.y
-        found, sizes = np.zeros(len(white)), np.array([c.shape[1] for c in white])
+        falls, sizes = np.zeros(len(white)), np.array([c.shape[1] for c in white])
         starts = np.cumsum(sizes) - sizes
         for size in np.unique(sizes):
             these = np.flatnonzero(sizes == size)
             part = starts[these][:, None] + np.arange(size)
             x, a = np.moveaxis(whole[:, part], 0, 1), np.moveaxis(along[:, part], 0, 1)
             gram = np.swapaxes(x, 1, 2) @ x - np.swapaxes(a, 1, 2) @ a
-            found[these] = falls_from_products(gram, pull[part], least=COST.visible**2)
-        return found
+            falls[these] = falls_from_products(gram, pull[part], least=COST.visible**2)
+        return falls
 
 
 def _white(model: Columns, columns: Sequence[Array]) -> list[Array]:
@@ -588,18 +596,18 @@ class _Rough:
     """Products of each component with what is known, (components, few, r)."""
 
     @classmethod
-    def of(cls, given: _Given, follow: Array) -> _Rough:
+    def of(cls, view: _Given, follow: Array) -> _Rough:
         """Return this of what chosen candidates leave, with a drift in place of the whitening."""
-        sensitivities = given.evidence.sensitivities
-        residual, whiten = sensitivities.residual, given.model.space.whiten
+        sensitivities = view.evidence.sensitivities
+        residual, whiten = sensitivities.residual, view.model.space.whiten
         n, m = residual.shape
-        known, drift = given.out.reshape(n, m, -1), np.zeros((n, m, 0))
+        known, drift = view.out.reshape(n, m, -1), np.zeros((n, m, 0))
         if whiten is not unchanged:
-            known = np.concatenate([sensitivities.model, *(c.columns for c in given.chosen)], axis=2)
+            known = np.concatenate([sensitivities.model, *(c.columns for c in view.chosen)], axis=2)
             drift = _drift(sensitivities.frame, whiten)
         basis = _basis(known, drift)
         rest = residual - np.reshape(basis @ (basis.T @ residual.ravel()), (n, m))
-        rest *= math.sqrt(given.left / max(float(np.sum(residual * rest)), 1e-300))
+        rest *= math.sqrt(view.left / max(float(np.sum(residual * rest)), 1e-300))
         # drawn, so that no cycle of the rows shows in them
         most = max(FEW_ROWS, 4 * (known.shape[2] + drift.shape[2]) // m)
         few = np.sort(np.random.default_rng(0).permutation(n)[:most])
@@ -613,12 +621,12 @@ class _Rough:
         self, alike: Sequence[tuple[list[Term], Array]], places: Sequence[int]
     ) -> Iterator[tuple[list[Term], Array]]:
         """Yield terms of as many functions, and by about how much they lower the sum of squares, (places, terms)."""
-        for own, single in alike:
+        for same, single in alike:
             pull = np.stack([self.pulls[places] @ of_rows for of_rows in single], axis=2)
             gram = np.zeros((*pull.shape, pull.shape[2]))
             single = single[:, self.few]
-            for k, other in itertools.product(range(len(single)), repeat=2):
-                gram[:, :, k, other] = self.weight[places] @ (single[k] * single[other])
+            for k, second in itertools.product(range(len(single)), repeat=2):
+                gram[:, :, k, second] = self.weight[places] @ (single[k] * single[second])
             size = np.sqrt(np.einsum("ptkk->ptk", gram))
             size = np.where(size > 0, size, 1.0)
             single = single.astype(np.float32)
@@ -627,7 +635,7 @@ class _Rough:
                 gram[number] -= np.einsum("krt,lrt->tkl", along, along)
             gram /= size[:, :, :, None] * size[:, :, None, :]
             falls = falls_from_products(gram, pull / size, least=COST.visible**2)
-            yield own, falls * len(self.few) / self.pulls.shape[1]
+            yield same, falls * len(self.few) / self.pulls.shape[1]
 
 
 def _alike(tried: Sequence[Term], drivers: Sequence[Driver]) -> list[tuple[list[Term], Array]]:
@@ -635,14 +643,14 @@ def _alike(tried: Sequence[Term], drivers: Sequence[Driver]) -> list[tuple[list[
     alike: dict[int, list[Term]] = {}
     for term in tried:
         alike.setdefault(term.count, []).append(term)
-    found = []
-    for own in alike.values():
-        functions = np.stack([term.functions(drivers) for term in own], axis=1)
+    groups = []
+    for members in alike.values():
+        functions = np.stack([term.functions(drivers) for term in members], axis=1)
         size = np.sqrt(np.einsum("ntk,ntk->tk", functions, functions))
         # function by function, so that each is in one piece
         single = np.ascontiguousarray(np.moveaxis(functions / np.where(size > 0, size, 1.0), 2, 0))
-        found.append((own, single))
-    return found
+        groups.append((members, single))
+    return groups
 
 
 def _basis(known: Array, drift: Array) -> Array:

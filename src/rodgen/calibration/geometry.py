@@ -43,7 +43,7 @@ def including_numbers(evidence: Evidence) -> Evidence:
     """
     rows, machine = evidence.sensitivities, evidence.base.machine
     of_leg = machine.effect(machine.kinematics.dimensions[-1], machine.joints[0].name)
-    (size, *_), found = plausibility(machine, of_leg).sizes.values(), list[Candidate]()
+    (size, *_), numbers = plausibility(machine, of_leg).sizes.values(), list[Candidate]()
     for name in (name for name in machine.kinematics.numbers if (NUMBER, name) in rows.exact):
         keys = tuple(key for key in rows.index if key.split(".")[:2] == [NUMBER, name])
         meaning = f"{name} in [geometry] is not that of the file."
@@ -51,8 +51,8 @@ def including_numbers(evidence: Evidence) -> Evidence:
         effect = Effect(number, name)
         prior = Plausibility(0.0, {key.rpartition(".")[2]: size for key in keys})
         columns = rows.columns[:, :, [rows.index[key] for key in keys]]
-        found.append(Candidate(effect, keys, columns, {}, prior=prior))
-    return evidence.including(found)
+        numbers.append(Candidate(effect, keys, columns, {}, prior=prior))
+    return evidence.including(numbers)
 
 
 def is_dimension(candidate: Candidate) -> bool:
@@ -111,14 +111,14 @@ def with_geometry(machine: Machine) -> Machine | None:
     Where the frame is free, axis and point of the first joint are the base.
     """
     if machine.kinematics.is_closed:
-        found, numbers = machine, machine.kinematics.numbers
+        freed, numbers = machine, machine.kinematics.numbers
         if not (machine.kinematics.one_by_one or "geometry" in machine.estimate):
             others = (entry for entry in machine.estimate if entry not in numbers)
-            found = replace(machine, estimate=("geometry", *others))
+            freed = replace(machine, estimate=("geometry", *others))
         for name, joint in itertools.product(machine.kinematics.dimensions, machine.joints):
             with suppress(RodgenError):  # it is there
-                found = found.with_effect(found.effect(name, joint.name))
-        return None if found is machine else found
+                freed = freed.with_effect(freed.effect(name, joint.name))
+        return None if freed is machine else freed
     joints = machine.joints[1:] if machine.measured.frame == "free" else machine.joints
     more = tuple(f"{joint.name}.{part}" for joint in joints for part in PARTS.get(joint.type, ()))
     new = tuple(entry for entry in more if entry not in machine.estimate)

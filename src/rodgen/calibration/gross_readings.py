@@ -51,9 +51,9 @@ class GrossReading:
 
     def to_dict(self, observations: Observations) -> dict[str, Any]:
         """Return it as plain data, with the number of its row in the data as they were given."""
-        found = asdict(self) | {"row": int(observations.given(np.array(self.row)))}
-        del found["stars"]
-        return found
+        content = asdict(self) | {"row": int(observations.given(np.array(self.row)))}
+        del content["stars"]
+        return content
 
 
 def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
@@ -87,15 +87,15 @@ def gross_readings(fit: Fit) -> tuple[GrossReading, ...]:
 
 def _wrong(fit: Fit) -> Mask:
     """Return the rows that are wrong even if scales and play of joints are missing: at a reversal play makes a step."""
-    found = wrong_rows(fit)
-    if not found.any():
-        return found
+    rows = wrong_rows(fit)
+    if not rows.any():
+        return rows
     o, columns = fit.problem.observations, list[Array]()
     for j in np.flatnonzero(np.ptp(o.q, axis=0) > 0):
         motion = motion_with_reading(fit, o, int(j), weighted=True)
         drivers = np.column_stack([o.q[:, j], o.s[:, j]])
         columns.append(motion[:, :, None] * drivers[:, None, :])
-    return wrong_rows(fit, Rows.of(fit, np.concatenate(columns, axis=2))) if columns else found
+    return wrong_rows(fit, Rows.of(fit, np.concatenate(columns, axis=2))) if columns else rows
 
 
 def _worst(fit: Fit, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:
@@ -116,9 +116,9 @@ def how_far_off(fit: Fit, offs: Sequence[float], components: Sequence[str]) -> s
         Of the readings.
     """
     names = fit.machine.measurand.components
-    shown = dict(zip(names, zip(fit.in_units, fit.units, strict=True), strict=True))
+    unit_of = dict(zip(names, zip(fit.in_units, fit.units, strict=True), strict=True))
     listed = [
-        f"{_signed(off * shown[name][0])} {shown[name][1]}{f' {in_component(name)}' if len(names) > 1 else ''}"
+        f"{_signed(off * unit_of[name][0])} {unit_of[name][1]}{f' {in_component(name)}' if len(names) > 1 else ''}"
         for off, name in zip(offs[:NAMED], components, strict=False)
     ]
     more = f" and {len(offs) - NAMED} more" if len(offs) > NAMED else ""
@@ -144,9 +144,11 @@ def on_outliers(fit: Fit, rows: NDArray[np.bool_]) -> str:
         return ""
     off = how_far_off(fit, *_worst(fit, out))
     places = fit.observations.data.places(out)
-    said = f"{counted(len(out), 'outlier')}, taken out: {places}, off by {off}."
+    sentence = f"{counted(len(out), 'outlier')}, taken out: {places}, off by {off}."
     stars = on_misidentified(fit, rows)
-    return " ".join(filter(None, [said, f"{capitalized(stars)}." if stars else "", *_at_reversals(fit, out)]))
+    return " ".join(
+        filter(None, [sentence, f"{capitalized(stars)}." if stars else "", *_at_reversals(fit, out)])
+    )
 
 
 def _at_reversals(fit: Fit, rows: NDArray[np.intp]) -> Iterator[str]:

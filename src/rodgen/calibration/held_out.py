@@ -113,9 +113,9 @@ class HeldOut(Result):
         now, earlier = self._with(before)
         return now is not None and earlier is not None and not now < earlier
 
-    def compares_with(self, other: HeldOut) -> bool:
+    def compares_with(self, second: HeldOut) -> bool:
         """Return whether there are rows that both predict."""
-        return None not in self._with(other)
+        return None not in self._with(second)
 
     def predicts_no_better_than(self, before: HeldOut) -> bool:
         """Return whether it rises from before, or does not predict rows that were predicted before."""
@@ -146,8 +146,8 @@ class HeldOut(Result):
     @property
     def note(self) -> str:
         """What stands below a table of such errors; empty where poses of the whole run are all predicted."""
-        said = [] if self.rms is None or self.by == "pose" else [f"Held out {self.how}."]
-        return " ".join([*said, *self._restrictions()])
+        sentences = [] if self.rms is None or self.by == "pose" else [f"Held out {self.how}."]
+        return " ".join([*sentences, *self._restrictions()])
 
     def _sentences(self) -> Iterator[str]:
         if self.rms is not None:
@@ -257,11 +257,11 @@ def held_out(fit: Fit, *, folds: int | None = None) -> HeldOut:
     o = fit.observations
     if o.blocks is not None:  # it rises from the rms as in the sample
         some = fit.refit(observations=replace(o, blocks=None), outliers=fit.outliers)
-        found = held_out(some, folds=folds)
-        if not found.rms or found.squares is None:
-            return found
+        errors = held_out(some, folds=folds)
+        if not errors.rms or errors.squares is None:
+            return errors
         factor = fit.rms / some.rms
-        return replace(found, rms=found.rms * factor, squares=found.squares * factor**2)
+        return replace(errors, rms=errors.rms * factor, squares=errors.squares * factor**2)
     places = _postures(o)
     by, pose, poses = (
         ("pose", *_poses_to_deal(o)) if places is None else ("posture", places[0], len(places[1]))
@@ -383,15 +383,15 @@ class _Without:
         self.unheld = self._unheld(near, variance)
 
     def _unheld(self, near: NearFile, variance: float) -> tuple[str, ...]:
-        found, square = dict[str, None](), self.whitened.inverse.T @ self.whitened.inverse
+        keys, square = dict[str, None](), self.whitened.inverse.T @ self.whitened.inverse
         loose = len(near.idle(square, SETTLED**2 * variance))
         for share in self.shares:
             rest = np.eye(len(share)) - share
             idle = near.idle(self.whitened.inverse.T @ rest @ self.whitened.inverse, variance)
             if len(idle) > loose + np.count_nonzero(eigh(rest)[0] < ALONE):
                 parts = [np.sum((rows * self.largest) ** 2, axis=0) for rows in (idle, self.flat)]
-                found[self.fit.parameters[near.index[np.argmax(parts[0] - parts[1])]].key] = None
-        return tuple(found)
+                keys[self.fit.parameters[near.index[np.argmax(parts[0] - parts[1])]].key] = None
+        return tuple(keys)
 
     def fitted(self, problem: Problem, k: int) -> Solution:
         """Return the fit without a fold, to a problem from which its rows are left out.

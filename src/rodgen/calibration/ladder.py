@@ -86,13 +86,13 @@ class Rung(Documented, Result):
         if effect not in fit.machine.effects:
             keep = "Without it the model is worse than it can be: keep it."
             return Document([Paragraph(text, "line") for text in (self.verdict, keep)[: 1 + needed]])
-        own = self.parameters
+        adjusted = self.parameters
         waiting = {p.key for p in fit.parameters if p.optional}  # estimated only when the data call for it
-        shown = [*own, *(p.key for p in fit.parameters if p.effect is not None and p.key not in own)]
+        keys = [*adjusted, *(p.key for p in fit.parameters if p.effect is not None and p.key not in adjusted)]
         rows = [
             (e.key, e.text)
-            for e in (fit.estimates[key] for key in shown)
-            if not e.held or e.value or (e.key in own and e.key not in waiting)
+            for e in (fit.estimates[key] for key in keys)
+            if not e.held or e.value or (e.key in adjusted and e.key not in waiting)
         ]
         about = effect.definition.paragraphs("Meaning", "Usual size", *(["Remedy"] if needed else []))
         table = [Table((), rows)] if rows else []
@@ -126,8 +126,8 @@ class Ladder(Documented, Result):
     @property
     def noise(self) -> NoiseFloor:
         """The noise, from the model with the most parameters."""
-        found: NoiseFloor = max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
-        return found
+        floor: NoiseFloor = max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
+        return floor
 
     @property
     def models(self) -> list[Model]:
@@ -318,10 +318,10 @@ def _not_worse(larger: Fit, smaller: Fit) -> Fit:
         return larger
     model = larger.problem.model
     theta = model.start()
-    found = dict(zip((p.key for p in smaller.parameters), smaller.solution.theta, strict=True))
+    theta_of = dict(zip((p.key for p in smaller.parameters), smaller.solution.theta, strict=True))
     for i, parameter in enumerate(model.parameters):
         if parameter.hold is None:
-            theta[i] = found.get(parameter.key, 1.0 if parameter.searched else 0.0)
+            theta[i] = theta_of.get(parameter.key, 1.0 if parameter.searched else 0.0)
     with one_thread_in_blas():
         solution = minimise(larger.problem, theta, smaller.solution.frame, larger.free)
     if solution.cost >= larger.chi_square:

@@ -49,9 +49,9 @@ def on_stars(o: Observations, at: Array, rows: Mask, variance: float) -> str:
     saw, gives = _nearest(o.reading, at, rows, variance), _nearest(o.reading, o.reading, rows, variance)
     # a star that is logged again is the same star
     width = EVIDENCE.same_position * np.ptp(o.q, axis=0)
-    gives = {row: other for row, other in gives.items() if np.any(np.abs(o.q[row] - o.q[other]) > width)}
-    said = [*_clauses(o.data, saw, gives)]
-    return f"stars were misidentified: {'; '.join(said)}" if said else ""
+    gives = {row: star for row, star in gives.items() if np.any(np.abs(o.q[row] - o.q[star]) > width)}
+    clauses = [*_clauses(o.data, saw, gives)]
+    return f"stars were misidentified: {'; '.join(clauses)}" if clauses else ""
 
 
 def on_misidentified(fit: Fit, rows: Mask) -> str:
@@ -64,29 +64,29 @@ def on_misidentified(fit: Fit, rows: Mask) -> str:
 
 def _nearest(seen: Array, at: Array, rows: Mask, variance: float) -> dict[int, int]:
     """Return by row the other row whose star is at a place, where it is likelier there than elsewhere."""
-    found = {}
+    nearest = {}
     for row in np.flatnonzero(rows).tolist():
         square = np.sum((seen - at[row]) ** 2, axis=1)
         square[row] = np.inf
-        other = int(np.argmin(square))
-        if elsewhere(len(seen), variance) - square[other] / variance > COST.something:
-            found[row] = other
-    return found
+        star = int(np.argmin(square))
+        if elsewhere(len(seen), variance) - square[star] / variance > COST.something:
+            nearest[row] = star
+    return nearest
 
 
 def _clauses(data: Measurements, saw: dict[int, int], gives: dict[int, int]) -> Iterator[str]:
     known = {*saw}
-    for row, other in [*saw.items()]:
-        if row < other and saw.get(other) == row:
-            yield f"{data.place(row)} and {data.place(other)} have each other's stars"
-            del saw[row], saw[other]
-    steps = {other - row for row, other in saw.items()}
+    for row, star in [*saw.items()]:
+        if row < star and saw.get(star) == row:
+            yield f"{data.place(row)} and {data.place(star)} have each other's stars"
+            del saw[row], saw[star]
+    steps = {star - row for row, star in saw.items()}
     if len(saw) > 1 and steps in ({1}, {-1}):
         which = "next" if steps == {1} else "previous"
         ends = f"from {data.place(min(saw))} to {data.place(max(saw))}"
         yield f"{len(saw)} rows {ends} saw the star of the {which} row, as where a list of stars is shifted"
         saw = {}
-    yield from (f"{data.place(row)} saw the star of {data.place(other)}" for row, other in saw.items())
-    for row, other in gives.items():
+    yield from (f"{data.place(row)} saw the star of {data.place(star)}" for row, star in saw.items())
+    for row, star in gives.items():
         if row not in known:
-            yield f"{data.place(row)} gives the star of {data.place(other)}, at which it does not point"
+            yield f"{data.place(row)} gives the star of {data.place(star)}, at which it does not point"

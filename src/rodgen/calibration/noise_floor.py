@@ -197,15 +197,15 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     weighted : bool
         Whether residuals are taken as parts of their stated uncertainty.
     """
-    found, unit = _pure_error(fit, weighted), 1.0 if weighted else _of_weighted(fit)
+    deviation, unit = _pure_error(fit, weighted), 1.0 if weighted else _of_weighted(fit)
     correlation = fit.dependence.correlation
-    share = independent_share(fit, found.cells, shown=found.differences >= FEW_POSES)
-    found = replace(found, share=share * found.share)
+    share = independent_share(fit, deviation.cells, is_stated=deviation.differences >= FEW_POSES)
+    deviation = replace(deviation, share=share * deviation.share)
     least = (correlation.of_neighbours * unit) ** 2
     drifts = correlation.claimed and (correlation.wanders or correlation.size("run") > 0)
-    if drifts and found.count >= 1 and found.variance > least:
-        return replace(found, variance=least, drifting=found.variance)
-    return found
+    if drifts and deviation.count >= 1 and deviation.variance > least:
+        return replace(deviation, variance=least, drifting=deviation.variance)
+    return deviation
 
 
 def _pure_error(fit: Fit, weighted: bool) -> Replicates:
@@ -239,7 +239,7 @@ def _pure_error(fit: Fit, weighted: bool) -> Replicates:
     )
 
 
-def independent_share(fit: Fit, readings: int, *, shown: bool = True) -> float:
+def independent_share(fit: Fit, readings: int, *, is_stated: bool = True) -> float:
     """Return the effective degrees of freedom of a sum of squares, as part of those of independent readings.
 
     The variance of a sum of squares of n readings of which any two have the correlation ρ is 1 + (n - 1) ρ² times as
@@ -249,12 +249,12 @@ def independent_share(fit: Fit, readings: int, *, shown: bool = True) -> float:
     ----------
     readings : int
         Of all poses.
-    shown : bool
+    is_stated : bool
         Whether there are enough poses to show what their readings share; else it may be all.
     """
     correlation = fit.dependence.correlation
     shared = float(correlation.size("")) ** 2
-    rho = 1.0 if not shown else shared / (shared + correlation.white**2) if shared > 0 else 0.0
+    rho = 1.0 if not is_stated else shared / (shared + correlation.white**2) if shared > 0 else 0.0
     each = readings / max(len(np.unique(fit.observations.pose[~fit.outliers])), 1)
     return float(1 / (1 + (each - 1) * rho**2))
 
@@ -329,20 +329,20 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
         drifting = sized(floor.with_drift.value, unit, ".3g")
         yield f"With what differs from run to run, or wanders slowly, replicates differ by {drifting}."
     if floor.one_body:
-        kept = f"The targets keep their distances to {sized(floor.distances or 0.0, unit, '.3g')}"
-        yield f"{kept}: what was measured is the pose of one body, and this does not say how well."
+        distances = f"The targets keep their distances to {sized(floor.distances or 0.0, unit, '.3g')}"
+        yield f"{distances}: what was measured is the pose of one body, and this does not say how well."
     elif floor.within_poses is not None and floor.within_poses * ALIKE < (floor.value or math.inf):
         yield f"Readings of one pose differ by {sized(floor.within_poses, unit, '.3g')}; the rest they share."
 
 
-def _verdict(stated: float | None, found: StandardDeviation) -> str:
+def _verdict(stated: float | None, replicated: StandardDeviation) -> str:
     """Return how a stated noise compares with the interval of what was found; empty where none is stated."""
     if stated is None:
         return ""
-    if stated > max(found.high, ALIKE * found.value):
-        return f"is {_times(stated / found.value)} larger than the replicates say"
-    if stated < min(found.low, found.value / ALIKE):
-        return f"is {_times(found.value / stated)} smaller than the replicates say"
+    if stated > max(replicated.high, ALIKE * replicated.value):
+        return f"is {_times(stated / replicated.value)} larger than the replicates say"
+    if stated < min(replicated.low, replicated.value / ALIKE):
+        return f"is {_times(replicated.value / stated)} smaller than the replicates say"
     return "agrees"
 
 
@@ -408,12 +408,12 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
     if not stated:
         return _against_replicates(fit, pure)
     by_stated = _against_stated(fit)
-    found = _against_replicates(fit, pure) if pure.differences >= FEW_POSES else None
-    if found is None or by_stated is None:
+    by_replicates = _against_replicates(fit, pure) if pure.differences >= FEW_POSES else None
+    if by_replicates is None or by_stated is None:
         return by_stated
     # a noise that the residuals contradict says nothing
     too_large = by_stated.p_value > 1 - LACK_OF_FIT.rare / 2
-    return found if too_large or found.p_value > by_stated.p_value else by_stated
+    return by_replicates if too_large or by_replicates.p_value > by_stated.p_value else by_stated
 
 
 def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:

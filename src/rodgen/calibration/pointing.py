@@ -83,10 +83,10 @@ def pointing(fit: Fit) -> Pointing | None:
     geometry = [term for term in GEOMETRY[mount.name] if term in estimates]
     estimates = {term: estimates[term] for term in dict.fromkeys([*geometry, *estimates])}
     first, second = GEOMETRY[mount.name][:2]
-    kept = fit.observations.pose[~fit.outliers]
+    poses = fit.observations.pose[~fit.outliers]
     return Pointing(
-        len(kept),
-        len(np.unique(kept)),
+        len(poses),
+        len(np.unique(poses)),
         (first, second),
         _after_zeros(fit, mount),
         fit.rms * ON_SKY,

@@ -162,8 +162,8 @@ def model_with(
     """Return the model of a fit with further effects, and its parameters there, these at zero."""
     whole = replace(fit.machine, effects=(*fit.machine.effects, *effects))
     model = Model(whole, fit.problem.model.travel, fit.observations.run_names, compiled=compiled)
-    found = dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True))
+    values = dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True))
     start = model.start()
     return model, np.array(
-        [found.get(p.key, value) for p, value in zip(model.parameters, start, strict=True)]
+        [values.get(p.key, value) for p, value in zip(model.parameters, start, strict=True)]
     )

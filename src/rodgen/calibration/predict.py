@@ -110,15 +110,15 @@ class Prediction(Tabular):
             of_place = np.min(u, axis=1, keepdims=True) * self._factor if is_direction else seen
             place, u = round_by(place, of_place), round_by(u, u)
         unit = "" if is_direction else f" [{self.unit}]"
-        found: dict[str, NDArray[Any]] = {}
+        columns: dict[str, NDArray[Any]] = {}
         if self.names != TURNS:  # attitudes have no place
-            found = {f"predicted_{n}{unit}": x for n, x in zip(self.names, place.T, strict=False)}
-        found |= {f"predicted_{n}": x for n, x in self.attitude.items()}
+            columns = {f"predicted_{n}{unit}": x for n, x in zip(self.names, place.T, strict=False)}
+        columns |= {f"predicted_{n}": x for n, x in self.attitude.items()}
         parts = ("horizontal", "vertical") if is_direction else self.names
         known = "u" if coverage is None else "U"
         for n, x in zip(parts, u.T, strict=True):
-            found[f"model_{known}_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
-        return found | {"determined": self.determined.astype(np.int8)}
+            columns[f"model_{known}_{n} [{'arcsec' if n in TURNS else self.unit}]"] = x
+        return columns | {"determined": self.determined.astype(np.int8)}
 
 
 def predict(fit: Fit, design: Any) -> Prediction:
@@ -280,9 +280,9 @@ def _predict_part(
     with contextlib.ExitStack() as stack:
         table = stack.enter_context(part.open())
         for start, batch in table.batches():
-            made = predictor.at(o.take(slice(start, start + len(batch))))
-            undetermined += int((~made.determined).sum())
-            further = made.columns(**options)
+            prediction = predictor.at(o.take(slice(start, start + len(batch))))
+            undetermined += int((~prediction.determined).sum())
+            further = prediction.columns(**options)
             if taken := next((name for name in further if name in batch.schema.names), None):
                 raise InputFileError(part.file, "schema", f"a column {shown(taken)}", "none of this name")
             arrays = [*batch.columns, *(pa.array(column) for column in further.values())]

@@ -87,8 +87,8 @@ def _sizes(final: Fit) -> Array:
 
     A component that has none but rounding, such as that of a direction across a plane, is left out.
     """
-    kept = np.flatnonzero(~final.outliers)
-    first = kept[np.unique(final.observations.pose[kept], return_index=True)[1]]
+    inliers = np.flatnonzero(~final.outliers)
+    first = inliers[np.unique(final.observations.pose[inliers], return_index=True)[1]]
     residuals: Array = final.residuals[first] * final.problem.base_weight[first]
     size = np.sqrt(np.mean(residuals**2, axis=0))
     seen = size > ROUNDING * np.max(size)
@@ -113,11 +113,13 @@ def unknown_approach(o: Observations) -> str:
 
 def unknown_acceleration(o: Observations) -> str:
     """Return a sentence on joints that are read at several speeds without their acceleration; empty without."""
-    given = o.columns_given
+    present = o.columns_given
     names = [
         joint.column
         for joint, v in zip(o.machine.joints, np.abs(o.v).T, strict=True)
-        if f"v_{joint.column}" in given and f"a_{joint.column}" not in given and len(np.unique(v[v > 0])) > 1
+        if f"v_{joint.column}" in present
+        and f"a_{joint.column}" not in present
+        and len(np.unique(v[v > 0])) > 1
     ]
     columns = joined([f"a_{name}" for name in names])
     return (

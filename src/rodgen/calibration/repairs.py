@@ -201,7 +201,7 @@ def repairs(machine: Machine, observations: Observations, alone: Fraction | None
     """
     moving = [j for j, way in zip(machine.joints, np.ptp(observations.q, axis=0), strict=True) if way > 0]
     commanded = [joint for joint in moving if joint.is_read]
-    found = [
+    changes = [
         *(_of_legs(machine) if machine.kinematics.is_closed else _of_joints(machine, moving)),
         *_of_couplings(machine, moving),
         *(() if machine.kinematics.is_closed else _of_zeros(moving)),
@@ -214,7 +214,7 @@ def repairs(machine: Machine, observations: Observations, alone: Fraction | None
         *_of_gravity(machine),
         *(_of_rows(observations) if moving else ()),
     ]
-    return sorted(found, key=lambda repair: repair.effort)
+    return sorted(changes, key=lambda repair: repair.effort)
 
 
 # the machine file ------------------------------------------------------------------------------------------
@@ -394,13 +394,13 @@ def found_ratios(observations: Observations, model: Model, theta: Array, std: Ar
         for joint in scaled:
             i = at[f"{joint.name}.scale.k"]
             sense = np.sign(np.dot(joint.axis, model.machine.joint(joint.name).axis))
-            found = float(sense * (1 + theta[i]))
+            ratio_of_fit = float(sense * (1 + theta[i]))
             for factor in _in_other_units([joint], observations):
                 far = max(factor, 1 / factor) > LARGEST_RATIO
-                if far and abs(abs(found) / factor - 1) < CHECK.imperfect:
+                if far and abs(abs(ratio_of_fit) / factor - 1) < CHECK.imperfect:
                     others.setdefault((joint.revolute, factor), []).append(joint)
-                    found /= abs(found)
-            ratio = as_written(found, float(std[i]), margin)
+                    ratio_of_fit /= abs(ratio_of_fit)
+            ratio = as_written(ratio_of_fit, float(std[i]), margin)
             parts += [_reversed(joint)] if ratio == -1 else _of_ratios([joint], ratio)
         parts += [_in_other_units(some, observations)[factor] for (_, factor), some in others.items()]
         yield reduce(Repair.then, parts)
@@ -428,8 +428,8 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
     if moving:
         i, j = np.triu_indices(len(q), 1)
         apart = np.abs(q[j] - q[i]) > np.ptp(q) / 4
-        found = float(np.median((reading[j] - reading[i])[apart] / (q[j] - q[i])[apart]))
-        left = reading - found * q - np.median(reading - found * q)
+        slope_of_all = float(np.median((reading[j] - reading[i])[apart] / (q[j] - q[i])[apart]))
+        left = reading - slope_of_all * q - np.median(reading - slope_of_all * q)
     else:
         step = 0.25 / float(np.ptp(q))  # phases differ by an eighth of a radian at most
         tried = step * np.arange(1, min(LARGEST_RATIO / step, MOST_TRIED))
@@ -438,8 +438,8 @@ def _ratio(q: Array, reading: Array, *, moving: bool) -> Fraction:
         best = int(np.argmax(np.abs(sums) > (1 - SIMPLE) * np.max(np.abs(sums))))
         left = np.angle(np.exp(1j * (reading - tried[best] * q)) / sums[best])
         slope, start = np.polyfit(q, left, 1)
-        found, left = float(tried[best] + slope), left - slope * q - start
-    return as_written(found, float(np.median(np.abs(left)) / np.std(q) / np.sqrt(len(q))))
+        slope_of_all, left = float(tried[best] + slope), left - slope * q - start
+    return as_written(slope_of_all, float(np.median(np.abs(left)) / np.std(q) / np.sqrt(len(q))))
 
 
 def as_written(ratio: float, std: float, margin: float = 0.0) -> Fraction:
@@ -460,9 +460,9 @@ def simplest(ratio: float, near: float) -> Fraction | None:
     Up to a divisor d there are 3 d²/π² fractions in a unit (Hardy and Wright, theorem 330).
     """
     whole = (Fraction(round(ratio * d), d) for d in range(1, MOST_TEETH))
-    found = next((x for x in whole if x and abs(float(x) - ratio) < near), None)
-    by_chance = 0.0 if found is None else 2 * near * 3 * found.denominator**2 / math.pi**2
-    return None if by_chance > BY_CHANCE else found
+    fraction = next((x for x in whole if x and abs(float(x) - ratio) < near), None)
+    by_chance = 0.0 if fraction is None else 2 * near * 3 * fraction.denominator**2 / math.pi**2
+    return None if by_chance > BY_CHANCE else fraction
 
 
 def digits_of(value: float, std: float) -> str:
@@ -528,11 +528,11 @@ def _of_units(machine: Machine, observations: Observations, commanded: Sequence[
 def _in_other_units(joints: Sequence[Joint], observations: Observations) -> dict[float, Repair]:
     """Return by factor that commands of joints, all of them angles or all lengths, are in another unit."""
     names, units = [joint.column for joint in joints], ANGLES if joints[0].revolute else LENGTHS
-    found = {}
+    by_factor = {}
     for words, factor in _other_units(joined(names), observations.data.columns[names[0]].unit, units):
         rows = _commands({joint.name: (joint.name, factor) for joint in joints})
-        found[factor] = Repair(words, f"unit {joined(names)}", min(len(names), 2), rows=rows)
-    return found
+        by_factor[factor] = Repair(words, f"unit {joined(names)}", min(len(names), 2), rows=rows)
+    return by_factor
 
 
 def _other_units(subject: str, written: str | None, units: Sequence[str]) -> Iterator[tuple[str, float]]:
@@ -620,9 +620,9 @@ def _of_columns(machine: Machine, commanded: Sequence[Joint]) -> Iterator[Repair
 
 def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair]:
     targets = machine.targets
-    seen = [targets[k] for k in np.unique(observations.target)]
+    measured = [targets[k] for k in np.unique(observations.target)]
     for a, b in combinations(targets, 2) if len(targets) <= MOST_TARGETS else ():
-        if a in seen or b in seen:
+        if a in measured or b in measured:
             words = f"the targets {a.name} and {b.name} are exchanged"
             yield Repair(words, "targets", 2, partial(_exchanged, first=a.name, second=b.name))
 
@@ -646,8 +646,8 @@ def _of_runs(machine: Machine, observations: Observations) -> Iterator[Repair]:
     )
 
     def fitted(model: Model, theta: Array) -> Repair:
-        figures, found = _mounted(model, theta)
-        return replace(repair, words=words.format(figures), machine=partial(change, targets=found))
+        figures, targets_of_runs = _mounted(model, theta)
+        return replace(repair, words=words.format(figures), machine=partial(change, targets=targets_of_runs))
 
     change = partial(_changed, estimate=estimate)
     repair = Repair(words.format(""), "targets", 2, partial(change, targets=targets), rows, fitted=fitted)

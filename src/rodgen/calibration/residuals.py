@@ -20,9 +20,9 @@ class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
     @classmethod
     def of(cls, fit: Any, values: NDArray[np.float64]) -> Residuals:
         """Return the residuals of a fit."""
-        made = values.view(cls)
-        made._fit = fit
-        return made
+        residuals = values.view(cls)
+        residuals._fit = fit
+        return residuals
 
     def __getitem__(self, key: Any) -> Any:
         return np.asarray(self)[key]
@@ -52,9 +52,9 @@ class Residuals(Tabular, np.ndarray[Any, np.dtype[np.float64]]):
     def shown_columns(self, rows: Sequence[int] | slice) -> dict[str, Any]:
         """Return the columns of some rows of the table."""
         o = self._source.observations
-        given = o.data if o.aside is None else o.aside.data
+        data = o.data if o.aside is None else o.aside.data
         of = rows if o.counted_as is None or o.aside else o.counted_as[rows]
-        measured = {column.text: column.take(of).values for column in given.columns.values()}
+        measured = {column.text: column.take(of).values for column in data.columns.values()}
         return measured | {name: values[rows] for name, values in self._source.residual_columns().items()}
 
     @property

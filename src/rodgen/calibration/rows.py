@@ -71,14 +71,14 @@ def wrong_rows(fit: Fit, rows: Rows | None = None) -> Mask:
     """
     with one_thread_in_blas():
         rows = Rows.of(fit) if rows is None else rows
-        found = wrong_in(rows)
-        near = rows.following(found)
-        if near.any() and (stretch := rows.stretch(found.wrong & ~near)) is not None:
-            found = wrong_in(replace(rows, model=np.concatenate([rows.model, stretch.columns], axis=2)))
-            near = rows.following(found)
-        wrong = found.wrong & ~near
+        verdict = wrong_in(rows)
+        near = rows.following(verdict)
+        if near.any() and (stretch := rows.stretch(verdict.wrong & ~near)) is not None:
+            verdict = wrong_in(replace(rows, model=np.concatenate([rows.model, stretch.columns], axis=2)))
+            near = rows.following(verdict)
+        wrong = verdict.wrong & ~near
         if np.count_nonzero(near) > np.count_nonzero(wrong):  # what is missing displaces these, too
-            wrong &= _beyond(found, near)
+            wrong &= _beyond(verdict, near)
         if rows.numbers is None:
             return rows.without_sole_postures(fit.with_bodies(wrong))
         whole = np.zeros(fit.problem.observations.n, bool)
@@ -161,17 +161,17 @@ class Rows:
         """
         motions = [self.motion, *([] if self.of_targets is None else [self.model[:, :, self.of_targets]])]
         with one_thread_in_blas():
-            found = [
+            candidates = [
                 None if one is None else replace(one, of_target=k > 0)
                 for k, motion in enumerate(motions)
                 if motion.shape[2]
                 for one in [stretch_of(self.residual, self.model, motion, self.pose, self.orders[0], wrong)]
             ]
-        best = max(filter(None, found), key=lambda one: one.gain, default=None)
+        best = max(filter(None, candidates), key=lambda one: one.gain, default=None)
         # a frame that moves slowly wanders
         return None if best is not None and best.creeps and not best.of_target else best
 
-    def following(self, found: Verdict) -> Mask:
+    def following(self, verdict: Verdict) -> Mask:
         """Return the wrong rows, (n,), whose poses follow each other in an order more than by chance.
 
         Of k wrong ones among n poses k (k - 1) / n follow another in the mean, and their errors have any direction.
@@ -179,8 +179,8 @@ class Rows:
         from scipy import special
 
         numbers, of_row = np.unique(self.pose, return_inverse=True)
-        error = np.zeros((len(numbers), found.error.shape[1]))
-        np.add.at(error, of_row[found.wrong], found.error[found.wrong])
+        error = np.zeros((len(numbers), verdict.error.shape[1]))
+        np.add.at(error, of_row[verdict.wrong], verdict.error[verdict.wrong])
         length = np.linalg.norm(error, axis=1)
         wrong = length > 0
         unit = error / np.where(wrong, length, 1.0)[:, None]
@@ -192,18 +192,18 @@ class Rows:
             pair = np.flatnonzero(wrong[along[1:]] & wrong[along[:-1]])
             if not len(pair):
                 continue
-            one, other = along[pair], along[pair + 1]
-            alike = max(float(np.sum(unit[one] * unit[other])), 0.0)
+            one, next_row = along[pair], along[pair + 1]
+            alike = max(float(np.sum(unit[one] * unit[next_row])), 0.0)
             chance = float(special.pdtrc(len(pair) - 1, k * (k - 1) / n))
             cost = m * alike**2 / len(pair) - 2 * math.log(max(chance, 1e-300))
             if cost > 2 * math.log(BESIDE * len(self.orders)):
-                near[one] = near[other] = True
-        followed = np.asarray(found.wrong & near[of_row])
-        return followed & ~_beyond(found, followed)
+                near[one] = near[next_row] = True
+        followed = np.asarray(verdict.wrong & near[of_row])
+        return followed & ~_beyond(verdict, followed)
 
     def without_sole_postures(self, wrong: Mask) -> Mask:
         """Return wrong rows, (n,), without those that are all at a position of a joint of which no others tell."""
-        found = wrong.copy()
+        remaining = wrong.copy()
         for q in self.q.T if wrong.any() else ():
             if not np.ptp(q) > 0:
                 continue
@@ -211,8 +211,8 @@ class Rows:
             count = np.bincount(position)
             rests = (count + np.bincount(position, away) ** 2 / count) / len(q)
             lost = np.bincount(position, wrong) == count
-            found &= ~(lost & (rests > RESTS))[position]
-        return found
+            remaining &= ~(lost & (rests > RESTS))[position]
+        return remaining
 
 
 def _orders(o: Observations) -> list[NDArray[np.int_]]:
@@ -281,10 +281,10 @@ def wrong_in(rows: Rows, *, many: bool = False) -> Verdict:
     return min(ends, key=lambda end: end.cost)
 
 
-def _beyond(found: Verdict, near: Mask) -> Mask:
+def _beyond(verdict: Verdict, near: Mask) -> Mask:
     """Return the rows, (n,), whose errors are larger than what displaces others makes them, but for chance."""
-    n, m = found.error.shape
-    square = np.einsum("nm,nm->n", found.error, found.error)
+    n, m = verdict.error.shape
+    square = np.einsum("nm,nm->n", verdict.error, verdict.error)
     usual = float(np.sum(square[near])) / max(int(np.count_nonzero(near)), 1)
     return np.asarray(m * square > 2 * math.log(BESIDE * n) * usual)
 
@@ -345,11 +345,11 @@ class _Search:
         beyond = square - np.einsum("ij,ij->j", along, along)
         seen = np.flatnonzero(beyond > SEEN**2 * square)
         best = seen[np.argsort(-(pull[seen] ** 2) / beyond[seen], kind="stable")[:MOST_COLUMNS]]
-        found = np.empty((self.n, self.m, len(best)))
+        falls = np.empty((self.n, self.m, len(best)))
         for some, X in self._blocks():
             imitated = (X[:, : self.p] @ along[:, best]).reshape(-1, self.m, len(best))
-            found[some] = (self.rows.columns[some][:, :, best] - imitated) / np.sqrt(beyond[best])
-        return found
+            falls[some] = (self.rows.columns[some][:, :, best] - imitated) / np.sqrt(beyond[best])
+        return falls
 
     def robust(self) -> Array:
         """Return weights by which large errors hardly count, (n,): those of a Cauchy distribution."""
@@ -372,16 +372,16 @@ class _Search:
         since = 0
         for _ in range(STEPS):
             products = self.products(weight)
-            found = self.judged(self.errors(self.chosen(weight, products, clip), weight, products))
-            if np.max(np.abs(found.weight - weight)) < 1e-2:
-                return found
+            verdict = self.judged(self.errors(self.chosen(weight, products, clip), weight, products))
+            if np.max(np.abs(verdict.weight - weight)) < 1e-2:
+                return verdict
             since += 1
-            if best is None or found.cost < best.cost:
-                best, since = found, 0
+            if best is None or verdict.cost < best.cost:
+                best, since = verdict, 0
             if since == PATIENCE:
                 break
-            weight, clip = found.weight, False
-        return best or found
+            weight, clip = verdict.weight, False
+        return best or verdict
 
     def products(self, weight: Array, first: int | None = None) -> Array:
         """Return XᵀWX, of the first columns only where so many are asked for."""
@@ -394,11 +394,11 @@ class _Search:
 
     def chosen(self, weight: Array, products: Array, clip: bool) -> list[int]:
         """Return columns that pay for themselves, one after the other; by errors of which none is much larger."""
-        p, found = self.p, list[int]()
+        p, rows = self.p, list[int]()
         dof = float(np.sum(weight)) * self.m - p
         pull, total = products[:, p], float(products[p, p])
-        while len(found) < min(self.most, self.columns.shape[2], dof - 2):
-            index = [*range(p), *found]
+        while len(rows) < min(self.most, self.columns.shape[2], dof - 2):
+            index = [*range(p), *rows]
             root = inverse_root(products[np.ix_(index, index)], relative=1e-14)
             if clip:
                 left = self._clipped(self._left(index, products, root))
@@ -412,10 +412,10 @@ class _Search:
             falls[[*index, p]] = 0.0
             best, unexplained = int(np.argmax(falls)), total - float(along @ along)
             rest = max(unexplained - float(falls[best]), 1e-300)
-            if unexplained <= 0 or (dof - len(found)) * math.log(unexplained / rest) < self.price:
+            if unexplained <= 0 or (dof - len(rows)) * math.log(unexplained / rest) < self.price:
                 break
-            found.append(best)
-        return found
+            rows.append(best)
+        return rows
 
     def _halves(self, index: Sequence[int], root: Array) -> Iterator[tuple[slice, Array]]:
         """Yield rows, and there the columns of a fit as combinations that are independent of each other."""
@@ -462,16 +462,16 @@ class _Search:
         cost = math.log(max(dof, 1.0)) + 2 * math.log(max(len(orders), 1))
         total = float(np.sum(w * left**2))
         while orders and np.count_nonzero(good) > 4 * AROUND:
-            found = list[tuple[float, float, Array]]()
+            errors = list[tuple[float, float, Array]]()
             for order in orders:
                 of_rows = left.take(order, axis=0)  # a quarter of the time of an index
                 x = _mean_around(of_rows, good[order])
                 weighted = w[order] * x
                 pull = max(float(np.vdot(weighted, of_rows)), 0.0)
                 part = pull / max(float(np.vdot(weighted, x)), 1e-300)
-                found.append((total - part * pull, part, x))
-            k = int(np.argmin([rest for rest, _, _ in found]))
-            rest, part, x = found[k]
+                errors.append((total - part * pull, part, x))
+            k = int(np.argmin([rest for rest, _, _ in errors]))
+            rest, part, x = errors[k]
             if dof * math.log(max(total, 1e-300) / max(rest, 1e-300)) <= cost:
                 break
             left, total, price = left.copy(), rest, price + cost

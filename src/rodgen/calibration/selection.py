@@ -52,18 +52,18 @@ def ordered(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Candidate]:
 
     Of a robot zeros come first, then its other dimensions, then weight and loads.
     """
-    left, found = list(chosen), list[Candidate]()
+    left, order = list(chosen), list[Candidate]()
     robot = kind_of_machine(evidence.base.machine) == "robot"
     while left:
-        larger = evidence.weighed([*found, c] for c in left)
+        larger = evidence.weighed([*order, c] for c in left)
 
         def place(some: Sequence[Candidate]) -> tuple[bool, int, float]:
             last = some[-1]
             return bool(last.driver), last.effect.definition.rung if robot else 0, evidence.cost(some)
 
-        found = min(larger, key=place)
-        left = [c for c in left if c is not found[-1]]
-    return found
+        order = min(larger, key=place)
+        left = [c for c in left if c is not order[-1]]
+    return order
 
 
 def _grown(evidence: Evidence, best: list[Candidate]) -> list[Candidate]:
@@ -124,13 +124,13 @@ def _pairs(
 
     Only those with which it may cost less than a limit.
     """
-    found = dict[frozenset[tuple[str, str | None]], tuple[Candidate, Candidate]]()
+    pairs = dict[frozenset[tuple[str, str | None]], tuple[Candidate, Candidate]]()
     (near,) = evidence.promising([rest], FEW)
     partners = evidence.promising([[*rest, a] for a in near], 2, under)
     for a, some in zip(near, partners, strict=True):
         for b in some:
-            found.setdefault(frozenset({a.key, b.key}), (a, b))
-    return list(found.values())
+            pairs.setdefault(frozenset({a.key, b.key}), (a, b))
+    return list(pairs.values())
 
 
 def _sums(
@@ -271,13 +271,13 @@ def _parts(evidence: Evidence, rest: Sequence[Candidate], one: Candidate) -> lis
     As many as it has columns at most: each explains most of what those before it leave.
     """
     left = [c for c in evidence.candidates if len(c.names) < len(one.names) and _is_listed(evidence, c)]
-    found = list[Candidate]()
+    parts = list[Candidate]()
     for _ in one.names:
-        there = {*(c.key for c in (*rest, *found)), *evidence.refused}
+        there = {*(c.key for c in (*rest, *parts)), *evidence.refused}
         left = [c for c in left if c.key not in there]
         if left:
-            found.append(max(left, key=lambda c: evidence.explained([*rest, *found, c])))
-    return found
+            parts.append(max(left, key=lambda c: evidence.explained([*rest, *parts, c])))
+    return parts
 
 
 @stage("what else would explain it")
@@ -287,12 +287,14 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
     One effect instead of one, two or as many as it has columns instead of one, one instead of several, and two
     instead of two.
     """
-    found = list[Equal]()
+    equal_sets = list[Equal]()
     for one in chosen:
         rest = [c for c in chosen if c is not one]
         (near,), parts = evidence.promising([rest], PROMISING), _parts(evidence, rest, one)
         tried = [(c,) for c in near] + _pairs(evidence, rest)
-        found += _alike(evidence, chosen, (one,), [*tried, *(parts[:n] for n in range(3, len(parts) + 1))])
+        equal_sets += _alike(
+            evidence, chosen, (one,), [*tried, *(parts[:n] for n in range(3, len(parts) + 1))]
+        )
     sums = [*_sums(evidence, chosen)]
     for several in (s for n in range(2, MOST_REPLACED + 1) for s in itertools.combinations(chosen, n)):
         rest = [c for c in chosen if c not in several]
@@ -300,9 +302,9 @@ def equals(evidence: Evidence, chosen: Sequence[Candidate]) -> list[Equal]:
         others = [(c,) for c in near] + [new for two, new in sums if two == several]
         if len(several) == 2 and not any(c.prior.certain for c in several):
             others += _pairs(evidence, rest)
-        found += _alike(evidence, chosen, several, others)
-    found += _shared(evidence, chosen, found)
-    return sorted(found, key=lambda one: one.cost)
+        equal_sets += _alike(evidence, chosen, several, others)
+    equal_sets += _shared(evidence, chosen, equal_sets)
+    return sorted(equal_sets, key=lambda one: one.cost)
 
 
 def _alike(
@@ -318,7 +320,7 @@ def _alike(
     """
     rest = [c for c in chosen if c not in replaced]
     certain, choice = any(c.prior.certain for c in replaced), evidence.choice(chosen)
-    out, found = {c.key for c in replaced}, dict[frozenset[tuple[str, str | None]], Equal]()
+    out, alike = {c.key for c in replaced}, dict[frozenset[tuple[str, str | None]], Equal]()
     tried = [some for some in tried if not any(c.key in out or not _is_listed(evidence, c) for c in some)]
     evidence.weighed([*rest, *some] for some in tried)
     for some in tried:
@@ -327,13 +329,13 @@ def _alike(
         cost = max(
             _dearer(evidence, chosen, rest, some), min(more, 0.0)
         )  # what says nothing makes nothing likelier
-        fewer = [x.cost - COST.needed * (other < keys) for other, x in found.items() if other <= keys]
+        fewer = [x.cost - COST.needed * (smaller < keys) for smaller, x in alike.items() if smaller <= keys]
         before = max(evidence.choice([*rest, *some]) - choice, 0.0)
         if not certain:
             before = min(before, COST.tied) if len(some) == 1 else 0.0
         if cost < min([COST.tied + before, *fewer]):
-            found[keys] = Equal(replaced, tuple(some), cost)
-    return [*found.values()]
+            alike[keys] = Equal(replaced, tuple(some), cost)
+    return [*alike.values()]
 
 
 def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equal]) -> list[Equal]:
@@ -355,8 +357,8 @@ def _shared(evidence: Evidence, chosen: Sequence[Candidate], known: Sequence[Equ
         alike = a.effect.name == b.effect.name
         before = min(evidence.choice(more) - evidence.choice(chosen), COST.tied) if alike else 0.0
         if key not in alone and cost < min(COST.tied + before, best[key].cost if key in best else math.inf):
-            (size, std), (other, beside) = evidence.size(chosen, a), evidence.size(more, a)
-            if np.any(np.hypot(other - size, beside)[std > 0] > COST.shared * std[std > 0]):
+            (size, std), (size_beside, beside) = evidence.size(chosen, a), evidence.size(more, a)
+            if np.any(np.hypot(size_beside - size, beside)[std > 0] > COST.shared * std[std > 0]):
                 best[key] = Equal((a,), (a, b), cost)
     return [*best.values()]
 

@@ -81,8 +81,8 @@ class Sensitivities(FitRows):
             np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
         )  # a column is in one piece
         index = {parameter.key: i for i, parameter in enumerate(problem.model.parameters)}
-        own = {p.key for p in fit.parameters}
-        new = [p for p in about.parameters if p.key not in own]
+        known = {p.key for p in fit.parameters}
+        new = [p for p in about.parameters if p.key not in known]
         exact = [p for p in new if p.effect in {None, *GEOMETRY}]
         names = [(p.effect, p.place) if p.effect else (NUMBER, p.key.split(".")[1]) for p in exact]
 

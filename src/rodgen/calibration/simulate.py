@@ -140,22 +140,22 @@ def simulate(
     known = []
     for each in effects:
         effect, run = _effect(machine, each) if isinstance(each, str) else (each, None)
-        found = simulator.known(effect, run) or simulator.drawn(effect)
-        if found is None:
+        drawn = simulator.known(effect, run) or simulator.drawn(effect)
+        if drawn is None:
             raise InputFileError(
                 "effect",
                 effect.title,
                 "values that are to be drawn, while nothing of it would show in this design",
                 "another effect, or its values",
             )
-        known.append(found)
+        known.append(drawn)
     if hidden:
         known.append(simulator.drawn_of_catalogue(known))
     exact = simulator.read(known)
     columns = _columns(design, machine, simulator.noisy(exact), simulator.sigma)
     readings = machine.measurand.read_columns
-    given = {name: column for name, column in design.columns.items() if name not in readings}
-    ordered = {name: columns.get(name) or given[name] for name in design.columns}
+    commanded = {name: column for name, column in design.columns.items() if name not in readings}
+    ordered = {name: columns.get(name) or commanded[name] for name in design.columns}
     truth = {
         "machine": machine.file or machine.name,
         "design": design.file,
@@ -189,13 +189,13 @@ def _columns(
     design: Measurements, machine: Machine, read: Observations, sigma: Array | None
 ) -> dict[str, Numbers]:
     """Return the columns of readings, in the units that the design has for them, to a thousandth of the noise."""
-    found = {}
+    columns = {}
     if read.attitude is not None:
         for text, values in attitude_columns(read.attitude, design, machine.angle_unit).items():
             name, _, written = text.rstrip("]").partition(" [")
-            found[name] = Numbers(name, written or None, values)
+            columns[name] = Numbers(name, written or None, values)
         if not machine.measurand.moving:
-            return found
+            return columns
     for name, values in zip(machine.measurand.columns, read.reading.T, strict=False):
         unit = None
         factor = 1.0
@@ -208,8 +208,8 @@ def _columns(
         noise = 0.0 if sigma is None else float(np.min(sigma)) / factor
         decimals = math.ceil(-math.log10(noise)) + DIGITS if noise > 0 else 17
         rounded = values / factor
-        found[name] = Numbers(name, unit, np.round(rounded, decimals) if 0 <= decimals <= 15 else rounded)
-    return found
+        columns[name] = Numbers(name, unit, np.round(rounded, decimals) if 0 <= decimals <= 15 else rounded)
+    return columns
 
 
 @dataclass(frozen=True)
@@ -227,11 +227,11 @@ def with_reading(observations: Observations, reading: Any) -> Observations:
 
 def _difference(of: Observations, to: Observations) -> Array:
     """Return how readings differ, (n, m), internal units; turns of poses as lengths on their arm."""
-    found = of.reading - to.reading
+    difference = of.reading - to.reading
     if of.attitude is None or to.attitude is None:
-        return found
+        return difference
     turns = of.arm * rotation_vector(of.attitude @ to.attitude.swapaxes(1, 2))
-    return np.concatenate([found, turns], axis=1) if of.machine.measurand.moving else turns
+    return np.concatenate([difference, turns], axis=1) if of.machine.measurand.moving else turns
 
 
 class Simulator:
@@ -304,15 +304,15 @@ class Simulator:
         model = Model(machine, o.travel, o.run_names)
         problem = Problem(model, o)
         theta, frame = model.start(), Frame.identity()
-        found = problem.predicted_observations(theta, frame)
-        bad = ~np.isfinite(found.reading).all(axis=1)
+        readings = problem.predicted_observations(theta, frame)
+        bad = ~np.isfinite(readings.reading).all(axis=1)
         if bad.any():
             row = int(np.argmax(bad))
             if machine.kinematics.is_closed:
                 raise open_legs(o, row, "the machine with these effects")
             expected = "formulas and numbers that are"
             raise InputFileError(o.data.file, o.data.place(row), "the model is not finite here", expected)
-        return found
+        return readings
 
     def noisy(self, exact: Observations) -> Observations:
         """Return readings with noise."""
@@ -350,9 +350,9 @@ class Simulator:
     def change(self, exact: Observations) -> dict[str, Any]:
         """Return by how much the effects change the readings, and what a fit without them leaves of that."""
         some = exact.take(slice(None, None, -(-exact.n // LOOKED_AT) or 1))
-        plain = self.read([], self.some)
+        unchanged = self.read([], self.some)
         return {
-            "rms": self._rms(_difference(some, plain)) / self.unit_factor,
+            "rms": self._rms(_difference(some, unchanged)) / self.unit_factor,
             "left_by_a_fit": self._left(some) / self.unit_factor,
             "unit": self.unit,
         }
@@ -417,14 +417,14 @@ class Simulator:
         free = [p.key for p in parameters if not (p.searched or p.optional or p.hold is not None)]
         known = {key: usual.get(key.rpartition(".")[2]) for key in free}
         drawn = {key: self.random.normal() * (size.usual if size else 1.0) for key, size in known.items()}
-        plain = self.read([], self.some)
+        unchanged = self.read([], self.some)
 
         def scaled(factor: float) -> Hidden:
             return Hidden(effect, fixed | {key: factor * size for key, size in drawn.items()})
 
         def change(factor: float) -> tuple[Observations, float]:
             read = self.read([scaled(factor)], self.some)
-            return read, self._rms(_difference(read, plain))
+            return read, self._rms(_difference(read, unchanged))
 
         # of noise size first: large ones would not be in proportion
         _, small = change(TRIAL)
@@ -473,11 +473,14 @@ class Simulator:
         """Return the noise as plain data."""
         if self.sigma is None:
             return {"rms": 0.0, "unit": self.unit}
-        found = {"rms": float(np.sqrt(np.mean(self.sigma[:, :3] ** 2))) / self.unit_factor, "unit": self.unit}
+        content = {
+            "rms": float(np.sqrt(np.mean(self.sigma[:, :3] ** 2))) / self.unit_factor,
+            "unit": self.unit,
+        }
         if self.machine.measurand.is_pose:
             turns = self.sigma[:, 3:] / self.observations.arm / ARCSEC
-            found |= {"rms_of_turns": float(np.sqrt(np.mean(turns**2))), "unit_of_turns": "arcsec"}
-        return found
+            content |= {"rms_of_turns": float(np.sqrt(np.mean(turns**2))), "unit_of_turns": "arcsec"}
+        return content
 
 
 # The truth behind simulated measurements, in a file of its own: plain JSON, to be read when the answer is there.
@@ -533,8 +536,8 @@ def truth_as_text(truth: Mapping[str, Any], file: str) -> str:
 
 def _lines(truth: Mapping[str, Any]) -> Iterator[str]:
     noise, change = truth["noise"], truth["change"]
-    said = f"noise {noise['rms']:.3g} {noise['unit']}"
-    yield f"{truth['machine']} through {truth['design']}, seed {truth['seed']}, {said}"
+    noise_text = f"noise {noise['rms']:.3g} {noise['unit']}"
+    yield f"{truth['machine']} through {truth['design']}, seed {truth['seed']}, {noise_text}"
     if not truth["effects"]:
         yield "Nothing is hidden: noise alone."
     for effect in truth["effects"]:

@@ -70,25 +70,25 @@ def odds_of_steps(smaller: Fit, larger: Fit, effects: Sequence[Effect]) -> list[
         return [None for _ in effects]
     with one_thread_in_blas():
         rows = FitRows.at(larger, sample_of(smaller.observations, ~smaller.outliers))
-        found = [_candidate(rows, larger, effect) for effect in effects]
-        evidence = Evidence.of(smaller, further=[c for c in found if c is not None])
-        seen = [c for c in found if c is not None and id(c) in evidence.parts]
+        steps = [_candidate(rows, larger, effect) for effect in effects]
+        evidence = Evidence.of(smaller, further=[c for c in steps if c is not None])
+        seen = [c for c in steps if c is not None and id(c) in evidence.parts]
         return [
             None if c is None or id(c) not in evidence.parts else StepOdds(log10_of(worth(evidence, seen, c)))
-            for c in found
+            for c in steps
         ]
 
 
 def _candidate(rows: FitRows, larger: Fit, effect: Effect) -> Candidate | None:
     """Return an effect with its columns at its fitted value; None where the fit determines none of its parameters."""
-    own = [i for i in larger.moving if effect.owns(larger.parameters[i].key)]
-    linear = [i for i in own if larger.parameters[i].searched is None]
-    if not linear or all(larger.determinacy.undetermined[i] for i in own):
+    columns = [i for i in larger.moving if effect.owns(larger.parameters[i].key)]
+    linear = [i for i in columns if larger.parameters[i].searched is None]
+    if not linear or all(larger.determinacy.undetermined[i] for i in columns):
         return None
-    keys = [larger.parameters[i].key for i in own]
+    keys = [larger.parameters[i].key for i in columns]
     searched = {
         key.rpartition(".")[2]: float(larger.solution.theta[i])
-        for key, i in zip(keys, own, strict=True)
+        for key, i in zip(keys, columns, strict=True)
         if i not in linear
     }
     prior = plausibility(larger.machine, effect)

@@ -34,24 +34,24 @@ NAMED = 8
 def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
     """Return the fitted axes, points, targets and frame as vectors, in the machine file's length unit."""
     model, theta = fit.problem.model, fit.solution.theta
-    found: dict[str, dict[str, list[float]]] = {}
+    numbers: dict[str, dict[str, list[float]]] = {}
     for name in model.structure.numbers:
-        found.setdefault("geometry", {})[name] = list(model.number(theta, name))
+        numbers.setdefault("geometry", {})[name] = list(model.number(theta, name))
     for j, joint in enumerate(fit.machine.joints):
         structure = model.structure.joints[j]
         if structure.axis:
-            found.setdefault(joint.name, {})["axis"] = model.axis(theta, j).tolist()
+            numbers.setdefault(joint.name, {})["axis"] = model.axis(theta, j).tolist()
         if structure.point:
-            found.setdefault(joint.name, {})["point"] = model.point(theta, j).tolist()
+            numbers.setdefault(joint.name, {})["point"] = model.point(theta, j).tolist()
     if model.structure.target:
         for k, target in enumerate(fit.machine.targets):
-            found.setdefault("targets", {})[target.name] = model.target(theta, k).tolist()
+            numbers.setdefault("targets", {})[target.name] = model.target(theta, k).tolist()
     if model.structure.frame:
-        found["frame"] = {
+        numbers["frame"] = {
             "rotation": fit.solution.frame.rotation.tolist(),
             "position": fit.solution.frame.position.tolist(),
         }
-    return found
+    return numbers
 
 
 def as_dict(fit: Fit) -> dict[str, Any]:
@@ -115,11 +115,11 @@ def _sentences(fit: Fit) -> Iterator[str]:
 
 
 def _parts(fit: Fit) -> Iterator[Part]:
-    shown = [e for e in fit.estimates.values() if not e.held or e.value]
-    if shown:
-        more = [fit.dependence.text] if any(e.std is not None for e in shown) else []
-        more += [CONVENTION] if any(e.convention for e in shown) else []
-        yield Part([_table(shown), *_said(more)])
+    estimates = [e for e in fit.estimates.values() if not e.held or e.value]
+    if estimates:
+        more = [fit.dependence.text] if any(e.std is not None for e in estimates) else []
+        more += [CONVENTION] if any(e.convention for e in estimates) else []
+        yield Part([_table(estimates), *_said(more)])
     if on_sky := pointing(fit):
         terms = _table([*on_sky.terms.values()], "TPOINT's term")
         yield Part([*_said([on_sky.sentence()]), terms])
@@ -167,8 +167,8 @@ def _against_priors(fit: Fit, priors: list[int]) -> Iterator[str]:
 
     precision = fit.problem.file_values.precision[priors]
     off = (fit.solution.theta[priors] - fit.problem.file_values.centre[priors]) * precision
-    own = fit.independent_covariance[priors, priors]
-    variance = 1 - precision**2 * own
+    variances = fit.independent_covariance[priors, priors]
+    variance = 1 - precision**2 * variances
     sizes = np.where(variance > TOLD, np.abs(off) / np.sqrt(np.maximum(variance, TOLD)), 0.0)
     worst = int(np.argmax(np.nan_to_num(sizes)))
     p = len(priors) * float(special.chdtrc(1, sizes[worst] ** 2))
@@ -184,10 +184,10 @@ def _about_modes(fit: Fit) -> Iterator[str]:
     if mode := other_mode(fit.observations, asked):
         yield f"{capitalized(mode)}: leave start out, or check the order of the legs."
     elif asked.kinematics.start is None:
-        other = in_another_mode(fit.observations, written)
-        if other > 0:
+        share = in_another_mode(fit.observations, written)
+        if share > 0:
             yield (
-                f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written "
+                f"In {share:.1%} of the rows the platform is in another assembly mode than in most: what is written "
                 "with the fitted numbers has the mode of most, and predicts the others wrongly."
             )
 

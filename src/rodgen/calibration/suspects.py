@@ -79,10 +79,10 @@ class Suspects:
         columns = np.concatenate([of.model, candidate.columns], axis=2)
         flat = unit_columns(columns.reshape(of.residual.size, -1))
         with one_thread_in_blas():
-            found = lstsq(flat, of.residual.ravel(), relative=1e-10)
+            theta = lstsq(flat, of.residual.ravel(), relative=1e-10)
         weight = np.where(of.weight > 0, of.weight, 1.0)
         before = of.residual / weight
-        part = (flat @ found).reshape(before.shape) / weight
+        part = (flat @ theta).reshape(before.shape) / weight
         error, arm = self.fit.machine.measurand.error, self.fit.observations.arm
         return np.asarray((error(before, arm) - error(before - part, arm)) / self.fit.unit_factor)
 
@@ -92,7 +92,7 @@ def suspects(fit: Fit) -> Suspects:
     with one_thread_in_blas():
         evidence = Evidence.of(fit)
         chosen = select(evidence)
-        found = equals(evidence, chosen)
+        equal_sets = equals(evidence, chosen)
         table = {one.effect.identity: one for one in ranking(evidence)}
         of, best = evidence.sensitivities, {c.key: c for c in evidence.unseen}
         best |= {c.key: c for c in sorted(evidence.candidates, key=lambda c: -evidence.cost([c]))}
@@ -104,7 +104,7 @@ def suspects(fit: Fit) -> Suspects:
     order: dict[tuple[str, str | None], Effect | None] = {}
     for c in chosen:
         order.setdefault(c.key, None)
-        for one in found:
+        for one in equal_sets:
             if one.replaced == (c,) and len(one.candidates) == 1:
                 order.setdefault(one.candidates[0].key, c.effect)
     order |= {key: None for key in table if key not in order}

@@ -35,7 +35,7 @@ def bind_validation(machine: Machine, test: Any) -> Observations:
     return others
 
 
-def validation_error(found: Fit, others: Observations) -> float:
+def validation_error(validated: Fit, others: Observations) -> float:
     """Return the error on further measurements, to which only the frame is fitted, where it is free.
 
     Raises
@@ -43,14 +43,16 @@ def validation_error(found: Fit, others: Observations) -> float:
     InputFileError
         When a column is not there that an effect needs.
     """
-    model = Model(found.machine, found.problem.model.travel, others.run_names, compiled=False)
+    model = Model(validated.machine, validated.problem.model.travel, others.run_names, compiled=False)
     problem = Problem(model, others)
     theta = model.start()
-    frame = Frame.fitted(found.machine.values) or Frame.identity()
+    frame = Frame.fitted(validated.machine.values) or Frame.identity()
     free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
     solution = minimise(problem, theta, frame, free)
     no_outliers = np.zeros(others.n, bool)
-    return replace(found, observations=others, problem=problem, solution=solution, outliers=no_outliers).rms
+    return replace(
+        validated, observations=others, problem=problem, solution=solution, outliers=no_outliers
+    ).rms
 
 
 def on_another_machine(rms: Rms) -> str:

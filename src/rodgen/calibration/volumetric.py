@@ -100,18 +100,18 @@ def _over_travel(fit: Fit) -> VolumetricError:
     o, measured_only = _positions(fit)
     problem, theta = Problem(fit.problem.model, o), fit.values
     effects = [next((e for e in fit.machine.effects if e.owns(p.key)), None) for p in fit.parameters]
-    own = np.array([e is None or not is_of_set_up(fit.machine, e) for e in effects], bool)
-    kept = np.array([kind == "target" for kind in fit.problem.model.kinds], bool)
+    of_machine = np.array([e is None or not is_of_set_up(fit.machine, e) for e in effects], bool)
+    of_targets = np.array([kind == "target" for kind in fit.problem.model.kinds], bool)
     for i, (p, e) in enumerate(zip(fit.parameters, effects, strict=True)):  # a period means nothing at zero
-        kept[i] |= e is not None and p.key.rpartition(".")[2] in e.definition.searched
+        of_targets[i] |= e is not None and p.key.rpartition(".")[2] in e.definition.searched
     free_frame = fit.machine.measured.frame == "free"
     mounted = [i for i, p in enumerate(fit.parameters) if i in fit.free and p.slot[:2] == ("target", 0)]
 
     def places(values: Array) -> Array:
-        return np.asarray(problem.places(np.where(own | kept, values, 0.0), Frame.identity()))
+        return np.asarray(problem.places(np.where(of_machine | of_targets, values, 0.0), Frame.identity()))
 
     def ideal(values: Array) -> Array:
-        return np.asarray(problem.places(np.where(kept, values, 0.0), Frame.identity()))
+        return np.asarray(problem.places(np.where(of_targets, values, 0.0), Frame.identity()))
 
     def errors(values: Array) -> Array:
         real, nominal = places(values), ideal(values)
@@ -126,8 +126,8 @@ def _over_travel(fit: Fit) -> VolumetricError:
         size = np.linalg.norm(off, axis=1)
         return np.asarray(size if measurand.moving else 2 * np.arcsin(size / 2) / ARCSEC)
 
-    found = errors(theta)
-    where, rank = int(np.argmax(found)), np.argsort(found, kind="stable")
+    lengths = errors(theta)
+    where, rank = int(np.argmax(lengths)), np.argsort(lengths, kind="stable")
     near = rank[int((SHARE - NEAR) * o.n) : int((SHARE + NEAR) * o.n) + 1]
 
     def statistics(machine: Machine) -> Array:
@@ -136,12 +136,12 @@ def _over_travel(fit: Fit) -> VolumetricError:
 
     steps = [1e-4 * null / np.max(np.abs(null)) for null in fit.determinacy.null]
     at, unit = places(theta), fit.unit_factor
-    changes = [np.abs(errors(theta + step) - found).max() * unit for step in steps]
+    changes = [np.abs(errors(theta + step) - lengths).max() * unit for step in steps]
     moves = [np.abs(places(theta + step) - at).max() for step in steps]
     by_choice = any(x > CHOICE * y > 0 for x, y in zip(changes, moves, strict=True))
     keys = [p.key for p in fit.parameters]
     largest_u, most_u = with_uncertainty(fit.machine, (keys, fit.covariance), statistics)[1].tolist()
-    largest, most = float(found[where]), float(np.quantile(found, SHARE))
+    largest, most = float(lengths[where]), float(np.quantile(lengths, SHARE))
     known = bool(np.isfinite(fit.covariance).all())
     return VolumetricError(
         largest, largest_u if known else None, most, most_u if known else None, fit.unit, o.q[where], o.n // 2,
@@ -164,7 +164,7 @@ def _positions(fit: Fit) -> tuple[Observations, bool]:
     both = np.concatenate([rows, rows])
     n = len(both)
 
-    given = replace(
+    positions = replace(
         o.take(both),
         q=np.concatenate([q, q]),
         s=np.repeat(np.array([1, -1], np.int8), len(q))[:, None] * np.ones((1, q.shape[1]), np.int8),
@@ -176,7 +176,7 @@ def _positions(fit: Fit) -> tuple[Observations, bool]:
         target=np.zeros(n, np.int32),
         run=np.zeros(n, np.int32),
     )
-    return given, measured_only
+    return positions, measured_only
 
 
 def _grid(travel: Array) -> Array:

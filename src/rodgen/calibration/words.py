@@ -149,8 +149,8 @@ def chance(p: float) -> str:
     >>> chance(0.0312), chance(0.0)
     ('p = 0.031', 'p < 1e-16')
     """
-    shown = probability(p)
-    return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
+    text = probability(p)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
 
 
 def probability(p: float) -> str:

@@ -77,17 +77,17 @@ def worst_regions(drivers: Sequence[Driver], sizes: Array, pose: NDArray[np.inte
     z = (z - z.mean()) / (z.std() or 1.0)
     alike = max(float(np.mean(z[1:] * z[:-1])), 0.0)
     fewer = (1 - alike) / (1 + alike)
-    found, tried = [], 0
+    regions, tried = [], 0
     for driver in drivers:
         if driver.kind in {"target", "approach", "period"}:
             continue
         values = np.add.reduceat(driver.values.astype(float), starts) / rows
         several = [*_regions(driver, values, square, fewer)]
         tried += len(several)
-        found += [max(several, key=lambda region: region.gain)] if several else []
+        regions += [max(several, key=lambda region: region.gain)] if several else []
     price = math.log(max(len(square) * fewer, 1.0)) + 2 * math.log(max(tried, 1))
     # the joints make the place
-    seen = [region for region in found if region.gain - price > COST.something]
+    seen = [region for region in regions if region.gain - price > COST.something]
     return sorted(seen, key=lambda r: -r.gain + (COST.needed if r.covariate.kind == "place" else 0.0))
 
 

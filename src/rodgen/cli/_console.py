@@ -74,14 +74,14 @@ class Parser(argparse.ArgumentParser):
             return super().parse_known_args(args, namespace)
         self._in_two_passes = True
         try:
-            found, unknown = self.parse_known_intermixed_args(self._joined(args), namespace)
+            namespace_read, unknown = self.parse_known_intermixed_args(self._joined(args), namespace)
         finally:
             self._in_two_passes = False
         if unknown:  # said here, where the options are known: else the parser of all commands says it
             options = {name: name for action in self._actions for name in action.option_strings}
             hint = nearest_hint(unknown[0].partition("=")[0], options)
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
-        return found, unknown
+        return namespace_read, unknown
 
     def _joined(self, arguments: Sequence[str]) -> list[str]:
         """Join ``--point -1,2,3`` with an equals sign: argparse takes "-1,2,3", a value, for an option."""
@@ -178,14 +178,14 @@ def adder(commands: Any, summaries: Mapping[str, str]) -> Command:
     def command(
         name: str, run: Callable[[argparse.Namespace], int], text: str, *options: Option | OneOf, **how: Any
     ) -> argparse.ArgumentParser:
-        made: argparse.ArgumentParser = commands.add_parser(
+        parser: argparse.ArgumentParser = commands.add_parser(
             name, help=summaries[name], description=text, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        made.add_argument(DEBUG, action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        parser.add_argument(DEBUG, action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         for each in options:
-            each.add_to(made)
-        made.set_defaults(run=run, **how)
-        return made
+            each.add_to(parser)
+        parser.set_defaults(run=run, **how)
+        return parser
 
     return command
 
@@ -252,16 +252,16 @@ def show_json(data: Any, *, indent: int | None = 2) -> None:
 def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:
     """Print a result as JSON where --json was given, else as text."""
     with stage("writing the answer"):
-        made: Any = data() if options.json else text()
+        content: Any = data() if options.json else text()
     if options.json:
-        show_json(made)
+        show_json(content)
     else:
-        show(made)
+        show(content)
 
 
 def _harmless(text: str) -> str:
     """Return a text in which characters that a terminal obeys, such as those of a name in a file, are written out."""
-    return _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
+    return _OBEYED.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def notify(text: str) -> None:

@@ -70,11 +70,11 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
         machine = Machine.load(options.machine)
     data = load_data(options.data, getattr(options, "scheduler", None))
     _remark(why_long(machine, data))
-    found = fit(machine, data, loss=options.loss)
+    fit_of_data = fit(machine, data, loss=options.loss)
     if not shown:
-        remark_on_rows(found.observations)
-        remark_on_readings(found)
-    return found
+        remark_on_rows(fit_of_data.observations)
+        remark_on_readings(fit_of_data)
+    return fit_of_data
 
 
 def _remark(text: str) -> None:
@@ -127,10 +127,10 @@ def diagnosed(
             raise RodgenError(f"command line: --prefer {name}@{place}: {error}") from None
     data = load_data(options.data, getattr(options, "scheduler", None))
     _remark(why_long(machine, data, diagnosis=True))
-    found = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
+    diagnosis = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
     if not shown:
-        remark_on_rows(found.base.observations)
-    return found
+        remark_on_rows(diagnosis.base.observations)
+    return diagnosis
 
 
 def figures_for(path: str | None) -> Any:

@@ -128,5 +128,5 @@ def display() -> Iterator[Display | None]:
     if sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
-    with Display(sys.stderr).ticking() as shown:
-        yield shown
+    with Display(sys.stderr).ticking() as progress:
+        yield progress

@@ -64,17 +64,17 @@ def map_rows(
         results, function = prepare(unit)
         return [Result(*result) for result in results], lambda values: function(np.column_stack(values))
 
-    given = [Column(*column) for column in columns]
+    wanted = [Column(*column) for column in columns]
     if is_many(options.table):
         if by_order:
             raise InputFileError(
                 options.table, "file", "many files", "one: results depend on the rows before"
             )
         summary = map_files(
-            options.table, options.output, lambda file, to: map_table(file, to, given, prepared)
+            options.table, options.output, lambda file, to: map_table(file, to, wanted, prepared)
         )
     else:
-        summary = map_table(options.table, options.output, given, prepared)
+        summary = map_table(options.table, options.output, wanted, prepared)
     conclude(_counted(options.table, summary))
     return OK
 

@@ -126,14 +126,14 @@ def quantity(
         expected = f"{count} {sign}{dimension}s with their unit"
 
     def read(text: str) -> Quantity:
-        found = re.fullmatch(_NUMBERS, text)
-        if found:
+        match = re.fullmatch(_NUMBERS, text)
+        if match:
             with contextlib.suppress(ValueError):
-                numbers = tuple(float(part) for part in found[1].split(","))
+                numbers = tuple(float(part) for part in match[1].split(","))
                 if count == len(numbers) and all(
                     math.isfinite(x) and (x > 0 or not positive) for x in numbers
                 ):
-                    return Quantity(numbers, found[2], option, dimension)
+                    return Quantity(numbers, match[2], option, dimension)
         raise argparse.ArgumentTypeError(f"{shown(text)} is not {expected}, such as {example}")
 
     return read

@@ -196,11 +196,11 @@ def _run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _columns_of(port: str) -> Columns:
-    found: Columns = []
+    columns: Columns = []
     for part in _PORTS[port].split(";"):
         quantity, names = part.split(":")
-        found += named(quantity.strip(), names)
-    return found
+        columns += named(quantity.strip(), names)
+    return columns
 
 
 def _header(columns: Columns) -> str:
@@ -232,8 +232,10 @@ class _Call:
         module, _, last = name.rpartition(".")
         self.subject = getattr(rodgen, module) if module else rodgen
         self.function: Callable[..., Any] = getattr(self.subject, last)
-        given, _, results = _FUNCTIONS[name].partition(" -> ")
-        self.ports = {key: port or key for key, _, port in (each.partition("=") for each in given.split())}
+        arguments, _, results = _FUNCTIONS[name].partition(" -> ")
+        self.ports = {
+            key: port or key for key, _, port in (each.partition("=") for each in arguments.split())
+        }
         self.results = [token for token in results.split() if token != "-"]
         self.is_written = [token != "-" for token in results.split()]
         defaults = {
@@ -303,8 +305,8 @@ class _Call:
 
         def function(values: Any) -> Any:
             read = {key: _shaped(values[:, at[n] : at[n + 1]]) for n, key in enumerate(self.taken)}
-            found = self.function(**read, **fixed)
-            parts = list(compress(found if isinstance(found, tuple) else (found,), self.is_written))
+            results = self.function(**read, **fixed)
+            parts = list(compress(results if isinstance(results, tuple) else (results,), self.is_written))
             if not any(starred):
                 return [column for part in parts for column in np.reshape(part, (len(values), -1)).T], None
             first = parts[starred.index(True)]
@@ -330,7 +332,7 @@ class _Call:
         """Return the first unit of a length that is set."""
         kinds = {key: _columns_of(self.ports.get(key, key))[-1][1] for key in self.set if key != "sequence"}
         lengths = [number_and_unit(self.set[key].split(",")[-1]) for key in kinds if kinds[key] == "length"]
-        return next((found[1] for found in lengths if found), "") or "mm"
+        return next((match[1] for match in lengths if match), "") or "mm"
 
     def _value(self, key: str, length: str) -> Any:
         """Return what is set, lengths in a unit, and angles in radians."""

@@ -50,46 +50,46 @@ def _run(options: argparse.Namespace) -> int:
 
     with stage("reading"):
         machine = Machine.load(options.machine)
-    found = check(machine, load_data(options.data))
-    repair = found.repairs[0] if found.repairs else None
+    checked = check(machine, load_data(options.data))
+    repair = checked.repairs[0] if checked.repairs else None
     if options.output or options.repaired_data:
         if repair is None:
-            why = "no single change repairs the files" if found.wrong else "nothing is wrong with the files"
+            why = "no single change repairs the files" if checked.wrong else "nothing is wrong with the files"
             raise InputFileError(options.machine, "file", why, "no output")
-        for path, changed, right, other in (
+        for path, changed, right, hint in (
             (options.output, repair.of_machine, "a machine file that is right", "--repaired-data"),
             (options.repaired_data, repair.of_data, "data that are right", "-o"),
         ):
             if path and not changed:
                 why = f"{right}, as {repair.words}"
-                raise InputFileError(path, "file", why, f"{other} for what is wrong")
-        repaired, observations = repair.applied(found.machine, found.observations)
+                raise InputFileError(path, "file", why, f"{hint} for what is wrong")
+        repaired, observations = repair.applied(checked.machine, checked.observations)
         if options.output:
             write_file(options.output, edited_text(options.machine, repaired).encode())
         if options.repaired_data:
-            write_repaired_data(observations, found.observations, options.repaired_data)
+            write_repaired_data(observations, checked.observations, options.repaired_data)
     fit = None
-    if not found.wrong:
+    if not checked.wrong:
         with contextlib.suppress(RodgenError):  # nothing to fit
-            fit = machine.fit(found.observations)
+            fit = machine.fit(checked.observations)
     used = {} if fit is None else fit.used_rows
     show_result(
         options,
-        lambda: found.to_dict() | used,
-        lambda: "\n".join([found.summary(), *_repairing(options, found, repair)]),
+        lambda: checked.to_dict() | used,
+        lambda: "\n".join([checked.summary(), *_repairing(options, checked, repair)]),
     )
     if fit is not None:
         remark_on_readings(fit)
-    return FAILED if found.wrong else OK
+    return FAILED if checked.wrong else OK
 
 
-def _repairing(options: argparse.Namespace, found: Check, repair: Repair | None) -> Iterator[str]:
+def _repairing(options: argparse.Namespace, checked: Check, repair: Repair | None) -> Iterator[str]:
     """Yield which repaired files were written, or which option writes them."""
     written = [path for path in (options.output, options.repaired_data) if path]
     if written:
         yield f"Repaired: {', '.join(written)}"
         if options.repaired_data and repair:
-            yield f"{options.repaired_data} has {repair.on_rows(found.observations)}"
+            yield f"{options.repaired_data} has {repair.on_rows(checked.observations)}"
         return
     if repair and repair.of_data:
         yield "The data must be changed; --repaired-data FILE writes them."

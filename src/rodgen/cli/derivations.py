@@ -93,9 +93,9 @@ def _kernels(options: argparse.Namespace) -> int:
     from rodgen.codegen.scripts import kept_kernels, load_derivation, packaged_derivations
     from rodgen.codegen.source_files import USUAL_TARGETS, check_kernels, write_kernels
 
-    own = options.derivation is None
+    is_of_rodgen = options.derivation is None
     derivations: list[Derivation | Rendered] = []
-    if own:
+    if is_of_rodgen:
         # what is compared is derived anew
         load = load_derivation if options.check or options.target else kept_kernels
         derivations += [load(name) for name in each("deriving", packaged_derivations())]
@@ -110,7 +110,7 @@ def _kernels(options: argparse.Namespace) -> int:
     # rodgen's own kernels are a NumPy extension, too
     written_as: dict[str, Any] = {
         "targets": options.target or USUAL_TARGETS,
-        "extension": own and not options.target,
+        "extension": is_of_rodgen and not options.target,
     }
     try:
         if not options.check:
@@ -134,7 +134,7 @@ def _kernels(options: argparse.Namespace) -> int:
     if not difference:
         return OK
     show(difference, end="")
-    named = [*([options.derivation] if not own else []), "-o", options.output]
+    named = [*([options.derivation] if not is_of_rodgen else []), "-o", options.output]
     command = " ".join(["rodgen kernels", *named, *(f"--target {target}" for target in options.target or ())])
     notify(f"{folder}: differs from what the derivations generate; '{command}' regenerates it")
     return FAILED

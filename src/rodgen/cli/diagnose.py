@@ -53,39 +53,43 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     if options.only and not options.output:
         raise UsageError(refused("rodgen diagnose", "--only without -o", "-o BETTER.toml, too"))
-    found = diagnosed(options, options.test, options.prefer, shown=True)
+    diagnosis = diagnosed(options, options.test, options.prefer, shown=True)
     written = ""
     if options.output:
-        written = f"\n\n{_write(options, found)}"
-    show_result(options, found.to_dict, lambda: found.summary() + written)
-    return after_fits(all(each.solution.converged for each in found.fits))
+        written = f"\n\n{_write(options, diagnosis)}"
+    show_result(options, diagnosis.to_dict, lambda: diagnosis.summary() + written)
+    return after_fits(all(each.solution.converged for each in diagnosis.fits))
 
 
-def _write(options: argparse.Namespace, found: Diagnosis) -> str:
+def _write(options: argparse.Namespace, diagnosis: Diagnosis) -> str:
     """Write the machine file with what was found, and return what it has more than the one before."""
     from rodgen.machines.files.edit import edited_text
     from rodgen.machines.machine import Machine
 
-    if options.only and max(options.only) > len(found.found):
+    if options.only and max(options.only) > len(diagnosis.found):
         expected = (
-            f"1 to {len(found.found)}, what was found" if found.found else "a diagnosis that finds effects"
+            f"1 to {len(diagnosis.found)}, what was found"
+            if diagnosis.found
+            else "a diagnosis that finds effects"
         )
         raise refused("--only", f"{max(options.only)}", expected)
-    effects = [one.effect for n, one in enumerate(found.found, 1) if not options.only or n in options.only]
-    machine, geometry = Machine.load(options.machine), found.geometry
+    effects = [
+        one.effect for n, one in enumerate(diagnosis.found, 1) if not options.only or n in options.only
+    ]
+    machine, geometry = Machine.load(options.machine), diagnosis.geometry
     if geometry is not None:
         machine = replace(geometry.before.machine, estimate=geometry.estimate)
     for effect in [*(geometry.effects if geometry is not None else ()), *effects]:
         machine = machine.with_effect(effect)
-    if found.further_exclusions:
-        machine = replace(machine, measured=found.machine.measured)
+    if diagnosis.further_exclusions:
+        machine = replace(machine, measured=diagnosis.machine.measured)
     write_file(options.output, edited_text(options.machine, machine).encode())
-    more = ["its dimensions estimated"] if found.geometry is not None else []
+    more = ["its dimensions estimated"] if diagnosis.geometry is not None else []
     more += [effect.title for effect in effects]
     what = f"with {joined(more)}" if more else "without a change"
-    if count := len(found.outliers):
+    if count := len(diagnosis.outliers):
         outliers = counted(count, "outlier")
-        if found.further_exclusions:
+        if diagnosis.further_exclusions:
             what = f"{what if more else 'with the same model'}; {outliers} set aside"
         else:
             what = f"{what}; {outliers} not set aside: that is done in one file that is read whole"

@@ -23,9 +23,9 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    found = examine()
-    show_result(options, lambda: found, lambda: str(document(found)))
-    return FAILED if found["problems"] else OK
+    report = examine()
+    show_result(options, lambda: report, lambda: str(document(report)))
+    return FAILED if report["problems"] else OK
 
 
 # completion --------------------------------------------------------------------------------------------------------

@@ -171,8 +171,8 @@ def _own(options: argparse.Namespace, machine: Machine, hold: Mapping[str, float
         "parameters": dict(_parameter(text) for text in options.parameter),
         "hold": dict(hold),
     }
-    given = {key: value for key, value in block.items() if value or key == "parameters"}
-    return effect_of(machine, given, options.machine, f"effect {options.effect}")
+    keys = {key: value for key, value in block.items() if value or key == "parameters"}
+    return effect_of(machine, keys, options.machine, f"effect {options.effect}")
 
 
 def _parameter(text: str) -> tuple[str, str]:
@@ -214,9 +214,9 @@ def _exclude(options: argparse.Namespace) -> int:
     text = edited_text(options.machine, changed)
     output = write_machine(options, text, ("included" if options.undo else "excluded",))
     aside = changed.aside(data)
-    said = aside.text if aside else f"No row of {options.data} is set aside."
-    found = {"file": output, "set_aside": aside.to_dict() if aside else {"rows": 0, "entries": []}}
-    show_result(options, lambda: found, lambda: f"{output}: {said}")
+    sentence = aside.text if aside else f"No row of {options.data} is set aside."
+    content = {"file": output, "set_aside": aside.to_dict() if aside else {"rows": 0, "entries": []}}
+    show_result(options, lambda: content, lambda: f"{output}: {sentence}")
     return OK
 
 
@@ -246,8 +246,12 @@ def _set(options: argparse.Namespace) -> int:
         "known": known_line(changed, key, changed.known[key]) if key in changed.known else None,
         "tied_to": changed.ties[key].text if key in changed.ties else None,
     }
-    said = entries["known"] or (f"{key} = {entries['tied_to']}" if entries["tied_to"] else f"{key} is free")
-    show_result(options, lambda: {"file": output, "parameter": key, **entries}, lambda: f"{output}: {said}")
+    statement = entries["known"] or (
+        f"{key} = {entries['tied_to']}" if entries["tied_to"] else f"{key} is free"
+    )
+    show_result(
+        options, lambda: {"file": output, "parameter": key, **entries}, lambda: f"{output}: {statement}"
+    )
     return OK
 
 

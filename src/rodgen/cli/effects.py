@@ -54,9 +54,9 @@ def _run(options: argparse.Namespace) -> int:
     symbolic = symbols(options.name) if options.name else ()
     try:
         if symbolic:
-            found = tuple(symbol.definition for symbol in symbolic)
+            those = tuple(symbol.definition for symbol in symbolic)
         else:
-            found = definitions(options.name) if options.name else CATALOGUE
+            those = definitions(options.name) if options.name else CATALOGUE
     except UnknownEffectError as error:
         if term := own_term(options.name):
             if options.json:
@@ -66,10 +66,10 @@ def _run(options: argparse.Namespace) -> int:
             return OK
         raise refused("NAME", error.found, error.expected) from None
     if options.json:
-        show_json([definition.as_dict() for definition in found])
+        show_json([definition.as_dict() for definition in those])
     elif options.name:
-        said = ["\n".join(map(str, symbolic))] if symbolic else []
-        show("\n\n".join([*said, *(definition.describe() for definition in found)]))
+        paragraphs = ["\n".join(map(str, symbolic))] if symbolic else []
+        show("\n\n".join([*paragraphs, *(definition.describe() for definition in those)]))
     else:
         show("\n".join(_table()))
     return OK

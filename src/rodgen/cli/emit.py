@@ -55,12 +55,12 @@ def _run(options: argparse.Namespace) -> int:
     if options.into and options.lang != "urdf":
         raise refused("--into", f"with --lang {options.lang}", "--lang urdf")
     converged, lost, missing, used = True, 0.0, "", {}
-    given = {"into": options.into, "force": options.force}
+    keys = {"into": options.into, "force": options.force}
     if not options.data:
-        written = Machine.load(options.machine).emit(options.lang, options.output, **given)
+        written = Machine.load(options.machine).emit(options.lang, options.output, **keys)
     else:
         fit = fitted(options)
-        written = fit.emit(options.lang, options.output, **given)
+        written = fit.emit(options.lang, options.output, **keys)
         used = fit.used_rows
         converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
         missing = fit.lack_of_fit.text if fit.lack_of_fit and fit.lack_of_fit.misses else ""

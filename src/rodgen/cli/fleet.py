@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.data.units import parse_unit
     from rodgen.schedulers import processors
 
-    found = diagnose_fleet(
+    fleet = diagnose_fleet(
         pairs_of(options.machines, options.data),
         options.output,
         history=options.history,
@@ -68,11 +68,11 @@ def _run(options: argparse.Namespace) -> int:
         jobs=options.jobs or processors(),
         scheduler=options.scheduler,
     )
-    show_result(options, found.to_dict, found.summary)
-    if any(machine.result.get("internal") for machine in found.failed):
+    show_result(options, fleet.to_dict, fleet.summary)
+    if any(machine.result.get("internal") for machine in fleet.failed):
         return INTERNAL
-    if found.failed:
+    if fleet.failed:
         return BAD_INPUT
-    if found.changes.found:
+    if fleet.changes.found:
         return FAILED
-    return OK if all(machine.result["fleet"]["converged"] for machine in found.diagnosed) else NOT_CONVERGED
+    return OK if all(machine.result["fleet"]["converged"] for machine in fleet.diagnosed) else NOT_CONVERGED

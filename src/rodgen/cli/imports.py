@@ -85,31 +85,31 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.files.read import machine_of
 
     figures = figures_for(options.plot)
-    made = _imported(options)
+    imported = _imported(options)
     for name, wanted, there in (
-        ("-o", options.output, not made.is_given),
-        ("-d", options.data, bool(made.columns)),
+        ("-o", options.output, not imported.is_given),
+        ("-d", options.data, bool(imported.columns)),
     ):
         if bool(wanted) != there:
             raise refused("rodgen import", *_MISFITS[name, there])
-    machine = made.machine
-    said = list(made.notes)
+    machine = imported.machine
+    notes = list(imported.notes)
     if options.output:
-        machine = machine_of(made.text, options.output)
-        write_file(options.output, made.text.encode())
-        said += ["", f"{options.output}:", machine.describe()]
+        machine = machine_of(imported.text, options.output)
+        write_file(options.output, imported.text.encode())
+        notes += ["", f"{options.output}:", machine.describe()]
     wrong, observations = False, None
-    if made.columns:
+    if imported.columns:
         from rodgen.calibration.check import check
 
-        data = made.measurements()
+        data = imported.measurements()
         checked = check(machine, data)
         wrong, observations = bool(checked.wrong), checked.observations
-        said += ["", f"{options.data}: {data.rows} rows", checked.summary()]
-        made.write_data(options.data)
+        notes += ["", f"{options.data}: {data.rows} rows", checked.summary()]
+        imported.write_data(options.data)
     if figures is not None:
         figures.save_figure(figures.skeleton(machine, observations), options.plot)
-    show("\n".join(said))
+    show("\n".join(notes))
     return FAILED if wrong else OK
 
 

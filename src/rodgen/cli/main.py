@@ -109,24 +109,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    called = next((argument for argument in given if not argument.startswith("-")), "")
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    called = next((argument for argument in words if not argument.startswith("-")), "")
     outputs = OutputSet()
     completed = outputs.completed
-    options = argparse.Namespace(debug=DEBUG in given)
+    options = argparse.Namespace(debug=DEBUG in words)
     if arguments is None:
         for ending in _ENDING:
             if signal.getsignal(ending) is signal.SIG_DFL:  # nohup ignores SIGHUP
                 signal.signal(ending, _terminate)
     try:
-        with outputs, display() as shown, _one_line_warnings(shown):
+        with outputs, display() as progress, _one_line_warnings(progress):
             try:
-                options = _parser(called).parse_args(given)
+                options = _parser(called).parse_args(words)
             except SystemExit:  # --help and --version
                 show("", end="")
                 return OK
             _claim(outputs, options)
-            with listening(*filter(None, [shown])), _scheduled(options):
+            with listening(*filter(None, [progress])), _scheduled(options):
                 code: int = options.run(options)
             return code
     except UsageError as error:
@@ -230,11 +230,11 @@ def _internal_error(error: Exception, called: str, debug: bool, completed: Seque
         raise error
     command = f"rodgen {called}".rstrip()
     if isinstance(error, MemoryError):
-        said = "out of memory; give it fewer rows or columns, or more memory"
+        reason = "out of memory; give it fewer rows or columns, or more memory"
     else:
         what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        said = f"an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
-    notify("; ".join(filter(None, [f"{command}: {said}", _complete(completed)])))
+        reason = f"an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
+    notify("; ".join(filter(None, [f"{command}: {reason}", _complete(completed)])))
     return INTERNAL
 
 

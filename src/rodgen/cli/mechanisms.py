@@ -197,8 +197,8 @@ def _loop(options: argparse.Namespace, chain: _Chain) -> int:
         here = chain.to(unit)
 
         def function(values: Any) -> Any:
-            found = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values.T, strict=True)))
-            return _answers(found, left)
+            solutions = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values.T, strict=True)))
+            return _answers(solutions, left)
 
         left = [v for v in range(len(names)) if v not in wanted]
         return _results(here, left), function
@@ -221,15 +221,15 @@ def _given(options: argparse.Namespace, names: list[str]) -> list[int]:
 
 def _rotations(form: str, values: Any) -> Any:
     """Return the rotations that are meant, NaN where none is, and which attitudes were only nearly rotations."""
-    made, abnormal = _matrices(form, values)
+    columns, abnormal = _matrices(form, values)
     if form == "quaternion":
         size = np.linalg.norm(values, axis=1, keepdims=True)
         values = np.where(np.abs(size - 1) < _OFF, values / np.where(size > 0, size, 1.0), np.nan)
         return _matrices(form, values)[0], abnormal
     if form != "matrix":
-        return made, abnormal
+        return columns, abnormal
     # The nearest rotation, so that a matrix of five digits is one.
-    left, stretch, right = np.linalg.svd(made)
+    left, stretch, right = np.linalg.svd(columns)
     nearest = left @ right
     good = (np.abs(stretch - 1) < _OFF).all(axis=1) & (np.linalg.det(nearest) > 0)
     return np.where(good[:, None, None], nearest, np.nan), abnormal
@@ -237,21 +237,21 @@ def _rotations(form: str, values: Any) -> Any:
 
 def _results(chain: _Chain, variables: list[int]) -> Columns:
     unit = chain.mechanism.unit
-    made: Columns = [("solution", "count")]
+    columns: Columns = [("solution", "count")]
     for v in variables:
         name = _column_name(chain.mechanism, v)
         if _quantity_of(chain.mechanism, v) == "angle":
-            made.append((name, "angle"))
+            columns.append((name, "angle"))
         else:
-            made.append((f"{name} [{unit}]", "number"))
-    return [*made, ("status", _Status)]
+            columns.append((f"{name} [{unit}]", "number"))
+    return [*columns, ("status", _Status)]
 
 
-def _answers(found: Reverse, variables: Any = slice(None)) -> Any:
+def _answers(reverse: Reverse, variables: Any = slice(None)) -> Any:
     """Return a row for each solution, one for what may be missing, and one where there is nothing."""
     from rodgen.kinematics.spatial import ReverseStatus
 
-    solutions, status = found
+    solutions, status = reverse
     missing = (status == ReverseStatus.INCOMPLETE).any(axis=1)
     index, slot, number = rows_of((status <= ReverseStatus.FAMILY).sum(axis=1), missing)
     is_solution = number > 0
@@ -326,8 +326,8 @@ def _of_machine(file: str) -> _Chain:
     from rodgen.machines.mechanism import to_mechanism
 
     with located(file, "mechanism"):
-        found = to_mechanism(Machine.load(file))
-    return _Chain(file, found.mechanism, found)
+        chain = to_mechanism(Machine.load(file))
+    return _Chain(file, chain.mechanism, chain)
 
 
 def _column_name(mechanism: Mechanism, variable: int) -> str:
@@ -379,11 +379,11 @@ def _matrices(form: str, values: Any) -> tuple[Any, Any]:
     from rodgen.kinematics import instantaneous_euler as ie
 
     if form == "matrix":
-        made = values.reshape(-1, 3, 3)
-        return made, _abnormal(ie.angles_from_matrix(made)[1])
+        matrices = values.reshape(-1, 3, 3)
+        return matrices, _abnormal(ie.angles_from_matrix(matrices)[1])
     if form == "quaternion":
-        made, _ = matrix_from_quaternion(values)
-        return made, _abnormal(ie.angles_from_quaternion(values)[1])
+        matrices, _ = matrix_from_quaternion(values)
+        return matrices, _abnormal(ie.angles_from_quaternion(values)[1])
     return ie.motion_from_euler(values, np.zeros_like(values), form)[0], np.zeros(len(values), bool)
 
 

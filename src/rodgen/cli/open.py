@@ -72,6 +72,6 @@ def _run(options: argparse.Namespace) -> int:
             page,
             port=options.port,
             browser=not options.no_browser,
-            said=lambda address: show(f"{address}\nCtrl-C ends it."),
+            tell=lambda address: show(f"{address}\nCtrl-C ends it."),
         )
     return OK

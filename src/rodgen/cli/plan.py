@@ -62,15 +62,15 @@ def _run(options: argparse.Namespace) -> int:
     of = fitted(options) if options.wanted else _diagnosed(options)
     try:
         with stage("planning"):
-            found = plan(of, options.count, wanted=options.wanted or None, constraints=constraints)
+            planned = plan(of, options.count, wanted=options.wanted or None, constraints=constraints)
     except PlanError as error:  # the count was checked before, so a parameter is wrong
         raise RodgenError(f"command line: --for: {error}") from None
-    if options.output and found.count:
-        found.save(options.output)
+    if options.output and planned.count:
+        planned.save(options.output)
     elif options.output:
         notify(f"{options.output} is not written: there is nothing to measure")
     fit = of if isinstance(of, Fit) else of.final_with_forms
-    show_result(options, lambda: found.to_dict() | {"used": fit.used_rows}, found.summary)
+    show_result(options, lambda: planned.to_dict() | {"used": fit.used_rows}, planned.summary)
     return OK
 
 
@@ -78,7 +78,7 @@ def _diagnosed(options: argparse.Namespace) -> Diagnosis:
     """Return the diagnosis; a remark names the rows that it left out."""
     from rodgen.calibration.gross_readings import on_outliers
 
-    found = diagnosed(options)
-    if out := on_outliers(found.final_with_forms, found.base.outliers):
+    diagnosis = diagnosed(options)
+    if out := on_outliers(diagnosis.final_with_forms, diagnosis.base.outliers):
         notify(out)
-    return found
+    return diagnosis

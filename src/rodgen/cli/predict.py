@@ -56,10 +56,10 @@ def _run(options: argparse.Namespace) -> int:
     check_output(options.design, options.output)
     design = load_data(options.design)
     fit = fitted(options)
-    made = fit.predict(design)
-    columns = made.columns(coverage=options.coverage, rounded=not options.all_digits)
+    prediction = fit.predict(design)
+    columns = prediction.columns(coverage=options.coverage, rounded=not options.all_digits)
     copy_with(options.design, options.output, columns)
-    return _end(options, fit, file or "standard output", design.rows, int((~made.determined).sum()))
+    return _end(options, fit, file or "standard output", design.rows, int((~prediction.determined).sum()))
 
 
 def _run_parts(options: argparse.Namespace) -> int:

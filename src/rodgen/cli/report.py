@@ -54,14 +54,14 @@ def _run(options: argparse.Namespace) -> int:
 
         check_images(options.images)
     radii = dict(_radius(text) for text in options.radius)
-    found = diagnosed(options, options.test)
+    diagnosis = diagnosed(options, options.test)
     planned = None
     with stage("planning"), contextlib.suppress(PlanError):
-        planned = plan(found)
+        planned = plan(diagnosis)
     with stage("drawing"):
-        files = write_report(found, options.output, planned, images=options.images, radii=radii)
+        files = write_report(diagnosis, options.output, planned, images=options.images, radii=radii)
     show("\n".join(files))
-    return after_fits(all(each.solution.converged for each in found.fits))
+    return after_fits(all(each.solution.converged for each in diagnosis.fits))
 
 
 def _of_fleet(options: argparse.Namespace) -> int:

@@ -75,17 +75,17 @@ def _run(options: argparse.Namespace) -> int:
     check_output(options.design, options.output)
     machine = Machine.load(options.machine)
     design = load_data(options.design)
-    made = simulate(
+    simulated = simulate(
         machine, design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
     )
     if options.truth:
-        write_file(options.truth, truth_as_json(made.truth).encode())
-    copy_with(options.design, options.output, made.columns, replaced=made.replaced)
+        write_file(options.truth, truth_as_json(simulated.truth).encode())
+    copy_with(options.design, options.output, simulated.columns, replaced=simulated.replaced)
     about = {
         "data": options.output,
         "truth": options.truth,
         "rows": design.rows,
-        "noise": made.truth["noise"],
+        "noise": simulated.truth["noise"],
     }
     if options.json:
         show_json(about)
@@ -96,10 +96,10 @@ def _run(options: argparse.Namespace) -> int:
 
 def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
     noise = about["noise"]
-    said = f"noise {noise['rms']:.3g} {noise['unit']}" if noise["rms"] else "no noise"
+    noise_text = f"noise {noise['rms']:.3g} {noise['unit']}" if noise["rms"] else "no noise"
     name = options.output if options.output not in (None, "-") else "standard output"
-    kept = f"; the truth is in {options.truth}" if options.truth else ""
-    return f"{name}: {counted(about['rows'], 'row')}, {said}{kept}"
+    on_truth = f"; the truth is in {options.truth}" if options.truth else ""
+    return f"{name}: {counted(about['rows'], 'row')}, {noise_text}{on_truth}"
 
 
 def _open(options: argparse.Namespace) -> int:

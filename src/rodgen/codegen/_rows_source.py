@@ -49,15 +49,15 @@ def _c_kernel(program: Program) -> dict[str, Any]:
     used = {args[0] for _, op, args in once if op == "input"}
     lines += [f"(void)in{n};" for n, port in enumerate(ports) if n and port not in used]
     numbers = range(len(ports))
-    given = ", ".join(f"const double *in{n}" for n in numbers)
+    arguments = ", ".join(f"const double *in{n}" for n in numbers)
     of_rows = _Parts(program)
     return {
         "name": program.name,
         "operations": operations_text(program.operations_of_a_row),
         "inputs": [f"{n} {port}" for n, port in enumerate(ports)],
         "outputs": [f"{n} {port}" for n, port in enumerate(program.outputs)],
-        "given": given,
-        "prototype": ", ".join([given, *(f"double *out{n}" for n in range(len(program.outputs)))]),
+        "given": arguments,
+        "prototype": ", ".join([arguments, *(f"double *out{n}" for n in range(len(program.outputs)))]),
         "arguments": ", ".join(f"in{n}" for n in numbers),
         "rows": math.prod(program.inputs[ports[0]]),
         "sizes": [math.prod(shape) for shape in program.outputs.values()],
@@ -199,10 +199,10 @@ class _Parts:
                 return f"{'row' if op == 'input' else 'seed'}[{args[-1]}]"
             stored = self.part[x] < part
             return f"{'(mask)' * self.is_condition(x)}work[{self.room[x]}]" if stored else f"t{x}"
-        name, found = ("held", self.held) if self.is_condition(x) else ("same", self.same)
-        if x not in found:
-            found.append(x)
-        return f"{name}[{found.index(x)}]"
+        name, numbers = ("held", self.held) if self.is_condition(x) else ("same", self.same)
+        if x not in numbers:
+            numbers.append(x)
+        return f"{name}[{numbers.index(x)}]"
 
     def whole(self, x: Operand, part: int) -> str:
         """Return the text of an operand as a vector."""

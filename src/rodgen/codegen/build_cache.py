@@ -74,9 +74,9 @@ def compiler() -> Command:
             words = shlex.split(command)
         except ValueError as error:  # a quotation mark without its partner
             raise CompilerError(f"CC holds {chosen!r}, which is no command ({error})") from None
-        found = shutil.which(words[0]) if words else None
-        if found:
-            return (os.path.abspath(found), *words[1:])  # it runs in another folder
+        program = shutil.which(words[0]) if words else None
+        if program:
+            return (os.path.abspath(program), *words[1:])  # it runs in another folder
     if chosen:
         raise CompilerError(f"CC names the compiler {chosen!r}, which is not found")
     raise CompilerError("no C compiler is found (cc, gcc or clang); install one, or name one in CC")
@@ -257,16 +257,16 @@ def shared_library(
                 with stage("compiling"):
                     right = expected()
                     _build(command, flags, files(), path, right)
-            made = ctypes.CDLL(str(path))
+            library = ctypes.CDLL(str(path))
         except OSError as error:  # a disk that is full, or from which nothing may be run
             reason = error
             continue
-        if not _agree(computed(made), right):
+        if not _agree(computed(library), right):
             _delete(path)
             raise CompilerError(
                 f"what {command[0]} made computes other numbers than NumPy; see its flags in CC"
             )
-        return made
+        return library
     raise CompilerError(f"the compiled library cannot be written or loaded ({reason})")
 
 
@@ -298,8 +298,8 @@ def _own_bytes(path: Path) -> bytes | None:
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | without_waiting)) as file:
         about = os.fstat(file.fileno())
         foreign = hasattr(os, "getuid") and about.st_uid != os.getuid()
-        kept = stat.S_ISREG(about.st_mode) and about.st_size <= _MOST_BYTES
-        return file.read() if kept and not foreign and not about.st_mode & _BY_OTHERS else None
+        is_readable = stat.S_ISREG(about.st_mode) and about.st_size <= _MOST_BYTES
+        return file.read() if is_readable and not foreign and not about.st_mode & _BY_OTHERS else None
 
 
 def _note(library: Path) -> Path:
@@ -312,16 +312,16 @@ def _delete(library: Path) -> None:
             path.unlink()
 
 
-def _agree(found: Sequence[Array], expected: Sequence[Array]) -> bool:
+def _agree(results: Sequence[Array], expected: Sequence[Array]) -> bool:
     """Return whether outputs are equal but for rounding: of a few thousand operations on numbers of their own size.
 
     The last part of the tolerance is for an output that is small because large numbers cancel in it.
     """
     sizes = [float(np.abs(output[np.isfinite(output)]).max(initial=0.0)) for output in expected]
     cancelled = 1e-13 * max(sizes, default=0.0)
-    return [a.shape for a in found] == [b.shape for b in expected] and all(
+    return [a.shape for a in results] == [b.shape for b in expected] and all(
         np.allclose(a, b, rtol=0, atol=1e-9 * size + cancelled, equal_nan=True)
-        for a, b, size in zip(found, expected, sizes, strict=True)
+        for a, b, size in zip(results, expected, sizes, strict=True)
     )
 
 
@@ -337,8 +337,8 @@ def _build(
         done = _run([*command, *AS_WRITTEN, *flags, "kernels.c", "-o", "kernels.so", "-lm"], str(folder))
         if done.returncode != 0:
             lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
-            said = next((line for line in lines if "error" in line), lines[0])
-            raise CompilerError(f"{command[0]} fails: {said}")
+            message = next((line for line in lines if "error" in line), lines[0])
+            raise CompilerError(f"{command[0]} fails: {message}")
         library = (folder / "kernels.so").read_bytes()
         note = {"sha256": hashlib.sha256(library).hexdigest(), "outputs": [output.tolist() for output in row]}
         _keep(folder / "note.json", json.dumps(note).encode(), _note(path))

@@ -78,21 +78,21 @@ def exact_results(
 
     `inputs` has the components of each input.
     """
-    found: list[Real] = []
+    results: list[Real] = []
     for op, *args in program.operations:
         if op == "input":
-            found.append(inputs[args[0]][args[1]])
+            results.append(inputs[args[0]][args[1]])
         elif op == "seed":
-            found.append(mpmath.mpf(args[0] == row))
+            results.append(mpmath.mpf(args[0] == row))
         else:
-            operands = [found[a] if isinstance(a, int) else mpmath.mpf(a) for a in args]
+            operands = [results[a] if isinstance(a, int) else mpmath.mpf(a) for a in args]
             if op == "power_of_two_scale":
                 operands.append(inputs["largest"][0])
-                found.append(_scale(*operands))
+                results.append(_scale(*operands))
             else:
-                found.append(_OPERATIONS[op](*operands))
+                results.append(_OPERATIONS[op](*operands))
     return {
-        port: [found[x] if isinstance(x, int) else mpmath.mpf(x) for x in values]
+        port: [results[x] if isinstance(x, int) else mpmath.mpf(x) for x in values]
         for port, values in program.results.items()
     }
 
@@ -140,13 +140,13 @@ def evaluate(
                 )
             known[port.name] = list(map(_number, components.ravel()))
         results = exact_results(program, known)
-        found: dict[str, Any] = {}
+        by_port: dict[str, Any] = {}
         for port in outputs:
             flat = [int(x) if port.is_status else mpmath.mpf(x) for x in results[port.name]]
             array = np.empty(len(flat), dtype=object)
             array[:] = flat
-            found[port.name] = flat[0] if port.shape == () else array.reshape(port.shape)
-        return found
+            by_port[port.name] = flat[0] if port.shape == () else array.reshape(port.shape)
+        return by_port
 
 
 def _number(x: Any) -> Real:

@@ -105,11 +105,11 @@ class _Walk:
             list(dict.fromkeys(symbols)) for symbols in zip(*(x.args for x in wanted), strict=True)
         )
         variables: list[Any] = [self.known[x] for x in inputs]
-        found: dict[slope, Operand] = {}
+        slopes: dict[slope, Operand] = {}
         for s, row in zip(steps, forward([self.known[s] for s in steps], variables), strict=True):
             for x, value in zip(inputs, row, strict=True):
-                found[slope(s, x)] = value if isinstance(value, Number) else float(value)
-        return [found[x] for x in wanted]
+                slopes[slope(s, x)] = value if isinstance(value, Number) else float(value)
+        return [slopes[x] for x in wanted]
 
     def __call__(self, value: sp.Basic) -> Operand:
         """Return an expression or condition."""
@@ -152,10 +152,10 @@ class _Walk:
             *cases, (last, otherwise) = value.args
             if otherwise != sp.true:
                 raise KernelError(f"a select needs a value for every case: {value}")
-            found = self(last)
+            operand = self(last)
             for case, condition in reversed(cases):
-                found = number("select", self(condition), self(case), found)
-            return found
+                operand = number("select", self(condition), self(case), operand)
+            return operand
         if isinstance(value, Relational):
             (left, right), relation = map(self, value.args), value.rel_op
             if relation in {">", ">="}:

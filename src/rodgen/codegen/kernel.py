@@ -162,11 +162,13 @@ class Kernel:
         if isinstance(value, str):
             value = self[value]
         wanted = value.free_symbols
-        kept = {symbol for step in keep for symbol in step.free_symbols} - wanted
+        needed_symbols = {symbol for step in keep for symbol in step.free_symbols} - wanted
         environment: dict[sp.Symbol, sp.Basic] = {s: s for port in self.inputs for s in port.symbols}
-        for symbol, step in live_steps([a for a in self.assignments if a.symbol not in kept], wanted):
+        for symbol, step in live_steps(
+            [a for a in self.assignments if a.symbol not in needed_symbols], wanted
+        ):
             if isinstance(step, slope):
-                if kept:
+                if needed_symbols:
                     raise KernelError(
                         f"kernel {self.name}: {symbol.name} is a derivative; expand it without `keep`"
                     )
@@ -216,10 +218,10 @@ class Kernel:
             raise KernelError(f"kernel {self.name}: a status has no derivative")
         ports, steps = list[Port](), list(self.assignments)
         for port in real:
-            made, shape = f"{port.name}_jacobian", (*port.shape, len(variables))
+            jacobian_name, shape = f"{port.name}_jacobian", (*port.shape, len(variables))
             unit = f"{port.unit} per unit of {', '.join(inputs)}"
             doc = f"derivative of {port.name}; last axis: {', '.join(x.name for x in variables)}"
-            ports.append(Port(made, shape, unit, doc, port_symbols(made, shape)))
+            ports.append(Port(jacobian_name, shape, unit, doc, port_symbols(jacobian_name, shape)))
             slopes = (slope(y, x) for y in port.symbols for x in variables)
             steps += map(Assignment, ports[-1].symbols, slopes)
         derived = self._with_program(

@@ -120,10 +120,10 @@ def packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
 def live_steps(steps: Sequence[Step], wanted: Iterable[sp.Symbol]) -> list[Step]:
     """Return the steps, assignments or pairs of symbol and value, that the wanted symbols need, in order."""
     needed = set(wanted)
-    kept = []
+    live = []
     for step in reversed(steps):
         symbol, value = step
         if symbol in needed:
             needed |= value.free_symbols
-            kept.append(step)
-    return kept[::-1]
+            live.append(step)
+    return live[::-1]

@@ -35,31 +35,33 @@ class Program:
     @cached_property
     def shared(self) -> list[bool]:
         """Whether each operation has one result for all rows."""
-        rows, found = next(iter(self.inputs)), list[bool]()
+        rows, is_shared = next(iter(self.inputs)), list[bool]()
         for op, *args in self.operations:
-            found.append(
+            is_shared.append(
                 op != "seed" and args[0] != rows
                 if op in GIVEN
-                else all(found[a] for a in args if isinstance(a, int))
+                else all(is_shared[a] for a in args if isinstance(a, int))
             )
-        return found
+        return is_shared
 
     @cached_property
     def seeded(self) -> list[bool]:
         """Whether each operation has a result for every row of the Jacobian."""
-        found = list[bool]()
+        is_seeded = list[bool]()
         for op, *args in self.operations:
-            found.append(op == "seed" if op in GIVEN else any(found[a] for a in args if isinstance(a, int)))
-        return found
+            is_seeded.append(
+                op == "seed" if op in GIVEN else any(is_seeded[a] for a in args if isinstance(a, int))
+            )
+        return is_seeded
 
     @property
     def operations_of_a_row(self) -> dict[str, int]:
         """How often each operation is done for a row."""
-        found = Counter[str]()
+        counts = Counter[str]()
         for (op, *_), shared, seeded in zip(self.operations, self.shared, self.seeded, strict=True):
             if not shared and op not in GIVEN:
-                found[op] += self.height if seeded else 1
-        return found
+                counts[op] += self.height if seeded else 1
+        return counts
 
     @property
     def by_row(self) -> bool:

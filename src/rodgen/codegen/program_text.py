@@ -240,16 +240,16 @@ class _Writer:
         """Return the operands; those that make the line too long get lines of their own, the later ones first."""
         held = [a for a in args if isinstance(a, int) and a in self.held]
         size = len(args)
-        kept = set()
+        reused = set()
         for a in held:
             if size - 1 + self.held[a].size <= LONGEST:
                 size += self.held[a].size - 1
-                kept.add(a)
+                reused.add(a)
         for a in held:
-            if a not in kept:
+            if a not in reused:
                 part = self.held.pop(a)
                 self.lines.append((a, part.text, part.reads))
-        return [self.held.pop(a) if isinstance(a, int) and a in kept else self._atom(a) for a in args]
+        return [self.held.pop(a) if isinstance(a, int) and a in reused else self._atom(a) for a in args]
 
     def _atom(self, x: Operand) -> _Part:
         if isinstance(x, int):

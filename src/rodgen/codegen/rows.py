@@ -203,16 +203,16 @@ class RowKernel:
         if self._gram is None:
             raise TypeError(f"{self.name}: no Jacobian")
         arrays = self._checked((rows, *shared))
-        found = np.zeros((self._width, self._width))
+        gram = np.zeros((self._width, self._width))
         if len(arrays[0]):
-            self._gram(len(arrays[0]), arrays, found)
-        return found[: self._columns + 1, : self._columns + 1]
+            self._gram(len(arrays[0]), arrays, gram)
+        return gram[: self._columns + 1, : self._columns + 1]
 
-    def _checked(self, given: Sequence[Any]) -> list[Array]:
+    def _checked(self, checked: Sequence[Any]) -> list[Array]:
         """Return the inputs as arrays after a check of their shapes."""
-        if len(given) != len(self.inputs):
-            raise TypeError(f"{self.name}: {len(given)} arguments; expected {', '.join(self.inputs)}")
-        arrays = [np.asarray(a, np.float64, order="C") for a in given]
+        if len(checked) != len(self.inputs):
+            raise TypeError(f"{self.name}: {len(checked)} arguments; expected {', '.join(self.inputs)}")
+        arrays = [np.asarray(a, np.float64, order="C") for a in checked]
         for array, shape in zip(arrays[1:], self._shapes, strict=True):
             if array.shape != shape:
                 self._raise_wrong_shape(arrays)
@@ -232,19 +232,19 @@ class RowKernel:
 
     def _checked_out(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
         """Return the arrays of `out` after a check that the kernel can fill them."""
-        given = _checked_out(
+        outputs = _checked_out(
             self.name,
             out,
             [(port, (count, *shape), np.dtype(np.float64)) for port, shape in self.outputs.items()],
         )
-        for array, port in zip(given, self.outputs, strict=True):
+        for array, port in zip(outputs, self.outputs, strict=True):
             if array.dtype != np.float64 or not array.flags.carray:
                 raise ValueError(
                     f"{self.name}: out for {port} is not a C-contiguous, writable array of float64"
                 )
-            if any(np.may_share_memory(array, other) for other in arrays):
+            if any(np.may_share_memory(array, input_array) for input_array in arrays):
                 raise ValueError(f"{self.name}: out for {port} overlaps an input")
-        return given
+        return outputs
 
 
 @stage("loading kernels")
@@ -286,14 +286,14 @@ def row_kernels(
     """
     home = Path(__file__).parent
     about = ["rows", key, source_hash(home, home.parent / "symbolic")]
-    made = functools.cache(stage("deriving the model")(make))
+    make_kernels = functools.cache(stage("deriving the model")(make))
     level = os.environ.get("RODGEN_CPU", "")
     if compiled and level != "numpy":
         try:
-            return _compiled(about, made, level)
+            return _compiled(about, make_kernels, level)
         except CompilerError as error:
             notice(str(error))
-    return _on_numpy(about, made)
+    return _on_numpy(about, make_kernels)
 
 
 # C ---------------------------------------------------------------------------------------------------------
@@ -312,22 +312,22 @@ def _compiled(key: Sequence[str], make: Callable[[], Sequence[Program]], level: 
 
         return {"kernels.c": c_source(make())}
 
-    made = shared_library(
+    loaded = shared_library(
         (*key, macros), files, command, (*FLAGS, *extra),
         lambda library: _of_one_row(_in_library(library)), lambda: _of_one_row(_of_programs(make())),
     )  # fmt: skip
-    return _in_library(made)
+    return _in_library(loaded)
 
 
-def _in_library(made: ctypes.CDLL) -> dict[str, RowKernel]:
-    kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
+def _in_library(library: ctypes.CDLL) -> dict[str, RowKernel]:
+    kernels = json.loads(ctypes.c_char_p.in_dll(library, "about").value or b"{}")
     return {
         name: RowKernel(
             name,
             "c",
             about,
-            _c_evaluate(made[f"rows_{name}"], len(about["inputs"]) + len(about["outputs"])),
-            _c_gram(made[f"gram_{name}"], len(about["inputs"]) + 1) if about["columns"] else None,
+            _c_evaluate(library[f"rows_{name}"], len(about["inputs"]) + len(about["outputs"])),
+            _c_gram(library[f"gram_{name}"], len(about["inputs"]) + 1) if about["columns"] else None,
         )
         for name, about in kernels.items()
     }
@@ -345,8 +345,8 @@ def _of_one_row(kernels: dict[str, RowKernel]) -> list[Array]:
         parts = np.split(numbers, np.cumsum(sizes)[:-1])
         inputs = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
         with np.errstate(all="ignore"):
-            found = kernel(*inputs)
-            outputs += map(np.ravel, found if isinstance(found, tuple) else (found,))
+            outputs_there = kernel(*inputs)
+            outputs += map(np.ravel, outputs_there if isinstance(outputs_there, tuple) else (outputs_there,))
             if kernel.has_jacobian:
                 outputs.append(np.ravel(kernel.gram(*inputs)))
     return outputs
@@ -364,7 +364,7 @@ def _c_evaluate(function: Any, arrays: int) -> Callable[..., None]:
 
 def _c_gram(function: Any, arrays: int) -> Callable[..., None]:
     evaluate = _c_evaluate(function, arrays)
-    return lambda count, inputs, found: evaluate(count, inputs, [found])
+    return lambda count, inputs, gram: evaluate(count, inputs, [gram])
 
 
 def _address(array: Array) -> int:
@@ -385,13 +385,13 @@ def _on_numpy(key: Sequence[str], make: Callable[[], Sequence[Program]]) -> dict
 def _of_programs(programs: Sequence[Program]) -> dict[str, RowKernel]:
     from rodgen.codegen._rows_numpy import NumPyProgram
 
-    made = {}
+    kernels = {}
     for program in programs:
         run = _Built(NumPyProgram, program)
         gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
         each = functools.partial(run, shared=False)
-        made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram, each)
-    return made
+        kernels[program.name] = RowKernel(program.name, "numpy", program.about, run, gram, each)
+    return kernels
 
 
 class _Built:
@@ -409,7 +409,7 @@ class _Built:
 
 
 def _numpy_gram(
-    evaluate: Callable[..., None], outputs: Shapes, count: int, inputs: Sequence[Array], found: Array
+    evaluate: Callable[..., None], outputs: Shapes, count: int, inputs: Sequence[Array], gram: Array
 ) -> None:
     (height,), (_, columns) = outputs.values()
     for start in range(0, count, BLOCK):
@@ -418,4 +418,4 @@ def _numpy_gram(
         evaluate(len(rows), [rows, *inputs[1:]], [residual, jacobian])
         joined = np.concatenate([jacobian, residual[:, :, None]], axis=2).reshape(-1, columns + 1)
         with np.errstate(all="ignore"):
-            found[: columns + 1, : columns + 1] += joined.T @ joined
+            gram[: columns + 1, : columns + 1] += joined.T @ joined

@@ -118,11 +118,11 @@ def kept_kernels(name: str) -> Rendered:
     home = Path(__file__).parents[1]
     below = [home / "codegen", home / "symbolic", *sorted(home.glob("*.py"))]
     libraries = [metadata.version(library) for library in ("sympy", "mpmath", "jinja2", "numpy")]
-    made = cached_text(
+    text = cached_text(
         ["generated files", name, sys.version, *libraries, source_hash(*below, *sorted(scripts.values()))],
         lambda: json.dumps(rendered(load_derivation(name), extension=True, in_package=True)),
     )
-    return Rendered(*json.loads(made))
+    return Rendered(*json.loads(text))
 
 
 def _run(name: str, path: Path) -> ModuleType:

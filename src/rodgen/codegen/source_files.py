@@ -91,18 +91,18 @@ class KernelModule:
     @property
     def enums(self) -> list[dict[str, Any]]:
         """Status enumerations of the kernels, each once."""
-        found: dict[str, type[IntEnum]] = {}
+        enums: dict[str, type[IntEnum]] = {}
         for kernel in self.kernels:
             for port in kernel.outputs:
                 if port.enum is not None:
-                    found.setdefault(port.enum.__name__, port.enum)
+                    enums.setdefault(port.enum.__name__, port.enum)
         owner: dict[str, str] = {}
-        for name, enum in found.items():
+        for name, enum in enums.items():
             for member in enum:
-                other = owner.setdefault(member.name, name)
-                if other != name:
+                owner_of_member = owner.setdefault(member.name, name)
+                if owner_of_member != name:
                     raise KernelError(
-                        f"module {self.name}: {other} and {name} both have {member.name}; "
+                        f"module {self.name}: {owner_of_member} and {name} both have {member.name}; "
                         "C has one place for both: rename one"
                     )
         return [
@@ -112,7 +112,7 @@ class KernelModule:
                 "doc": inspect.cleandoc(enum.__doc__ or name).splitlines(),
                 "members": list(enum),
             }
-            for name, enum in found.items()
+            for name, enum in enums.items()
         ]
 
 
@@ -159,7 +159,7 @@ def _loops(module: KernelModule) -> dict[str, str]:
 def _registration(gufuncs: Sequence[dict[str, Any]]) -> dict[str, str]:
     """Return the files that all modules share."""
     ports = [(*gufunc["inputs"], *gufunc["outputs"]) for gufunc in gufuncs]
-    given: dict[str, dict[str, Any]] = {
+    types: dict[str, dict[str, Any]] = {
         "gufunc/gufuncs.c": {"gufuncs": gufuncs},
         "numpy/__init__.py": {"names": [(gufunc["module"], gufunc["name"]) for gufunc in gufuncs]},
         CALL: {"array_call": ARRAY_CALL},
@@ -181,7 +181,7 @@ def _registration(gufuncs: Sequence[dict[str, Any]]) -> dict[str, str]:
     templates = {"numpy/__init__.py": "numpy_init.py.j2", CALL: "numpy_call.py.j2"}
     return {
         name: ENVIRONMENT.get_template(template).render(do_not_edit=DO_NOT_EDIT, template=template, **more)
-        for name, more in given.items()
+        for name, more in types.items()
         for template in [templates.get(name, f"{Path(name).name}.j2")]
     }
 
@@ -251,10 +251,10 @@ def check_kernels(
     parts: list[str] = []
     for name, text in sorted(files.items()):
         path = folder / name
-        found = path.read_bytes().decode(errors="replace") if path.exists() else ""
+        text_there = path.read_bytes().decode(errors="replace") if path.exists() else ""
         parts.extend(
             difflib.unified_diff(
-                found.splitlines(keepends=True),
+                text_there.splitlines(keepends=True),
                 text.splitlines(keepends=True),
                 f"committed/{name}",
                 f"regenerated/{name}",
@@ -689,8 +689,10 @@ def _loop(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
 
 def _usual_case(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
     """Return the C function of the usual case, whose last output is a condition."""
-    made = _c_kernel(kernel.usual_case(), module)
-    return made | {"parameters": made["parameters"].replace("REAL *is_usual", "CONDITION *is_usual")}
+    kernel_text = _c_kernel(kernel.usual_case(), module)
+    return kernel_text | {
+        "parameters": kernel_text["parameters"].replace("REAL *is_usual", "CONDITION *is_usual")
+    }
 
 
 def _port_initializer(port: Port) -> str:

@@ -18,8 +18,8 @@ REALS = {"f64": "double", "f32": "float"}
 
 def in_docstring(text: str) -> str:
     """Escape a text so that it cannot end the docstring it is written into; Python reads no file with a null."""
-    kept = "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
-    return re.sub(r'"""|"\Z', lambda quotes: r"\"" * len(quotes[0]), kept.replace("\\", r"\\"))
+    printable = "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
+    return re.sub(r'"""|"\Z', lambda quotes: r"\"" * len(quotes[0]), printable.replace("\\", r"\\"))
 
 
 def in_comment(text: str) -> str:
@@ -34,8 +34,8 @@ def in_comment(text: str) -> str:
     >>> print(in_comment(r"G*\#define cos sin\*"))
     G* /#define cos sin/ *
     """
-    kept = "".join(c if c.isprintable() or c == "\n" else "?" for c in text.replace("\\", "/"))
-    return re.sub(r"(?<=\*)(?=/)|(?<=/)(?=\*)|(?<=\?)(?=\?)", " ", kept)
+    printable = "".join(c if c.isprintable() or c == "\n" else "?" for c in text.replace("\\", "/"))
+    return re.sub(r"(?<=\*)(?=/)|(?<=/)(?=\*)|(?<=\?)(?=\?)", " ", printable)
 
 
 def operations_text(counts: Mapping[str, int]) -> str:
@@ -45,7 +45,7 @@ def operations_text(counts: Mapping[str, int]) -> str:
 
 def template_environment(package: str) -> jinja2.Environment:
     """Return the environment of the templates of source code in a package."""
-    made = jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.PackageLoader(package),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -53,9 +53,9 @@ def template_environment(package: str) -> jinja2.Environment:
         keep_trailing_newline=True,
         autoescape=False,  # the targets are source code, not HTML
     )
-    made.globals["arithmetic_guard"] = ARITHMETIC_GUARD
-    made.filters |= {"product": math.prod, "in_docstring": in_docstring, "in_comment": in_comment}
-    return made
+    environment.globals["arithmetic_guard"] = ARITHMETIC_GUARD
+    environment.filters |= {"product": math.prod, "in_docstring": in_docstring, "in_comment": in_comment}
+    return environment
 
 
 ENVIRONMENT = template_environment("rodgen.codegen")

@@ -244,24 +244,24 @@ class Tape:
 
     def number(self, op: str, *args: Any) -> Number:
         """Return the number of an operation on numbers and floats."""
-        found = self._found.get((op, *args))
-        if found is None:
+        known = self._found.get((op, *args))
+        if known is None:
             for a in args:
                 if isinstance(a, Number) and not a.same:
                     return self._number((op, *args), same=False)
             return self._number((op, *args), same=True)
-        return found
+        return known
 
     def has(self, op: str, *args: Any) -> bool:
         """Return whether an operation is on the tape."""
         return (op, *args) in self._found
 
     def _number(self, key: tuple[Any, ...], *, same: bool) -> Number:
-        found = self._found.get(key)
-        if found is None:
-            found = self._found[key] = Number(self, key[0], key[1:], same)
-            self.numbers.append(found)
-        return found
+        known = self._found.get(key)
+        if known is None:
+            known = self._found[key] = Number(self, key[0], key[1:], same)
+            self.numbers.append(known)
+        return known
 
     def program(
         self,
@@ -292,13 +292,13 @@ class Tape:
                 else [place[a] if isinstance(a, Number) else a for a in number.args]
             )
             operations.append((number.op, *args))
-        found = iter([place[x] if isinstance(x, Number) else float(x) for x in wanted])
+        operands = iter([place[x] if isinstance(x, Number) else float(x) for x in wanted])
         return Program(
             name,
             dict(inputs),
             {port: shape for port, (shape, _) in outputs.items()},
             operations,
-            {port: [next(found) for _ in values] for port, (_, values) in outputs.items()},
+            {port: [next(operands) for _ in values] for port, (_, values) in outputs.items()},
             {n: self._names[number] for number, n in place.items() if number in self._names},
         )
 
@@ -317,13 +317,13 @@ def with_known(wanted: Sequence[Any], known: Mapping[Number, float]) -> dict[Any
 
 def needed(wanted: Sequence[Any]) -> list[Number]:
     """Return all that some numbers need, in order."""
-    stack, found = [x for x in wanted if isinstance(x, Number)], set()
+    stack, reached = [x for x in wanted if isinstance(x, Number)], set()
     while stack:
         number = stack.pop()
-        if number not in found:
-            found.add(number)
+        if number not in reached:
+            reached.add(number)
             stack += [a for a in number.args if isinstance(a, Number)]
-    return sorted(found, key=attrgetter("index"))
+    return sorted(reached, key=attrgetter("index"))
 
 
 def _early(numbers: Sequence[Number], late: int) -> list[Number]:

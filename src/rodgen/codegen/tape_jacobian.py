@@ -49,8 +49,8 @@ def jacobian_row(outputs: Sequence[Any], variables: Sequence[Number]) -> list[Va
     for x, seed in zip(outputs, seeds, strict=True):
         if x in edges:
             adjoints[x] = adjoints.get(x, 0) + seed
-    found = _swept(edges, adjoints, edges)
-    return [found.get(x, 0) for x in variables]
+    orders = _swept(edges, adjoints, edges)
+    return [orders.get(x, 0) for x in variables]
 
 
 def jacobian(
@@ -70,11 +70,11 @@ def jacobian(
     edges = _edges([x for x in outputs if isinstance(x, Number)], variables, held)
     narrow = dict(edges)
     of_narrow = _narrow(narrow, outputs)
-    found = [
+    rows_swept = [
         way(*((narrow, of_narrow) if is_narrow else (edges, set())), outputs, variables)
         for way, is_narrow in _WAYS
     ]
-    return min(found, key=lambda rows: len(needed([*outputs, *(x for row in rows for x in row)])))
+    return min(rows_swept, key=lambda rows: len(needed([*outputs, *(x for row in rows for x in row)])))
 
 
 def forward(outputs: Sequence[Any], variables: Sequence[Number]) -> list[list[Value]]:
@@ -108,11 +108,11 @@ def _forward(
                 if any(v in t for t in both)
             }
         elif operands:
-            found = tangents[x] = {}
+            tangent_there = tangents[x] = {}
             for a, slope in operands:
                 for v, tangent in tangents[a].items():
                     share = tangent * slope
-                    found[v] = found[v] + share if v in found else share
+                    tangent_there[v] = tangent_there[v] + share if v in tangent_there else share
     return [[_tangents(x, tangents).get(v, 0) for v in variables] for x in outputs]
 
 
@@ -133,17 +133,17 @@ _WAYS = ((_forward, True), (_backward, False), (_backward, True))
 
 def _edges(outputs: Sequence[Number], variables: Sequence[Number], held: Collection[Any] = ()) -> Edges:
     """Return what depends on a variable and what outputs depend on, later numbers first."""
-    given, found = set(variables), Edges()
+    free, edges = set(variables), Edges()
     for x in needed(outputs):
         operands = [] if x.op in GIVEN or x in held else _slopes(x)
-        slopes = [(a, slope()) for a, slope in operands if isinstance(a, Number) and a in found]
-        if slopes or x in given:
-            found[x] = slopes
+        slopes = [(a, slope()) for a, slope in operands if isinstance(a, Number) and a in edges]
+        if slopes or x in free:
+            edges[x] = slopes
     reached = set(outputs)
-    for x, slopes in reversed(found.items()):
+    for x, slopes in reversed(edges.items()):
         if x in reached:
             reached.update(a for a, _ in slopes)
-    return {x: slopes for x, slopes in reversed(found.items()) if x in reached}
+    return {x: slopes for x, slopes in reversed(edges.items()) if x in reached}
 
 
 def _swept(edges: Edges, adjoints: dict[Number, Value], part: Iterable[Number]) -> dict[Number, Value]:
@@ -208,17 +208,17 @@ def _narrow_parts(
         gain[x] = saved if bare[x] else 0
         best[x] = max(gain[x], sum(best[a] for a in inside))
 
-    found, rest = list[tuple[Number, list[Number]]](), below[None]
+    parts, rest = list[tuple[Number, list[Number]]](), below[None]
     while rest:
         x = rest.pop()
         if 0 < best[x] == gain[x]:
             part = [x]
             for a in part:
                 part += below[a]
-            found.append((x, sorted(part, key=attrgetter("index"), reverse=True)))
+            parts.append((x, sorted(part, key=attrgetter("index"), reverse=True)))
         elif best[x]:
             rest += below[x]
-    return found
+    return parts
 
 
 def _common(

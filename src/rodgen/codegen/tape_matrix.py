@@ -60,8 +60,8 @@ class Matrix:
         rows, columns = (
             [k] if isinstance(k, int) else list(range(n)[k]) for k, n in zip(at, self.shape, strict=True)
         )
-        found = [self.flat[self.shape[1] * i + j] for i in rows for j in columns]
-        return found[0] if all(isinstance(k, int) for k in at) else Matrix(len(rows), len(columns), found)
+        entries = [self.flat[self.shape[1] * i + j] for i in rows for j in columns]
+        return entries[0] if all(isinstance(k, int) for k in at) else Matrix(len(rows), len(columns), entries)
 
     def row(self, i: int) -> Matrix:
         """Return a row, (1, columns)."""

@@ -231,15 +231,15 @@ class Measurements:
         stream = io.BytesIO(header.rstrip(b"\r\n") + b"\n" + lines)
         try:
             with open_csv(name, stream, MEASUREMENTS) as table:
-                found = cls._read(table)
+                measurements = cls._read(table)
         except InputFileError as error:
             line = re.match(r"line (\d+)", error.place)
             if not line or line[1] == "1":
                 raise
             place = f"line {int(line[1]) + first - 2}{error.place[line.end() :]}"
             raise InputFileError(name, place, error.found, error.expected) from None
-        before = found._places
-        return replace(found, _places=replace(before, number=before.number + (first - 2)))
+        before = measurements._places
+        return replace(measurements, _places=replace(before, number=before.number + (first - 2)))
 
     @classmethod
     def of(cls, data: Any) -> Measurements:

@@ -169,13 +169,13 @@ def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
     >>> bool(found[0] == found[2]), len(set(found.tolist()))
     (True, 3)
     """
-    _, first, found = np.unique(hashes(columns, n), return_index=True, return_inverse=True)
-    if len(first) == n or all(np.array_equal(column, column[first][found]) for column in columns):
-        return found
+    _, first, group = np.unique(hashes(columns, n), return_index=True, return_inverse=True)
+    if len(first) == n or all(np.array_equal(column, column[first][group]) for column in columns):
+        return group
     # Two different rows share a hash of 64 bits: sort by every column, which takes ten times as long.
     order = np.lexsort(columns)
-    found[order] = np.cumsum(_begins([column[order] for column in columns])) - 1
-    return found
+    group[order] = np.cumsum(_begins([column[order] for column in columns])) - 1
+    return group
 
 
 def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | None:
@@ -216,9 +216,9 @@ def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | Non
     copied = np.repeat(counts >= min(COPIED_IN_ORDER, len(first)), counts)
     if copied.sum() <= COPIES * n:
         return None
-    found = np.arange(n)
-    found[repeats[copied]] = first[group[repeats[copied]]]
-    return found
+    first_of = np.arange(n)
+    first_of[repeats[copied]] = first[group[repeats[copied]]]
+    return first_of
 
 
 def hashes(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.uint64]:

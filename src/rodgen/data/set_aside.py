@@ -77,9 +77,9 @@ class SetAside:
     why: str = ""
 
     def __post_init__(self) -> None:
-        given = [name for name in ("rows", "run", "where") if getattr(self, name)]
-        if len(given) != 1:
-            found = joined(given) if given else "neither rows, run nor where"
+        stated = [name for name in ("rows", "run", "where") if getattr(self, name)]
+        if len(stated) != 1:
+            found = joined(stated) if stated else "neither rows, run nor where"
             raise UnexpectedError(found, "one of rows, run and where")
         for name in ("run", "where", "file", "check", "why"):
             text = getattr(self, name)
@@ -104,15 +104,15 @@ class SetAside:
 
     def _comparisons(self) -> list[tuple[str, str, str]]:
         """Return column, sign and value of each comparison of the rule."""
-        found, end = [], 0
+        comparisons, end = [], 0
         while end < len(self.where):
             each = _COMPARISON.match(self.where, end)
             if each is None:
                 raise UnexpectedError(f"the rule {shown(self.where)}", _SUCH_RULE)
             name, value = (text[1:-1] if text[0] in "\"'" else text for text in each.group("name", "value"))
-            found.append((name, each["sign"], value))
+            comparisons.append((name, each["sign"], value))
             end = each.end()
-        return found
+        return comparisons
 
     @property
     def selects(self) -> tuple[Any, ...]:
@@ -170,12 +170,12 @@ class SetAside:
         raise UnexpectedError(found, f"{data.counted}s that are")
 
     def _in_run(self, data: Measurements) -> Mask:
-        found = _compared(data, "run", "=", self.run)
-        if not found.any():
+        is_there = _compared(data, "run", "=", self.run)
+        if not is_there.any():
             names = data.columns["run"].names  # type: ignore[union-attr]
             where = f"no run {shown(self.run)} in {os.path.basename(data.file)}"
             raise UnexpectedError(where, listed(names) if names else "rows")
-        return found
+        return is_there
 
     def _by_rule(self, data: Measurements) -> Mask:
         masks = [_compared(data, *comparison) for comparison in self._comparisons()]
@@ -189,7 +189,7 @@ def _compared(data: Measurements, name: str, sign: str, value: str) -> Mask:
     of = os.path.basename(data.file)
     column: Any = data.columns.get(name)
     if column is None:
-        hint = nearest_hint(name, {other: c.text for other, c in data.columns.items()})
+        hint = nearest_hint(name, {column_name: c.text for column_name, c in data.columns.items()})
         raise UnexpectedError(f"no column {shown(name)} in {of}{hint}", listed(data.columns))
     if hasattr(column, "codes"):
         names = column.names
@@ -215,13 +215,13 @@ def _compared(data: Measurements, name: str, sign: str, value: str) -> Mask:
 
 def _check(data: Measurements, mask: Mask, compared: Collection[str]) -> str:
     """Return a check of the content of some rows."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name, column in data.columns.items():
         if name in compared:
             values: Any = column.take(mask).values
             names = values.dtype.kind == "U"
-            found.update("\n".join(values).encode() if names else (values + 0.0).astype("<f8").tobytes())
-    return found.hexdigest()[:12]
+            digest.update("\n".join(values).encode() if names else (values + 0.0).astype("<f8").tobytes())
+    return digest.hexdigest()[:12]
 
 
 def rows_text(numbers: Sequence[int]) -> str:
@@ -232,8 +232,8 @@ def rows_text(numbers: Sequence[int]) -> str:
     >>> rows_text([3, 4, 5, 9])
     '3-5, 9'
     """
-    found = np.unique(np.asarray(numbers, np.int64))
-    groups = np.split(found, np.flatnonzero(np.diff(found) > 1) + 1)
+    distinct = np.unique(np.asarray(numbers, np.int64))
+    groups = np.split(distinct, np.flatnonzero(np.diff(distinct) > 1) + 1)
     return ", ".join(f"{g[0]}-{g[-1]}" if len(g) > 1 else f"{g[0]}" for g in groups if len(g))
 
 
@@ -259,12 +259,12 @@ class RowsAside:
         """A sentence."""
         name, count, counted = os.path.basename(self.data.file), int(self.mask.sum()), self.data.counted
         here = [(entry, n) for entry, n in self.entries if n is not None]
-        said = "; ".join(
+        reasons = "; ".join(
             f"{'but not ' if entry.back else ''}{entry.named(counted)}{'' if n else ', true of no row'}"
             for entry, n in here
         )
         are = "is" if count == 1 else "are"
-        first = f"{count} of the {len(self.mask)} rows of {name} {are} set aside: {said}."
+        first = f"{count} of the {len(self.mask)} rows of {name} {are} set aside: {reasons}."
         elsewhere = "; ".join(f"{entry.named()} of {entry.file}" for entry, n in self.entries if n is None)
         further = f"What the machine file sets aside of other files is not in {name}: {elsewhere}."
         return " ".join(filter(None, [first if here else "", further if elsewhere else ""]))
@@ -297,13 +297,13 @@ def rows_aside(
     mask, counts = np.zeros(data.rows, bool), []
     for number, entry in enumerate(entries, 1):
         try:
-            found = entry.of(data, compared)
+            of_entry = entry.of(data, compared)
         except UnexpectedError as error:
             place = f"[measured], set_aside {number}"
             raise InputFileError(file, place, error.found, error.expected) from None
-        counts.append(None if found is None else int(found.sum()))
-        if found is not None:
-            mask = mask & ~found if entry.back else mask | found
+        counts.append(None if of_entry is None else int(of_entry.sum()))
+        if of_entry is not None:
+            mask = mask & ~of_entry if entry.back else mask | of_entry
     if len(mask) and mask.all():
         found_all = f"all {len(mask)} rows of {os.path.basename(data.file)}"
         raise InputFileError(file, "[measured], set_aside", found_all, "entries that leave some to fit to")
@@ -349,36 +349,40 @@ def edited(
             rows = rows_text(data.numbers(np.flatnonzero(mask)).tolist())
             yield replace(entry, rows=rows, check=_check(data, mask, compared))
 
-    kept: list[SetAside] = []
+    remaining: list[SetAside] = []
     for entry in entries:
         if entry.selects == new.selects:
             continue
-        own = entry.of(data, compared) if entry.rows and new.rows else None
-        kept += [entry] if own is None or not (own & chosen).any() else of_rows(entry, own & ~chosen)
+        of_entry = entry.of(data, compared) if entry.rows and new.rows else None
+        remaining += (
+            [entry]
+            if of_entry is None or not (of_entry & chosen).any()
+            else of_rows(entry, of_entry & ~chosen)
+        )
     if new.rows:
         (new,) = of_rows(new, chosen)
     if not new.back:
-        last = kept[-1] if kept else None
+        last = remaining[-1] if remaining else None
         both = last.of(data, compared) if last and last.rows and new.rows else None
         if last and both is not None and last == replace(new, rows=last.rows, check=last.check):
-            kept.pop()  # one entry for all that is set aside for one reason
+            remaining.pop()  # one entry for all that is set aside for one reason
             (new,) = of_rows(new, chosen | both)
-        return (*kept, new)
-    left = rows_aside(kept, data, compared, file)
+        return (*remaining, new)
+    left = rows_aside(remaining, data, compared, file)
     if left is not None and left.mask[chosen].any():
-        kept.append(new)
-    elif kept == [*entries]:
+        remaining.append(new)
+    elif remaining == [*entries]:
         found = f"{new.named(data.counted)} of {os.path.basename(data.file)}, not set aside"
         raise UnexpectedError(found, "rows that are")
-    return tuple(_needed(kept, data, compared))
+    return tuple(_needed(remaining, data, compared))
 
 
 def _needed(entries: Sequence[SetAside], data: Measurements, compared: Collection[str]) -> Iterator[SetAside]:
     """Yield entries without those that bring back rows of this file which no entry before sets aside."""
     mask = np.zeros(data.rows, bool)
     for entry in entries:
-        found = entry.of(data, compared)
-        if found is None or not entry.back or not entry.file or (mask & found).any():
+        of_entry = entry.of(data, compared)
+        if of_entry is None or not entry.back or not entry.file or (mask & of_entry).any():
             yield entry
-        if found is not None:
-            mask = mask & ~found if entry.back else mask | found
+        if of_entry is not None:
+            mask = mask & ~of_entry if entry.back else mask | of_entry

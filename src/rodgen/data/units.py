@@ -206,11 +206,11 @@ def readable(unit: str, size: float) -> tuple[float, str]:
     >>> readable("mm", 0.0123), readable("mm", 12.3), readable("m/K", 2e-6), readable("arcsec", 0.01)
     ((1000.0, 'um'), (1.0, 'mm'), (1000000.0, 'um/K'), (1.0, 'arcsec'))
     """
-    length, by, other = unit.partition("/")
+    length, by, denominator = unit.partition("/")
     factor = MICROMETRES.get(length)
     if factor is None or not 0 < abs(size) * factor < FEW_MICROMETRES:
         return 1.0, unit
-    return factor, f"um{by}{other}"
+    return factor, f"um{by}{denominator}"
 
 
 def is_unit(text: str) -> bool:
@@ -261,10 +261,10 @@ def number_and_unit(text: str) -> tuple[float, str] | None:
     >>> number_and_unit("-2.5e-3 um"), number_and_unit("12"), number_and_unit("um")
     ((-0.0025, 'um'), (12.0, ''), None)
     """
-    found = _NUMBER_AND_UNIT.fullmatch(text)
-    if found is None or not math.isfinite(float(found[1])):
+    match = _NUMBER_AND_UNIT.fullmatch(text)
+    if match is None or not math.isfinite(float(match[1])):
         return None
-    return float(found[1]), found[2]
+    return float(match[1]), match[2]
 
 
 def typed_quantity(text: str, dimension: Dimension, length_unit: str, own: float = 1.0) -> float:
@@ -291,10 +291,10 @@ def typed_quantity(text: str, dimension: Dimension, length_unit: str, own: float
     >>> typed_quantity("2 um", LENGTH, "mm")
     0.002
     """
-    found = number_and_unit(text)
-    if found is None:
+    parts = number_and_unit(text)
+    if parts is None:
         raise UnitError("no such number", "a number with its unit")
-    number, typed = found
+    number, typed = parts
     if not typed:
         return number * own
     unit = parse_unit(typed)
@@ -509,10 +509,10 @@ def _unit_of(text: str, quantity: Quantity) -> Unit:
     if _measures(unit, quantity):
         return unit
     lower = text.lower()
-    other = lower != text and _is_unit_of(lower, quantity)
+    is_lower = lower != text and _is_unit_of(lower, quantity)
     raise UnitError(
         f"unit {shown(text)}, which is not a unit of {quantity}",
-        f"{lower!r}, or another unit" if other else _EXAMPLES[quantity],
+        f"{lower!r}, or another unit" if is_lower else _EXAMPLES[quantity],
     )
 
 
@@ -527,13 +527,13 @@ def _is_unit_of(text: str, quantity: Quantity | None) -> bool:
 
 def _explained(text: str, quantity: Quantity | None = None) -> UnitError:
     """Return the error for a text that is not a unit, with the nearest unit if there is one."""
-    plain = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
-    if plain != text and "(" in text and _is_unit_of(plain, quantity):
-        return UnitError(f"unit {shown(text)} with parentheses", f"{plain!r}, without them")
+    simple = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
+    if simple != text and "(" in text and _is_unit_of(simple, quantity):
+        return UnitError(f"unit {shown(text)} with parentheses", f"{simple!r}, without them")
     unknown = _UnknownUnitError(text)
-    for other in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.strip("\"'")):
-        if other != text and _is_unit_of(other, quantity):
-            return UnitError(unknown.found, f"{other!r}, or another unit")
+    for variant in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.strip("\"'")):
+        if variant != text and _is_unit_of(variant, quantity):
+            return UnitError(unknown.found, f"{variant!r}, or another unit")
     near = difflib.get_close_matches(text, _EVERYDAY | _PI_PARTS, n=1, cutoff=0.75)
     if near and _is_unit_of(near[0], quantity):
         return UnitError(unknown.found, f"{near[0]!r}, or another unit")

@@ -73,16 +73,16 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     """
     refuse_masked(what, given)
     try:
-        found = np.asarray(given)
+        array = np.asarray(given)
     except ValueError:  # rows of different lengths
         raise RodgenError(f"{what} is not an array; expected {_ending(ending)}") from None
-    if found.dtype is not _FLOAT64:
-        if found.dtype.kind not in "fiub":
-            raise NotRealError(f"{what} has the type {found.dtype}; expected real numbers")
-        found = found.astype(float, copy=False)
-    if ending and found.shape[-len(ending) :] != ending:
-        raise RodgenError(f"{what} has the shape {found.shape}; expected {_ending(ending)}")
-    return found
+    if array.dtype is not _FLOAT64:
+        if array.dtype.kind not in "fiub":
+            raise NotRealError(f"{what} has the type {array.dtype}; expected real numbers")
+        array = array.astype(float, copy=False)
+    if ending and array.shape[-len(ending) :] != ending:
+        raise RodgenError(f"{what} has the shape {array.shape}; expected {_ending(ending)}")
+    return array
 
 
 def not_broadcast(arguments: Mapping[str, Any]) -> RodgenError:

@@ -142,10 +142,10 @@ def _apply_to_chunks(kernel: Any, arguments: tuple[Any, ...], apply_gufunc: Any)
     inputs, outputs = kernel.signature.split("->")
     sizes = {size: int(size) for size in set(re.findall(r"\d+", outputs)) - set(re.findall(r"\d+", inputs))}
     # as in NumPy, arrays decide between float32 and float64; numbers follow
-    given = np.result_type(
+    dtype = np.result_type(
         *(a.dtype if hasattr(a, "dtype") else np.asarray(a).dtype for a in arguments if np.ndim(a))
     )
-    real = np.float32 if np.can_cast(given, np.float32) else np.float64
+    real = np.float32 if np.can_cast(dtype, np.float32) else np.float64
     types = [np.int8 if code == "b" else real for code in kernel.types[0].split("->")[1]]
     scalars = tuple(np.asarray(a, real) if np.ndim(a) == 0 else a for a in arguments)
     return apply_gufunc(

@@ -237,8 +237,8 @@ def rods(position: ArrayLike, geometry: LinearGeometry | RotaryGeometry) -> Arra
         coordinates = linear_inverse(at, geometry)[0]
     else:
         coordinates = rotary_inverse(at, geometry)[0]
-    found = np.asarray(at)[..., None, :] - _joints(coordinates, geometry)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+    vectors = np.asarray(at)[..., None, :] - _joints(coordinates, geometry)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _joints(coordinates: ArrayLike, geometry: LinearGeometry | RotaryGeometry) -> Array:

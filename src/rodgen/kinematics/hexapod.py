@@ -145,11 +145,11 @@ def direct(
         For arrays of other shapes.
     """
     wanted, place = real_array("lengths", lengths, (6,)), real_array("position", position, (3,))
-    given = np.eye(3) if rotation is None else real_array("rotation", rotation, (3, 3))
-    rows = broadcast_shapes({"lengths": (wanted, 1), "position": (place, 1), "rotation": (given, 2)})
+    start = np.eye(3) if rotation is None else real_array("rotation", rotation, (3, 3))
+    rows = broadcast_shapes({"lengths": (wanted, 1), "position": (place, 1), "rotation": (start, 2)})
     wanted = np.broadcast_to(wanted, (*rows, 6))
     x = np.array(np.broadcast_to(place, (*rows, 3)))
-    turn = np.array(np.broadcast_to(given, (*rows, 3, 3)))
+    turn = np.array(np.broadcast_to(start, (*rows, 3, 3)))
     begin = legs(x, turn, geometry)
     side = np.sign(_determinant(x, turn, geometry))
     with np.errstate(all="ignore"):

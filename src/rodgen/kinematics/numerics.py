@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 def principal(angles: Any) -> Any:
     """Return angles in (-π, π]; those that are there already come back as they are, to the last bit."""
-    found = angles - 2 * np.pi * np.round(np.asarray(angles) / (2 * np.pi))
-    return np.where(found <= -np.pi, np.pi, found)
+    within = angles - 2 * np.pi * np.round(np.asarray(angles) / (2 * np.pi))
+    return np.where(within <= -np.pi, np.pi, within)
 
 
-def apart(one: Any, other: Any) -> Any:
+def apart(one: Any, second: Any) -> Any:
     """Return the largest difference (...) of sets of angles (..., n), whole turns not counted."""
-    return np.abs(principal(one - other)).max(axis=-1)
+    return np.abs(principal(one - second)).max(axis=-1)
 
 
 def angle_between(x: Any, y: Any, u: Any, v: Any) -> Any:
@@ -78,5 +78,5 @@ def roots(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
     companion = np.zeros((len(coefficients), degree, degree))
     companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
     companion[:, :, -1] = np.where(good[:, None], last, 0.0)
-    found = np.linalg.eigvals(companion) if len(companion) else np.zeros((0, degree))
-    return np.where(good[:, None], found, np.nan + 0j)
+    eigenvalues = np.linalg.eigvals(companion) if len(companion) else np.zeros((0, degree))
+    return np.where(good[:, None], eigenvalues, np.nan + 0j)

@@ -44,25 +44,25 @@ def documented_by(
     inputs, results = (_entries(ports[title]) for title in ("Parameters", "Returns"))
 
     def complete(function: _Function) -> _Function:
-        head, own = _sections(function.__doc__)
-        said = _entries(own.pop("Parameters", ""))
+        head, described = _sections(function.__doc__)
+        entries = _entries(described.pop("Parameters", ""))
         parameters = [
-            _entry(name, _given(inputs.get(name, ""), parameter), said.get(name, ""))
+            _entry(name, _given(inputs.get(name, ""), parameter), entries.get(name, ""))
             for name, parameter in inspect.signature(function).parameters.items()
         ]
-        said = _entries(own.pop("Returns", ""))
-        others = {name: entry for name, entry in said.items() if name not in results}
+        entries = _entries(described.pop("Returns", ""))
+        others = {name: entry for name, entry in entries.items() if name not in results}
         if all(" : " in entry for entry in others.values()):  # otherwise it is a class that holds the results
             named = dict.fromkeys([*results, *others] if outputs is None else outputs)
-            said = {name: _entry(name, results.get(name, ""), said.get(name, "")) for name in named}
+            entries = {name: _entry(name, results.get(name, ""), entries.get(name, "")) for name in named}
         proof = "" if "derivation" in source else f"; proved in the derivation ``{derivation}``"
-        notes = [f"Source: {source}{proof}.", own.pop("Notes", "")]
+        notes = [f"Source: {source}{proof}.", described.pop("Notes", "")]
         sections = {
             "Parameters": "\n".join(parameters),
-            "Returns": "\n".join(said.values()),
-            "Raises": own.pop("Raises", _RAISES),
+            "Returns": "\n".join(entries.values()),
+            "Raises": described.pop("Raises", _RAISES),
             "Notes": "\n\n".join(filter(None, notes)),
-            **own,
+            **described,
         }
         function.__doc__ = "\n\n".join(
             [head, *(f"{title}\n{'-' * len(title)}\n{text}" for title, text in sections.items())]
@@ -90,10 +90,10 @@ def _given(port: str, parameter: inspect.Parameter) -> str:
     return first + (", optional" if line and parameter.default is not parameter.empty else "") + line + words
 
 
-def _entry(name: str, port: str, said: str) -> str:
+def _entry(name: str, port: str, text_there: str) -> str:
     """Return the entry of a port, with what a docstring says about it after the kernel's words."""
     if not port:
-        return said or name
+        return text_there or name
     first, _, words = port.partition("\n")
     words = words.strip()
     if re.match(r"[a-z]{2,}\b", words):
@@ -101,5 +101,5 @@ def _entry(name: str, port: str, said: str) -> str:
     first, codes, enum = first.partition(", codes of ")
     if codes:
         words += f": codes of :class:`{enum}`"
-    text = f"{words}. {' '.join(said.partition(chr(10))[2].split())}"
+    text = f"{words}. {' '.join(text_there.partition(chr(10))[2].split())}"
     return f"{first}\n{textwrap.indent(textwrap.fill(text, 112), '    ')}"

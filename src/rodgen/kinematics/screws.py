@@ -238,11 +238,11 @@ def screw_axis(screw: ArrayLike, *, length: float = 1.0) -> ScrewAxis:
     """
     if not 0 < length < np.inf:
         raise ValueError(f"length is {length}; expected a positive number")
-    given = real_array("screw", screw, (6,))
-    finite: Any = np.isfinite(given).all(axis=-1)
-    size = np.where(finite, np.abs(given).max(axis=-1), 1.0)
+    screw_array = real_array("screw", screw, (6,))
+    finite: Any = np.isfinite(screw_array).all(axis=-1)
+    size = np.where(finite, np.abs(screw_array).max(axis=-1), 1.0)
     # scaled, so that no square overflows or vanishes
-    scaled = np.where(finite[..., None], given, 0.0) / np.where(size > 0, size, 1.0)[..., None]
+    scaled = np.where(finite[..., None], screw_array, 0.0) / np.where(size > 0, size, 1.0)[..., None]
     direction, moment = scaled[..., :3], scaled[..., 3:]
     across, along = np.linalg.norm(direction, axis=-1), np.linalg.norm(moment, axis=-1)
     rounding = 8 * np.finfo(float).eps
@@ -303,14 +303,14 @@ def reciprocal_system(
     """
     if not 0 < length < np.inf:
         raise ValueError(f"length is {length}; expected a positive number")
-    given = real_array("screws", screws, (6,))
-    if given.ndim < 2:
-        raise ValueError(f"screws has the shape {given.shape}; expected (..., n, 6)")
-    count = given.shape[-2]
+    screw_array = real_array("screws", screws, (6,))
+    if screw_array.ndim < 2:
+        raise ValueError(f"screws has the shape {screw_array.shape}; expected (..., n, 6)")
+    count = screw_array.shape[-2]
     if tolerance is None:
         tolerance = 8 * max(count, 6) * float(np.finfo(float).eps)
-    finite: Any = np.isfinite(given).all(axis=(-2, -1))
-    safe = np.where(finite[..., None, None], given, 0.0)
+    finite: Any = np.isfinite(screw_array).all(axis=(-2, -1))
+    safe = np.where(finite[..., None, None], screw_array, 0.0)
     # the rows of screws times Δ, with moments in units of length: what is reciprocal is their null space
     swapped = np.concatenate([safe[..., 3:] / length, safe[..., :3]], axis=-1)
     # at least six rows, so that there are always six right singular vectors

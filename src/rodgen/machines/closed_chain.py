@@ -109,12 +109,12 @@ class ClosedChain:
 
     def lengths(self, counts: Callable[[Term], bool]) -> list[Any]:
         """Return the halves of the squares of the legs' lengths, with the effects that count."""
-        m, found = self.m, []
+        m, lengths = self.m, []
         for k in range(len(self.base)):
             here = [n for n in m.terms_of(k, "reading") if counts(m.structure.terms[n])]
             length = m.let("length", sum((m.term(n) for n in here), m.column["q", k]))
-            found.append(m.let("half_square", length**2 / 2))
-        return found
+            lengths.append(m.let("half_square", length**2 / 2))
+        return lengths
 
     def nearer(self, pose: Pose, half: Sequence[Any]) -> tuple[Pose, Vector]:
         """Return the pose after one of Newton's steps towards legs with these halves of squares, and the step."""
@@ -160,8 +160,8 @@ def pose_of(model: ModelSteps) -> Any:
     """
     chain = ClosedChain(model)
     pose, square = chain.solved(model.target())
-    found = _where_closed(model, model.matrix(chain.family.numbers_of(pose.state)), square)
-    model.builder.output("pose", found, unit="1", doc="numbers that a solver starts from")
+    closing = _where_closed(model, model.matrix(chain.family.numbers_of(pose.state)), square)
+    model.builder.output("pose", closing, unit="1", doc="numbers that a solver starts from")
     return model.builder.build()
 
 

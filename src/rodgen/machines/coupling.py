@@ -150,8 +150,8 @@ class _Couplings:
                 raise CouplingError(
                     joint.name, "reading", found, f"a name of its own, such as '{joint.name}m'"
                 )
-            if other := seen.get(joint.reading):
-                found = f"{shown(joint.reading)}, which is that of joint {other}"
+            if joint_there := seen.get(joint.reading):
+                found = f"{shown(joint.reading)}, which is that of joint {joint_there}"
                 raise CouplingError(joint.name, "reading", found, "a reading of its own")
             seen[joint.reading] = joint.name
 
@@ -167,21 +167,21 @@ class _Couplings:
         names = {name: self.machine.joints[j].dimension for name, j in self.readings.items()}
         names |= {name: other.dimension for name, other in self.joints.items()}
         try:
-            own = combination(
+            coupling = combination(
                 joint.coordinate, names, joint.dimension, self.machine.length_unit, "joint or reading"
             )
         except UnexpectedError as error:
             if isinstance(error, CouplingError):
                 raise
             raise CouplingError(joint.name, "coordinate", error.found, error.expected) from None
-        self.stated[joint.name] = own
-        if not own.factors:
+        self.stated[joint.name] = coupling
+        if not coupling.factors:
             raise CouplingError(
                 joint.name, "coordinate", "a constant", "what it follows, such as 'J3m - J2m'"
             )
         factors: dict[int, Fraction] = {}
-        constant = own.constant
-        for name, factor in own.factors:
+        constant = coupling.constant
+        for name, factor in coupling.factors:
             parts, start = self._parts(name, (*above, joint.name))
             constant += factor * start
             for i, x in parts:

@@ -71,20 +71,20 @@ def model_kernel(steps: ModelSteps) -> Any:
     inner, outer = range(s.inner), range(s.inner, len(s.joints))
     if s.measurand.line == "vertical":  # it stands still, as the bed does
         inner = range(0)
-    own = steps.axes() if s.measurand.has_axes else []
+    axes_moved = steps.axes() if s.measurand.has_axes else []
     if s.kinematics.is_closed:
-        x, turned = closed_chain(steps, steps.target(), own)
+        x, turned = closed_chain(steps, steps.target(), axes_moved)
     else:
         x = steps.carried(steps.target(), outer, moves=moves)
-        turned = [steps.carried(axis, range(len(s.joints)), moves=False) for axis in own]
+        turned = [steps.carried(axis, range(len(s.joints)), moves=False) for axis in axes_moved]
     x = steps.carried(steps.lifted(x), inner, moves=moves)
     place = s.measurand.seen(steps, steps.framed(x, moves=moves))
     axes = None
-    if own:
+    if axes_moved:
         axes = steps.matrix.hstack(*(steps.framed(axis, moves=False) for axis in turned))
     if not steps.with_residual:
-        found = steps.matrix([*place, *([] if axes is None else axes)][-s.measurand.place_numbers :])
-        steps.builder.output("place", found, unit="1", doc="predicted point, direction or attitude")
+        predicted = steps.matrix([*place, *([] if axes is None else axes)][-s.measurand.place_numbers :])
+        steps.builder.output("place", predicted, unit="1", doc="predicted point, direction or attitude")
         return steps.builder.build()
     reading = steps.matrix([steps.column["reading", i] for i in range(s.measurand.inputs)])
     residual = s.measurand.residual(steps, reading, place, axes)

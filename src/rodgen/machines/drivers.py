@@ -153,11 +153,11 @@ class Driver:
     @cached_property
     def columns(self) -> Array:
         """Columns of the curve, (n, k): what the driver may do to one component of a residual."""
-        own = self.curve(self.values)
+        curve = self.curve(self.values)
         if self.coordinate is None:
-            return own
-        own = own if self.kind == "temperature" else own[:, :2]
-        return np.column_stack([own, products(own[:, :1], self.coordinate.low_columns)])
+            return curve
+        curve = curve if self.kind == "temperature" else curve[:, :2]
+        return np.column_stack([curve, products(curve[:, :1], self.coordinate.low_columns)])
 
     @cached_property
     def low_columns(self) -> Array:

@@ -40,13 +40,13 @@ def unit_of(machine: MachineData, name: str) -> str:
 
 
 def _units(machine: MachineData, name: str) -> Iterator[str]:
-    found = [
+    units_of = [
         p.unit
         for p in parameters_of(machine, structure_of(machine), ("",))
         if p.slot[0] != "frame" and belongs(p.key, name)
     ]
-    yield from found
-    if found:
+    yield from units_of
+    if units_of:
         return
     places = {*(joint.name for joint in machine.joints), *(target.name for target in machine.targets)}
     parts = name.split(".")
@@ -94,28 +94,28 @@ def read_known(machine: MachineData, name: str, content: Mapping[str, Any]) -> K
 
 def _prior(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
     expected = f'a value and its standard deviation, such as "0 ± 20 {unit}"'
-    found = _PRIOR.fullmatch(value) if isinstance(value, str) else None
-    parts = [number_and_unit(found[x]) for x in ("mean", "std")] if found else [None]
+    match = _PRIOR.fullmatch(value) if isinstance(value, str) else None
+    parts = [number_and_unit(match[x]) for x in ("mean", "std")] if match else [None]
     if None in parts:
         raise UnfitEffectError("prior", shown(str(value)), expected)
-    (mean, own), (std, of) = parts  # type: ignore[misc]
+    (mean, unit_of_mean), (std, of) = parts  # type: ignore[misc]
     if not std > NONE:
         raise UnfitEffectError("prior", shown(str(value)), expected.replace("deviation", "deviation above 0"))
     factor = factor_of(machine, "prior", of, unit)
-    return mean * (factor_of(machine, "prior", own, unit) if own else factor), std * factor
+    return mean * (factor_of(machine, "prior", unit_of_mean, unit) if unit_of_mean else factor), std * factor
 
 
 def _bounds(machine: MachineData, value: Any, unit: str) -> tuple[float, float]:
     expected = f'two values, the lower one first, such as ["0 {unit}", "60 {unit}"]'
     if not isinstance(value, list | tuple) or len(value) != 2:
         raise UnfitEffectError("bounds", shown(str(value)), expected)
-    found = []
+    ends = []
     for x in value:
         number = number_and_unit(x) if isinstance(x, str) else (float(x), "") if _is_number(x) else None
         if number is None:
             raise UnfitEffectError("bounds", shown(str(x)), expected)
-        found.append(number[0] * factor_of(machine, "bounds", number[1], unit))
-    low, high = found
+        ends.append(number[0] * factor_of(machine, "bounds", number[1], unit))
+    low, high = ends
     if not low < high or (math.isinf(low) and math.isinf(high)):
         raise UnfitEffectError("bounds", shown(str(value)), expected)
     return low, high
@@ -125,7 +125,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
 
 
-def factor_of(machine: MachineData, key: str, text: str, own: str) -> float:
+def factor_of(machine: MachineData, key: str, text: str, default_unit: str) -> float:
     """Return the factor from a unit, or that of the machine file where it is empty, to internal units.
 
     Raises
@@ -133,7 +133,7 @@ def factor_of(machine: MachineData, key: str, text: str, own: str) -> float:
     UnfitEffectError
         When it does not measure what the own unit of the parameter does.
     """
-    _, dimension = unit_factor(own, machine.length_unit)
+    _, dimension = unit_factor(default_unit, machine.length_unit)
     if not text:
         return machine.file_factor(dimension)
     try:
@@ -141,7 +141,7 @@ def factor_of(machine: MachineData, key: str, text: str, own: str) -> float:
     except UnitError as error:
         raise UnfitEffectError(key, error.found, error.expected) from None
     if not unit.dimension.fits(dimension):
-        raise UnfitEffectError(key, f"unit {shown(text)}", f"one such as {own}")
+        raise UnfitEffectError(key, f"unit {shown(text)}", f"one such as {default_unit}")
     return unit.factor(machine.length_unit)
 
 
@@ -183,8 +183,8 @@ def tied_parameters(
 
 def parameters_to_tie(machine: MachineData) -> dict[str, Parameter]:
     """Return the parameters of a machine that may be tied, and to which others may be, by their keys."""
-    found = parameters_of(machine, structure_of(machine), ("",))
-    return {p.key: p for p in found if str(p.slot[0]).partition(".")[0] in TIED}
+    parameters = parameters_of(machine, structure_of(machine), ("",))
+    return {p.key: p for p in parameters if str(p.slot[0]).partition(".")[0] in TIED}
 
 
 def read_tie(machine: MachineData, key: str, text: str) -> Combination:
@@ -204,13 +204,13 @@ def read_tie(machine: MachineData, key: str, text: str) -> Combination:
     if entry := next((name for name in machine.known if belongs(key, name)), None):
         expected = "a free parameter: take that entry out of [known] first"
         raise UnexpectedError(f"given together with {shown(entry)} in [known]", expected)
-    if other := next((name for name, tie in machine.ties.items() if key in dict(tie.factors)), None):
-        raise UnexpectedError(f"a tie of what {shown(other)} is tied to", "that of another parameter")
-    own = combination(text, units, units[key], machine.length_unit, "parameter")
-    if not own.factors:
+    if tied_key := next((name for name, tie in machine.ties.items() if key in dict(tie.factors)), None):
+        raise UnexpectedError(f"a tie of what {shown(tied_key)} is tied to", "that of another parameter")
+    tie_read = combination(text, units, units[key], machine.length_unit, "parameter")
+    if not tie_read.factors:
         raise UnexpectedError("a constant", "hold, or another parameter, such as '2 * J3.gravity_windup.k'")
-    for name, _ in own.factors:
+    for name, _ in tie_read.factors:
         if name == key or name in machine.ties:
             what = "itself" if name == key else f"{shown(name)}, which is tied, too"
             raise UnexpectedError(what, "parameters that are not tied")
-    return own
+    return tie_read

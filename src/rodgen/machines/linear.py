@@ -65,17 +65,17 @@ def combination(
     values: dict[str, _Value] = {}
     written: dict[str, str] = {}
 
-    def placeholder(value: _Value, found: str) -> str:
+    def placeholder(value: _Value, text_there: str) -> str:
         name = f"placeholder{len(written)}"
-        values[name], written[name] = value, found
+        values[name], written[name] = value, text_there
         return name
 
-    def quantity(found: re.Match[str]) -> str:
-        if found["unit"] in names:  # "2 J2", which the formula's parser knows how to repair
-            return found[0]
-        unit = parse_unit(found["unit"])
+    def quantity(match: re.Match[str]) -> str:
+        if match["unit"] in names:  # "2 J2", which the formula's parser knows how to repair
+            return match[0]
+        unit = parse_unit(match["unit"])
         factor = Fraction(unit.factor(length_unit))
-        return placeholder(_Value({"": Fraction(found["number"]) * factor}, unit.dimension), found[0])
+        return placeholder(_Value({"": Fraction(match["number"]) * factor}, unit.dimension), match[0])
 
     def restored(message: str) -> str:
         for name in reversed(written):

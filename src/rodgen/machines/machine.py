@@ -162,12 +162,12 @@ class Machine(MachineData):
             return tuple(joint.travel for joint in self.joints)
         stated = np.array([joint.travel or (np.nan, np.nan) for joint in self.joints])
         within = self.couplings.readings_within(stated)
-        found: list[tuple[float, float] | None] = []
+        limits: list[tuple[float, float] | None] = []
         for joint, coupling, (low, high) in zip(self.joints, self.couplings.of, within.tolist(), strict=True):
             known = joint.is_read and math.isfinite(low) and math.isfinite(high)
-            own = joint.travel if coupling is None else joint.reading_travel
-            found.append(own or ((low, high) if known else None))
-        return tuple(found)
+            stated_travel = joint.travel if coupling is None else joint.reading_travel
+            limits.append(stated_travel or ((low, high) if known else None))
+        return tuple(limits)
 
     @property
     def quantities(self) -> dict[str, str]:
@@ -234,10 +234,10 @@ class Machine(MachineData):
             there = joined(e.title for e in self.effects) or "none: this machine has no effects"
             title = f"{name} at {place}" if place else name
             raise InputFileError(self.file or self.name, "[[effect]]", f"no {shown(title)}", there)
-        kept = {k: v for k, v in self.values.items() if not gone[0].owns(k)}
+        remaining = {k: v for k, v in self.values.items() if not gone[0].owns(k)}
         ties = {k: tie for k, tie in self.ties.items() if not gone[0].owns(k)}
         return replace(
-            self, effects=tuple(e for e in self.effects if e is not gone[0]), values=kept, ties=ties
+            self, effects=tuple(e for e in self.effects if e is not gone[0]), values=remaining, ties=ties
         )
 
     def knowing(
@@ -259,13 +259,13 @@ class Machine(MachineData):
         InputFileError
             When there is no such parameter, or the unit is of something else.
         """
-        given = {name: x for name, x in (("prior", prior), ("bounds", bounds)) if x is not None}
+        knowledge = {name: x for name, x in (("prior", prior), ("bounds", bounds)) if x is not None}
         with in_file(self.file or self.name, f"[known], {key}"):
             if tied := next((name for name in self.ties if belongs(name, key)), None):
                 raise UnexpectedError(
                     f"{shown(tied)}, which is tied", "a free parameter: take that one out of [ties] first"
                 )
-            known = read_known(self, key, given)
+            known = read_known(self, key, knowledge)
         return replace(self, known={**self.known, key: known})
 
     def tying(self, key: str, to: str) -> Self:

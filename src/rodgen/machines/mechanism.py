@@ -117,9 +117,9 @@ def from_mechanism(
     estimated: nothing but the effects
     effects: none
     """
-    given = _of_r_p_c(robot)
-    mechanism = given.mechanism
-    product = to_product_of_exponentials(given)
+    robot_rpc = _of_r_p_c(robot)
+    mechanism = robot_rpc.mechanism
+    product = to_product_of_exponentials(robot_rpc)
     joints = []
     for (j, which), screw in zip(mechanism.variables, product.screws, strict=True):
         label = _label(mechanism.names[j])

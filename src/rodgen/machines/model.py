@@ -179,11 +179,11 @@ class Model:
         until the search it has a value at which every formula is finite: 1, and for a time constant so much that
         nothing decays.
         """
-        given = self.machine.values
+        stated = self.machine.values
         values = []
         for p in self.parameters:
             unsearched = p.searched.before if p.searched else 0.0
-            start = given.get(p.key, unsearched) if p.slot[0] != "frame" else 0.0
+            start = stated.get(p.key, unsearched) if p.slot[0] != "frame" else 0.0
             values.append(start if p.hold is None else p.hold)
         return np.array(values, dtype=float)
 
@@ -239,14 +239,14 @@ class Model:
     @functools.cached_property
     def effect_sizes(self) -> tuple[Array, Array]:
         """Usual and largest sizes of the parameters of effects, internal units, (parameters,); NaN if not known."""
-        found = np.full((2, len(self.parameters)), np.nan)
+        sizes_and_ranges = np.full((2, len(self.parameters)), np.nan)
         for effect in self.machine.effects:
             sizes = plausibility(self.machine, effect).sizes
             for i, parameter in enumerate(self.parameters):
                 size = sizes.get(parameter.key.rpartition(".")[2]) if effect.owns(parameter.key) else None
                 if size:
-                    found[:, i] = size.usual, size.largest
-        return found[0], found[1]
+                    sizes_and_ranges[:, i] = size.usual, size.largest
+        return sizes_and_ranges[0], sizes_and_ranges[1]
 
     @property
     def level(self) -> tuple[Array, Array]:
@@ -352,12 +352,12 @@ class Model:
             axis, by = tilted(n, u, v, _sum(values, of.tilts))
             vectors = np.empty((len(n), 3, 3))
             vectors[:, 0], vectors[:, 1:] = axis, by.swapaxes(1, 2)
-            own = len(of.tilted_at) // 9
-            if own:
-                g[:, of.tilted_at] = vectors[:own].ravel()
-            if len(vectors) > own:  # those of the targets of the groups, then those of all targets
-                self._write(g, "target", vectors[own : own + len(g)].reshape(-1, 9))
-                seen = axis[own + len(g) :]
+            first = len(of.tilted_at) // 9
+            if first:
+                g[:, of.tilted_at] = vectors[:first].ravel()
+            if len(vectors) > first:  # those of the targets of the groups, then those of all targets
+                self._write(g, "target", vectors[first : first + len(g)].reshape(-1, 9))
+                seen = axis[first + len(g) :]
         if len(of.points_at):
             g[:, of.points_at] += (values[of.slides] @ of.directions).ravel()
         if of.moves:
@@ -461,16 +461,16 @@ class Model:
 
     def _entering(self, groups: Groups, slots: Sequence[str]) -> tuple[NDArray[np.intp], ...]:
         """Return the indices of the parameters that add up to each of some slots, (groups, slots) each."""
-        found = [x for target, run in groups for slot in slots for x in self._sources(slot, 0, target, run)]
-        return self._adding_up(found, (len(groups), len(slots)))
+        sources = [x for target, run in groups for slot in slots for x in self._sources(slot, 0, target, run)]
+        return self._adding_up(sources, (len(groups), len(slots)))
 
     def _adding_up(
         self, slots: Sequence[tuple[object, ...]], shape: tuple[int, int]
     ) -> tuple[NDArray[np.intp], ...]:
         """Return the indices of the parameters of pairs of slots: the first ones, and the second if there are any."""
         first, second = self._numbers(slots).reshape(-1, 2).T
-        found = (first.reshape(shape), second.reshape(shape))
-        return found[: np.any(second != len(self.parameters)) + 1] if first.size else ()
+        pair = (first.reshape(shape), second.reshape(shape))
+        return pair[: np.any(second != len(self.parameters)) + 1] if first.size else ()
 
     @staticmethod
     def _sources(slot: str, number: int, target: int = 0, run: int = 0) -> tuple[tuple[object, ...], ...]:
@@ -528,17 +528,17 @@ class Model:
     @functools.cached_property
     def _common_slots(self) -> Array:
         """The derivative of the slots that are the same for all targets and set-ups and do not depend on values."""
-        s, own = self.structure, {row for row, _ in self._group_rows}
+        s, of_groups = self.structure, {row for row, _ in self._group_rows}
         matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
         for row, slot in enumerate([*s.slots, *(("e", *parameter) for parameter in s.parameters)]):
-            found: Sequence[tuple[object, ...]] = [slot]
+            slots: Sequence[tuple[object, ...]] = [slot]
             if str(slot[0]).startswith("centre."):  # of directions there is no such parameter
-                found = [("target", k, str(slot[0])[-1]) for k in range(len(self.points))]
+                slots = [("target", k, str(slot[0])[-1]) for k in range(len(self.points))]
             elif str(slot[0]).startswith("frame."):
-                found = [("frame", str(slot[0])[6:])]
-            for each in found if row not in own else ():
+                slots = [("frame", str(slot[0])[6:])]
+            for each in slots if row not in of_groups else ():
                 for index, factor in self._parts(each):
-                    matrix[row, index] = factor / len(found)
+                    matrix[row, index] = factor / len(slots)
         return matrix
 
     def _parts(self, slot: tuple[object, ...]) -> Sequence[tuple[int, float]]:
@@ -559,9 +559,9 @@ def _indices(parts: Iterable[tuple[int, int]]) -> NDArray[np.intp]:
 
 
 def _travel(machine: Machine, travel: Any) -> Array:
-    given = machine.limits
-    found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
-    return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
+    limits = machine.limits
+    ranges = np.zeros((len(limits), 2)) if travel is None else np.asarray(travel, float)
+    return np.array([f if g is None else g for f, g in zip(ranges, limits, strict=True)])
 
 
 _RECENT: deque[Model] = deque(maxlen=8)

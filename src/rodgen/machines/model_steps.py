@@ -178,12 +178,12 @@ class ModelSteps:
         """Return the joints that follow what acts at a joint, each with the factor: itself, or all with its reading."""
         if not self.structure.couplings or not self.has_reading(i):
             return {i: 1}
-        found = {}
+        followers = {}
         for j, coupling in enumerate(self.structure.couplings):
             factor = Fraction(i == j) if coupling is None else dict(coupling.factors).get(i)
             if factor:
-                found[j] = 1 if factor == 1 else self.algebra.number(factor)
-        return found
+                followers[j] = 1 if factor == 1 else self.algebra.number(factor)
+        return followers
 
     @cached
     def reading_errors(self, i: int) -> list[Any]:
@@ -201,10 +201,10 @@ class ModelSteps:
         coupling = self.coupling(j)
         if coupling is None:
             return list(self.reading_errors(j))
-        found = [] if self.has_reading(j) else [*self.reading_errors(j)]
+        errors = [] if self.has_reading(j) else [*self.reading_errors(j)]
         for i, factor in coupling.factors:
-            found += [self.algebra.number(factor) * error for error in self.reading_errors(i)]
-        return found
+            errors += [self.algebra.number(factor) * error for error in self.reading_errors(i)]
+        return errors
 
     # the ideal pose ------------------------------------------------------------------------------------------
 
@@ -245,33 +245,33 @@ class ModelSteps:
         if not names & MOMENTS:
             return {}
         n, arm = self.axis[j], self.arm(j)
-        found: dict[str, Any] = {}
+        moments: dict[str, Any] = {}
         if names & {"M", "M_across"}:
-            found["M"] = motions.moment_about(self, self.rate(j), arm)
+            moments["M"] = motions.moment_about(self, self.rate(j), arm)
         if "M_across" in names:
-            found["M_across"] = motions.across(motions.moment(self, arm, self.gravity(j)), n, found["M"])
+            moments["M_across"] = motions.across(motions.moment(self, arm, self.gravity(j)), n, moments["M"])
         if "M_perp" in names:
-            found["M_perp"] = motions.moment_turned(self, n, self.rate(j), arm)
+            moments["M_perp"] = motions.moment_turned(self, n, self.rate(j), arm)
         if "M_guide" in names:
             guide = n * self.coordinate(j) if self.structure.moving else self.zero
             guided = motions.moment(self, arm - guide, self.gravity(j))
-            found["M_guide"] = motions.across(guided, n, n.dot(guided))
-        return found
+            moments["M_guide"] = motions.across(guided, n, n.dot(guided))
+        return moments
 
     def moments_at(self, i: int, names: frozenset[str], component: str) -> dict[str, Any]:
         """Return the moments that bend a joint, or, where its reading is changed, those that its drive bears."""
         factors = self.followers(i) if component == "reading" else {i: 1}
         if factors == {i: 1} or not names & MOMENTS:
             return self.moments(i, names)
-        found: dict[str, Any] = {}
+        moments_there: dict[str, Any] = {}
         for j, factor in factors.items():
             turns = self.structure.joints[j].revolute
             moments = (
                 self.moments(j, names) if turns else dict.fromkeys(names & {"M", "M_perp"}, self.force(j))
             )
             for name, moment in moments.items():
-                found[name] = factor * moment + found.get(name, 0)
-        return found
+                moments_there[name] = factor * moment + moments_there.get(name, 0)
+        return moments_there
 
     def force(self, j: int) -> Any:
         """Return the part of a unit force along gravity that a prismatic joint's drive bears."""
@@ -280,25 +280,25 @@ class ModelSteps:
     def weights_on_drive(self, i: int) -> list[Any]:
         """Return the moments of unit weights that the drive of a joint bears, in the order of `Term.weights`."""
         factors, beyond = self.followers(i), list(self.structure.beyond(i))
-        own = factors.pop(i)
-        found = [moment if own == 1 else own * moment for moment in self.moments_of_weights(i)]
+        factor_of = factors.pop(i)
+        on_drive = [moment if factor_of == 1 else factor_of * moment for moment in self.moments_of_weights(i)]
         for j, factor in factors.items():
             turns, later = self.structure.joints[j].revolute, self.structure.beyond(j)
             moments = self.moments_of_weights(j) if turns else [self.force(j)] * len(later)
             for k, moment in zip(later, moments, strict=False):
                 if k in beyond:
-                    found[beyond.index(k)] = found[beyond.index(k)] + factor * moment
-        return found
+                    on_drive[beyond.index(k)] = on_drive[beyond.index(k)] + factor * moment
+        return on_drive
 
     def bends(self, j: int, names: frozenset[str]) -> dict[str, Any]:
         """Return what gravity bends: a shaft along the axis, a fork that stands on the axis before."""
-        found: dict[str, Any] = {}
+        bends: dict[str, Any] = {}
         if "bend" in names:
-            found["bend"] = motions.shaft_bend(self, self.axis[j], self.gravity(j))
+            bends["bend"] = motions.shaft_bend(self, self.axis[j], self.gravity(j))
         if "fork" in names:
             before = self.axis[self.structure.carriers(j)[-1]]
-            found["fork"] = motions.fork_bend(self, self.axis[j], before, self.gravity(j))
-        return found
+            bends["fork"] = motions.fork_bend(self, self.axis[j], before, self.gravity(j))
+        return bends
 
     @cached
     def rate(self, j: int) -> Vector:
@@ -576,9 +576,9 @@ class ModelSteps:
     def changes_by_place(self, component: str, x: Vector, value: Any) -> Any:
         """Add to a value what the effects on a component do at a place."""
         words = {f"read_{name}": x[i] for i, name in enumerate("xyz")}
-        found = (
+        changes = (
             self.value(n, t.formula, **words)
             for n, t in enumerate(self.structure.terms)
             if t.component == component
         )
-        return sum(found, value)
+        return sum(changes, value)

@@ -119,10 +119,10 @@ class Relation:
 
 def relation_of(term: str, definition: EffectDefinition, mount: Mount) -> Relation | None:
     """Return what a term is of the effect of its definition on a mount; None where it is of the other mount."""
-    found = _RELATION.fullmatch(definition.tpoint[term])
-    assert found is not None
+    match = _RELATION.fullmatch(definition.tpoint[term])
+    assert match is not None
     place = None
-    if axis := found["axis"]:
+    if axis := match["axis"]:
         if axis not in _AXES[mount.name]:
             return None
         place = mount.joints[_AXES[mount.name].index(axis)]
@@ -130,8 +130,8 @@ def relation_of(term: str, definition: EffectDefinition, mount: Mount) -> Relati
         if term not in GEOMETRY[mount.name]:
             return None
         place = BORESIGHT
-    sign = -1.0 if found["sign"] else 1.0
-    return Relation(found["parameter"], sign, place, bool(found["latitude"]), bool(found["period"]))
+    sign = -1.0 if match["sign"] else 1.0
+    return Relation(match["parameter"], sign, place, bool(match["latitude"]), bool(match["period"]))
 
 
 def names_of_terms(machine: MachineData, definition: EffectDefinition, place: str | None) -> dict[str, str]:

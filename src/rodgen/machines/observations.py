@@ -207,25 +207,25 @@ class Observations:
     @property
     def on_rows(self) -> list[str]:
         """Sentences on rows of the table that are not here: copies, those that are set aside, and those of a scan."""
-        found = [] if self.aside is None else [self.aside.text]
+        sentences = [] if self.aside is None else [self.aside.text]
         if self.copies and self.counted_as is not None:
-            found.append(
+            sentences.append(
                 f"{self.copies} of the {len(self.counted_as)} rows of {os.path.basename(self.data.file)} are copies of "
                 "others, their readings included; each is counted once."
             )
         if self.blocks is not None and self.n < self.blocks.rows:
-            found.append(
+            sentences.append(
                 f"The fit is to all {self.blocks.rows} rows; what is decided on single rows is decided on {self.n} of "
                 f"them, stretches spread evenly over all."
             )
-        return found
+        return sentences
 
     @property
     def not_here(self) -> dict[str, Any]:
         """How many rows of the table are copies, and which are set aside, as plain data."""
         nothing = {"rows": 0, "entries": []}
-        found = {"copies": self.copies, "set_aside": self.aside.to_dict() if self.aside else nothing}
-        return found | ({} if self.blocks is None else {"sample": self.n})
+        counts = {"copies": self.copies, "set_aside": self.aside.to_dict() if self.aside else nothing}
+        return counts | ({} if self.blocks is None else {"sample": self.n})
 
     def given(self, rows: NDArray[np.int_]) -> NDArray[np.int_]:
         """Return the numbers, from 0, that rows had in the table as it was given, with those that are not here."""
@@ -250,15 +250,15 @@ class Observations:
         """Return the observations without rows of their table that are set aside."""
         if aside is None:
             return self
-        kept = ~aside.mask
-        if kept.all():
+        is_used = ~aside.mask
+        if is_used.all():
             return replace(self, aside=aside)
-        there, run = np.unique(self.run[kept], return_inverse=True)
+        there, run = np.unique(self.run[is_used], return_inverse=True)
         return replace(
-            self.take(kept),
+            self.take(is_used),
             run=run.astype(np.int32),
             run_names=tuple(self.run_names[i] for i in there),
-            counted_as=np.where(kept, np.cumsum(kept) - 1, -1),
+            counted_as=np.where(is_used, np.cumsum(is_used) - 1, -1),
             aside=aside,
             table=self.table,
         )
@@ -266,22 +266,22 @@ class Observations:
     def counted_once(self) -> Observations:
         """Return the observations without the rows that are copies; see `rodgen.data.poses.originals`."""
         columns = [c.codes if hasattr(c, "codes") else c.values for c in self.data.columns.values()]
-        found = originals(columns, self.n)
-        if found is None:
+        first_of = originals(columns, self.n)
+        if first_of is None:
             return self
-        kept, counted_as = np.unique(found, return_inverse=True)
+        once, counted_as = np.unique(first_of, return_inverse=True)
         if self.counted_as is not None:
             counted_as = np.where(self.counted_as < 0, -1, counted_as[self.counted_as])
-        return replace(self.take(kept), counted_as=counted_as, aside=self.aside, table=self.table)
+        return replace(self.take(once), counted_as=counted_as, aside=self.aside, table=self.table)
 
     def unit_of(self, column: str, usual: str = "") -> tuple[str, float]:
         """Return the unit of a column of the data, `usual` where it states none, and its internal value."""
         unit = self.data.columns[column].unit or usual
         return unit, parse_unit(unit).factor(self.machine.length_unit)
 
-    def read_as(self, other: Observations) -> Observations:
+    def read_as(self, source: Observations) -> Observations:
         """Return the observations with the readings of others, row by row."""
-        return replace(self, reading=other.reading, attitude=other.attitude, sigma=other.sigma)
+        return replace(self, reading=source.reading, attitude=source.attitude, sigma=source.sigma)
 
     @cached_property
     def colouring(self) -> NDArray[np.float64] | None:
@@ -320,8 +320,8 @@ class Observations:
 
     def arrays(self) -> Iterator[NDArray[Any]]:
         """Yield every array."""
-        given = (getattr(self, name) for name in _BY_ROW)
-        yield from (array for array in given if array is not None)
+        present = (getattr(self, name) for name in _BY_ROW)
+        yield from (array for array in present if array is not None)
         yield from (*self.temperature.values(), *self.covariates.values(), self.travel)
 
     def _repr_html_(self) -> str:

@@ -50,11 +50,11 @@ def parameters_of(machine: MachineData, structure: Structure, runs: Sequence[str
         Names of the set-ups in the data. A frame shift has parameters for each when there are two or more, the
         remounting of a target for each but the first.
     """
-    found = tuple(_parameters(machine, structure, runs))
+    every = tuple(_parameters(machine, structure, runs))
     if not machine.known:
-        return found
-    known = [known_of(machine.known, p.key) if p.slot[0] != "frame" else Known() for p in found]
-    return tuple(replace(p, prior=k.prior, bounds=k.bounds) for p, k in zip(found, known, strict=True))
+        return every
+    known = [known_of(machine.known, p.key) if p.slot[0] != "frame" else Known() for p in every]
+    return tuple(replace(p, prior=k.prior, bounds=k.bounds) for p, k in zip(every, known, strict=True))
 
 
 def _parameters(machine: MachineData, structure: Structure, runs: Sequence[str]) -> Iterator[Parameter]:

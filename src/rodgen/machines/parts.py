@@ -55,15 +55,15 @@ def unit_vector(vector: Iterable[float]) -> Vector:
     ValueError
         When it is zero.
     """
-    found = tuple(vector)
-    largest = max(map(abs, found))
+    components = tuple(vector)
+    largest = max(map(abs, components))
     if largest == 0:
         raise ValueError("[0, 0, 0], which has no direction")
-    if abs(math.hypot(*found) - 1.0) > 1e-15:
-        found = tuple(x / largest for x in found)
-        length = math.hypot(*found)
-        found = tuple(x / length for x in found)
-    x, y, z = found
+    if abs(math.hypot(*components) - 1.0) > 1e-15:
+        components = tuple(x / largest for x in components)
+        length = math.hypot(*components)
+        components = tuple(x / length for x in components)
+    x, y, z = components
     return x, y, z
 
 
@@ -251,8 +251,8 @@ class Effect:
         title = f"{self.name} at {self.place}" if self.place else self.name
         if self.definition.component == "geometry":  # a number of a closed chain
             title = f"another {self.place}"
-        said = "; ".join(filter(None, (", ".join(self.term_names), *more)))
-        return f"{title} ({said})" if said else title
+        names = "; ".join(filter(None, (", ".join(self.term_names), *more)))
+        return f"{title} ({names})" if names else title
 
     def label(self, parameter: str) -> str:
         """Return a parameter's name; on a mount with the term of TPOINT that it is, such as ``a = -TX``."""
@@ -374,11 +374,11 @@ class MachineData:
     @property
     def branches(self) -> dict[str, tuple[Joint, ...]]:
         """The joints of the workpiece's and of the tool's branch, the bed's first; empty for a chain."""
-        found = {
+        branches = {
             name: tuple(joint for joint in self.joints if joint.branch == name)[:: -1 if inner else 1]
             for name, inner in ((name, name == self.measured.instrument) for name in BRANCHES)
         }
-        return {name: joints for name, joints in found.items() if joints}
+        return {name: joints for name, joints in branches.items() if joints}
 
     @property
     def axes_of_places(self) -> str:
@@ -462,11 +462,11 @@ _Thing = TypeVar("_Thing", Joint, Target)
 
 
 def _named(name: str, kind: str, things: tuple[_Thing, ...]) -> _Thing:
-    found = next((thing for thing in things if thing.name == name), None)
-    if found is None:
+    match = next((thing for thing in things if thing.name == name), None)
+    if match is None:
         names = listed([thing.name for thing in things])
         raise RodgenError(f"no {kind} {shown(name)}; expected {names}")
-    return found
+    return match
 
 
 def known_of(known: Mapping[str, Known], key: str) -> Known:
@@ -479,11 +479,11 @@ def known_of(known: Mapping[str, Known], key: str) -> Known:
     key : str
         The parameter's.
     """
-    found = Known()
+    known_there = Known()
     for name in sorted((name for name in known if belongs(key, name)), key=len):
-        own = known[name]
-        found = Known(own.prior or found.prior, own.bounds or found.bounds)
-    return found
+        entry = known[name]
+        known_there = Known(entry.prior or known_there.prior, entry.bounds or known_there.bounds)
+    return known_there
 
 
 def belongs(key: str, name: str) -> bool:

@@ -414,15 +414,15 @@ def _effects(machine: MachineData, key: str) -> list[Effect]:
         return [catalogue_effect(machine, name, place, {})]
     if name not in NAMES:
         raise unknown_name(name)
-    found = []
+    effects = []
     for at in (*(joint.name for joint in machine.joints), *(target.name for target in machine.targets), None):
         try:
-            found.append(catalogue_effect(machine, name, at, {}))
+            effects.append(catalogue_effect(machine, name, at, {}))
         except UnfitEffectError:
             continue
-    if not found:
+    if not effects:
         raise UnfitEffectError("", "an effect that this machine cannot have", "one that it may have")
-    return found
+    return effects
 
 
 def size_dimensions(machine: MachineData, effect: Effect, name: str, unit: str) -> tuple[Dimension, ...]:
@@ -430,21 +430,21 @@ def size_dimensions(machine: MachineData, effect: Effect, name: str, unit: str) 
 
     Of one per lever arm also the dimension of what it does at the machine's whole reach.
     """
-    _, own = unit_factor(unit, machine.length_unit)
+    _, dimension = unit_factor(unit, machine.length_unit)
     of_catalogue = effect.definition.parameters.get(name)
     by_arm = of_catalogue is None or (of_catalogue.endswith("/{arm}") and machine.measurand.moving)
-    return (own, own * LENGTH) if by_arm else (own,)
+    return (dimension, dimension * LENGTH) if by_arm else (dimension,)
 
 
 def _stated_sizes(machine: MachineData, key: str, value: Any, dimensions: set[Dimension]) -> tuple[str, ...]:
     texts = tuple(value) if isinstance(value, list) and value else (value,)
     expected = 'a size with its unit, such as "20 arcsec", or a list of such'
     for text in texts:
-        found = number_and_unit(text) if isinstance(text, str) else None
-        if found is None or not found[0] > 0:
+        number = number_and_unit(text) if isinstance(text, str) else None
+        if number is None or not number[0] > 0:
             raise UnfitEffectError(key, shown(str(text)), expected)
         try:
-            _, dimension = unit_factor(found[1] or "1", machine.length_unit)
+            _, dimension = unit_factor(number[1] or "1", machine.length_unit)
         except UnitError as error:
             raise UnfitEffectError(key, error.found, error.expected) from None
         if dimension not in dimensions:

@@ -52,8 +52,8 @@ def unknown_name(name: str) -> UnfitEffectError:
     """Return the error for a name that is not in the catalogue, with the most similar one."""
     near = nearest_name(name, [*NAMES, *TERMS])
     hint = f"{near!r}, perhaps; " if near else ""
-    if found := symbols(name):
-        names = listed([symbol.definition.name for symbol in found])
+    if known_symbols := symbols(name):
+        names = listed([symbol.definition.name for symbol in known_symbols])
         hint = f"{names}, its name here; "
     elif own_term(name):
         hint = f"what 'rodgen effects {name}' shows, as an effect of your own; "
@@ -73,11 +73,11 @@ def catalogue_effect(machine: MachineData, name: str, place: str | None, hold: M
     ------
     UnfitEffectError
     """
-    if found := symbols(name):
-        if len(found) > 1:
-            names = listed([symbol.definition.name for symbol in found])
+    if known_symbols := symbols(name):
+        if len(known_symbols) > 1:
+            names = listed([symbol.definition.name for symbol in known_symbols])
             raise UnfitEffectError("name", f"{shown(name)}, which is several effects", names)
-        name, joint = found[0].definition.name, found[0].joint
+        name, joint = known_symbols[0].definition.name, known_symbols[0].joint
         if place is None and any(each.name == joint for each in machine.joints):
             place = joint
     same_name = [definition for definition in CATALOGUE if definition.name == name]
@@ -95,16 +95,16 @@ def catalogue_effect(machine: MachineData, name: str, place: str | None, hold: M
 def held(machine: MachineData, effect: Effect, hold: Mapping[str, float]) -> dict[str, float]:
     """Return held parameters in internal units, given in those of the machine file."""
     units = effect.units(machine)
-    found = {}
+    values = {}
     for name, value in hold.items():
         if name not in units:
             some = suggestion(name, units) if units else "no hold: it has no parameters"
             raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", some)
         _, dimension = unit_factor(units[name], machine.length_unit)
-        found[name] = float(value) * machine.file_factor(dimension)
-        if not abs(found[name]) < NUMBER:
+        values[name] = float(value) * machine.file_factor(dimension)
+        if not abs(values[name]) < NUMBER:
             raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a number of a usual size")
-    return found
+    return values
 
 
 def _kind_of(machine: MachineData, place: str | None) -> str:
@@ -151,8 +151,8 @@ def _wrong_place(
         twins = [d.name for d in CATALOGUE if kind in d.at and d.name == _ON_A_LEG.get(name, f"leg_{name}")]
         some = some if twins == [] else ""
     on = OF_A_LOOP.get(kind, f"a {kind} joint")
-    other = f"{shown(twins[0])}, its name on {on}" + (", or " if some else "") if twins else ""
-    return UnfitEffectError("joint", f"{shown(place)}, {on}", f"{other}{some}")
+    hint = f"{shown(twins[0])}, its name on {on}" + (", or " if some else "") if twins else ""
+    return UnfitEffectError("joint", f"{shown(place)}, {on}", f"{hint}{some}")
 
 
 # rules -----------------------------------------------------------------------------------------------------------

@@ -108,12 +108,12 @@ def bringing_back(
     return _with_rows(machine, data, rows=rows, run=run, where=where, why=why, back=True)
 
 
-def _with_rows(machine: Machine, data: Any, *, rows: str | Sequence[int], **said: Any) -> Machine:
+def _with_rows(machine: Machine, data: Any, *, rows: str | Sequence[int], **keys: Any) -> Machine:
     table, file = Measurements.of(data), machine.file or machine.name
     listed = rows if isinstance(rows, str) else rows_text(rows)
-    of = "" if said["where"] else os.path.basename(table.file)
+    of = "" if keys["where"] else os.path.basename(table.file)
     with in_file(file, "[measured], set_aside"):
-        new = SetAside(listed, file=of, **said)
+        new = SetAside(listed, file=of, **keys)
         entries = edited(machine.measured.set_aside, new, table, _compared(machine), file)
     changed = replace(machine, measured=replace(machine.measured, set_aside=entries))
     aside(changed, table)

@@ -47,10 +47,10 @@ def typed_effect(text: str) -> TypedEffect:
     >>> typed_effect("backlash@C: b = 20 arcsec")
     TypedEffect(name='backlash', place='C', run=None, numbers={'b': '20 arcsec'})
     """
-    found = _EFFECT.fullmatch(text)
-    if found is None:
+    match = _EFFECT.fullmatch(text)
+    if match is None:
         raise UnfitEffectError("effect", shown(text), "NAME, NAME@JOINT or NAME@JOINT:a=12arcsec,b=3arcsec")
-    name, run, place, numbers = found.groups()
+    name, run, place, numbers = match.groups()
     return TypedEffect(name, place or None, run, assignments(numbers.split(",") if numbers else ()))
 
 
@@ -62,15 +62,15 @@ def assignments(texts: Sequence[str]) -> dict[str, str]:
     UnfitEffectError
         When one is not such a text, or a name stands twice.
     """
-    found: dict[str, str] = {}
+    assigned: dict[str, str] = {}
     for text in texts:
         name, equals, number = (part.strip() for part in text.partition("="))
         if not (name and equals and number):
             raise UnfitEffectError("hold", shown(text), "NAME=VALUE, such as k2=0 or b=12arcsec")
-        if name in found:
+        if name in assigned:
             raise UnfitEffectError("hold", f"{shown(name)} twice", "it once")
-        found[name] = number
-    return found
+        assigned[name] = number
+    return assigned
 
 
 def effect_with(machine: Machine, name: str, place: str | None, numbers: Mapping[str, str]) -> Effect:
@@ -94,10 +94,10 @@ def effect_with(machine: Machine, name: str, place: str | None, numbers: Mapping
 
 
 def holding(
-    machine: Machine, made: Callable[[Mapping[str, float]], Effect], numbers: Mapping[str, str]
+    machine: Machine, make: Callable[[Mapping[str, float]], Effect], numbers: Mapping[str, str]
 ) -> Effect:
     """Return an effect, made of what it holds, that holds typed numbers; see `effect_with`."""
-    units = made({}).units(machine)
+    units = make({}).units(machine)
     hold: dict[str, float] = {}
     for parameter, text in numbers.items():
         number = number_and_unit(text)
@@ -108,4 +108,4 @@ def holding(
             _, dimension = unit_factor(units[parameter], machine.length_unit)
             internal = factor_of(machine, f"hold.{parameter}", unit, units[parameter])
             hold[parameter] *= internal / machine.file_factor(dimension)
-    return made(hold)
+    return make(hold)

@@ -80,9 +80,9 @@ class Sums(NamedTuple):
     onto: Array  # (d,), Wᵀr, r clipped
     bins: Array  # how many readings were how far from what was expected
 
-    def less(self, other: Sums) -> Sums:
+    def less(self, subtracted: Sums) -> Sums:
         """Return the sums since another time."""
-        return Sums(*map(np.subtract, self, other))
+        return Sums(*map(np.subtract, self, subtracted))
 
     def plus(self, new: Sums) -> Sums:
         """Return the sums up to a later time."""
@@ -156,9 +156,11 @@ class ChangeDetector:
         self.limit, self.groups = limit, [np.asarray(group) for group in groups]
         length = np.sqrt(np.mean(columns**2, axis=(0, 1)))
         self.scale = float(np.sqrt(np.mean(readings**2))) or 1.0
-        shown = length > ROUNDING * length.max(initial=0.0)  # of the others the reference has rounding alone
-        self.unit = np.divide(self.scale, length, out=np.zeros(d), where=shown)
-        self._per_unit = np.divide(1.0, self.unit, out=np.zeros(d), where=shown)
+        is_seen = length > ROUNDING * length.max(
+            initial=0.0
+        )  # of the others the reference has rounding alone
+        self.unit = np.divide(self.scale, length, out=np.zeros(d), where=is_seen)
+        self._per_unit = np.divide(1.0, self.unit, out=np.zeros(d), where=is_seen)
         self.components, of_width = columns.shape[1], dict[int, list[int]]()
         for k, group in enumerate(self.groups):
             of_width.setdefault(len(group), []).append(k)
@@ -235,8 +237,8 @@ class ChangeDetector:
         return np.asarray(np.eye(self.components) + columns @ covariance @ np.swapaxes(columns, 1, 2))
 
     def _inverse(self, square: Array) -> Array:
-        found = np.linalg.inv(self.base + square + ROUNDING * np.diag(np.diag(square)))
-        return np.asarray((found + found.T) / 2)
+        inverse = np.linalg.inv(self.base + square + ROUNDING * np.diag(np.diag(square)))
+        return np.asarray((inverse + inverse.T) / 2)
 
     def _start(self) -> None:
         """Begin new processes where it is time to: each stands for the time since the one before on its level."""
@@ -272,8 +274,8 @@ class ChangeDetector:
         share, bins = np.log((1 - NOISE) / len(self.groups)), np.stack([each.bins for each in since])
         before = np.stack([start.sums.bins for start in starts])
         noise = _log_of_counts(np.ones_like(bins), bins) - _log_of_counts(before, bins) + np.log(NOISE)
-        found = np.column_stack([effects + share, noise])
-        return np.asarray(found + np.log([start.weight for start in starts])[:, None])
+        log_parts = np.column_stack([effects + share, noise])
+        return np.asarray(log_parts + np.log([start.weight for start in starts])[:, None])
 
     def _log_ratio(self, u: Array, A: Array) -> Array:
         """Return log Λ, (...), from scores u, (..., p), and information A, (..., p, p); the mean over the sizes."""
@@ -482,7 +484,7 @@ class StreamWhitener:
         expected : ndarray, shape (K - 1,)
             Coefficients of the columns by which readings are expected; one that is far from there predicts nothing.
         """
-        found, m = np.empty(columns.shape), columns.shape[1]
+        whitened, m = np.empty(columns.shape), columns.shape[1]
         contrast = np.append(-expected, 1.0) / self._white
         for i, (row, H) in enumerate(zip(columns, motion[:, :, self._used] * self._sizes, strict=True)):
             if gap[i] > 0:
@@ -491,13 +493,13 @@ class StreamWhitener:
                 self._covariance = keeps[:, None] * self._covariance * keeps + np.diag(1 - keeps**2)
             across = self._covariance @ H.T
             inverse = np.linalg.inv(np.linalg.cholesky(np.eye(m) + H @ across))
-            found[i] = inverse @ (row - H @ self._mean)
-            if np.linalg.norm(found[i] @ contrast) > WATCH.clip(m):
+            whitened[i] = inverse @ (row - H @ self._mean)
+            if np.linalg.norm(whitened[i] @ contrast) > WATCH.clip(m):
                 continue
             gain = across @ inverse.T
-            self._mean = self._mean + gain @ found[i]
+            self._mean = self._mean + gain @ whitened[i]
             self._covariance = self._covariance - gain @ gain.T
-        return found
+        return whitened
 
     def state(self) -> dict[str, Array]:
         """Return what is known, as arrays."""

@@ -99,8 +99,8 @@ def inverse_root(gram: Array, *, least: float = 0.0, relative: float = 0.0) -> A
         Eigenvalues of G must exceed the one, and the other times the largest of them.
     """
     values, vectors = eigh(gram)
-    kept = values > max(least, relative * float(values.max(initial=0.0)))
-    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
+    is_large = values > max(least, relative * float(values.max(initial=0.0)))
+    return np.asarray(vectors[:, is_large] / np.sqrt(values[is_large]))
 
 
 def orthonormalizing(columns: Array, block: int) -> Array:
@@ -112,13 +112,13 @@ def orthonormalizing(columns: Array, block: int) -> Array:
     block : int
         Rows of a block.
     """
-    found = inverse_root(columns.T @ columns, relative=1e-14)
-    gram = np.zeros((found.shape[1], found.shape[1]))
+    root = inverse_root(columns.T @ columns, relative=1e-14)
+    gram = np.zeros((root.shape[1], root.shape[1]))
     for start in range(0, len(columns), block):
-        part = columns[start : start + block] @ found
+        part = columns[start : start + block] @ root
         gram += part.T @ part
     # once leaves rounding errors as large as the columns are dependent
-    return found @ inverse_root(gram, relative=1e-14)
+    return root @ inverse_root(gram, relative=1e-14)
 
 
 def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:

@@ -76,8 +76,8 @@ def lstsq(columns: Array, right: Array, *, relative: float | None) -> Array:
         return np.asarray(np.linalg.lstsq(columns, right, rcond=relative)[0])
     except np.linalg.LinAlgError:
         u, s, vt = svd(columns)
-        kept = s > relative * s.max(initial=0.0)
-        return np.asarray((vt[kept].T / s[kept]) @ (u[:, kept].T @ right))
+        is_large = s > relative * s.max(initial=0.0)
+        return np.asarray((vt[is_large].T / s[is_large]) @ (u[:, is_large].T @ right))
 
 
 def solve(matrix: Array, right: Array) -> Array:

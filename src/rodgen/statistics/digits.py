@@ -61,8 +61,8 @@ def round_by(values: Array, u: Array) -> Array:
     known = np.isfinite(u) & (u > 0)
     decimals = last_decimal(np.where(known, u, 1.0), 2)
     up, down = 10.0 ** np.maximum(decimals, 0), 10.0 ** np.maximum(-decimals, 0)
-    found = np.round(values * up / down) / up * down
-    return np.asarray(np.where(known & np.isfinite(found), found, values))
+    rounded = np.round(values * up / down) / up * down
+    return np.asarray(np.where(known & np.isfinite(rounded), rounded, values))
 
 
 def measured(value: float, u: float | None) -> tuple[str, str]:

@@ -81,13 +81,15 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array) -> Drifts:
         return np.take_along_axis(np.broadcast_to(x, y.shape), last[:, :-1], axis=1)
 
     step, single = y[:, 1:] - before(y), s[:, 1:] + before(s)
-    own = step.copy()  # what most series of a night have in common is no scatter of theirs
+    individual = step.copy()  # what most series of a night have in common is no scatter of theirs
     for column in np.flatnonzero(there.sum(axis=0) >= FLEET.fewest):
         some = step[there[:, column], column]
-        own[:, column] = (own[:, column] - np.median(some)) * np.sqrt(len(some) / (len(some) - 1))
-    scatter = _repeatability(own[there] ** 2, single[there])
+        individual[:, column] = (individual[:, column] - np.median(some)) * np.sqrt(
+            len(some) / (len(some) - 1)
+        )
+    scatter = _repeatability(individual[there] ** 2, single[there])
     expected = np.where(there, single + 2 * scatter, np.inf)
-    alike = _alike((own**2 / expected).sum(axis=1) / np.maximum(count - 1, 1), _worth(count - 1))
+    alike = _alike((individual**2 / expected).sum(axis=1) / np.maximum(count - 1, 1), _worth(count - 1))
     of_all = np.minimum(alike, max(EFFICIENCY * float(_worth(count - 1).sum()), 1.0))
     # what weights that follow estimated variances make too small (Meier 1953)
     weight, variance = known / (s + scatter), s * (1 + 4 / nu[:, None]) + scatter
@@ -102,10 +104,10 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array) -> Drifts:
         size, beside = (lever * y).sum(axis=1), _worth(count - 2)
         left = (step - size[:, None] * (regressor[1:] - before(regressor))) ** 2 / expected
         factor = (of_all + beside * left.sum(axis=1) / np.maximum(count - 2, 1)) / (of_all + beside)
-        found = np.sqrt((lever**2 * variance).sum(axis=1) * factor)
+        deviation = np.sqrt((lever**2 * variance).sum(axis=1) * factor)
         dof = 1 / (1 / (of_all + beside) + 1 / nu)
-        t = np.divide(size, found, out=np.zeros_like(size), where=found > 0)
-        return size, found, 2 * special.stdtr(dof, -np.abs(t))
+        t = np.divide(size, deviation, out=np.zeros_like(size), where=deviation > 0)
+        return size, deviation, 2 * special.stdtr(dof, -np.abs(t))
 
     slope, slope_std, trend_p = fitted(times)
     steps = [fitted((np.arange(len(times)) >= k).astype(float)) for k in range(1, len(times))]

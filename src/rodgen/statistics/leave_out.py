@@ -74,12 +74,12 @@ def neighbours(points: Array, folds: int) -> NDArray[np.int_]:
     >>> neighbours(np.array([[0.0, 0.0], [9.0, 1.0], [0.0, 1.0], [9.0, 0.0], [5.0, 0.0], [5.0, 1.0]]), 3).tolist()
     [0, 2, 0, 2, 1, 1]
     """
-    found = np.zeros(len(points), int)
+    counts = np.zeros(len(points), int)
     parts = [(np.arange(len(points)), 0, folds)]
     while parts:
         some, first, count = parts.pop()
         if count == 1:
-            found[some] = first
+            counts[some] = first
             continue
         _, directions = eigh(np.atleast_2d(np.cov(points[some].T, bias=True)))
         widest = directions[:, -1] * np.sign(directions[np.argmax(np.abs(directions[:, -1])), -1])
@@ -87,4 +87,4 @@ def neighbours(points: Array, folds: int) -> NDArray[np.int_]:
         less = count // 2
         cut = len(some) * less // count
         parts += [(order[:cut], first, less), (order[cut:], first + less, count - less)]
-    return found
+    return counts

@@ -81,15 +81,15 @@ def population(values: Array, std: Array) -> Population:
         if np.array_equal(again, odd):
             break
         odd = again
-    kept, degrees = ~odd, float(n - odd.sum() - 1)
-    variance = _spread_variance(values[kept], std[kept], degrees)
+    is_usual, degrees = ~odd, float(n - odd.sum() - 1)
+    variance = _spread_variance(values[is_usual], std[is_usual], degrees)
     low, high = (
-        _spread_variance(values[kept], std[kept], float(special.chdtri(degrees, tail)))
+        _spread_variance(values[is_usual], std[is_usual], float(special.chdtri(degrees, tail)))
         for tail in (0.025, 0.975)
     )
     weight = 1 / (variance + std**2)
-    total = weight[kept].sum()
-    mean = float(weight[kept] @ values[kept] / total)
+    total = weight[is_usual].sum()
+    mean = float(weight[is_usual] @ values[is_usual] / total)
     part = variance * weight  # of a subject's own value in what is known of it
     shrunk = np.where(odd, values, mean + part * (values - mean))
     shrunk_std = np.where(odd, std, np.sqrt(part * std**2 + (1 - part) ** 2 / total))
@@ -101,9 +101,9 @@ def population(values: Array, std: Array) -> Population:
 
 def _odd(p_value: Array) -> Mask:
     """Return which subjects do not belong to the population: a minority, else there is none."""
-    found = discovery_rates(p_value) < FLEET.false_discoveries
+    is_discovery = discovery_rates(p_value) < FLEET.false_discoveries
     worst = np.argsort(np.argsort(p_value)) < int(FLEET.most_odd * len(p_value))
-    return np.asarray(found & worst)
+    return np.asarray(is_discovery & worst)
 
 
 def _sum_of_squares(values: Array, std: Array, variance: float) -> float:
@@ -129,7 +129,7 @@ def _spread_variance(values: Array, std: Array, wanted: float) -> float:
     return (low + high) / 2
 
 
-def _p_values(values: Array, std: Array, kept: Mask, variance: float) -> Array:
+def _p_values(values: Array, std: Array, is_usual: Mask, variance: float) -> Array:
     """Return the probability that each subject is as far from the mean of the others, (n,).
 
     The variance of the truths is estimated: its information is half the sum of squared weights, so that a value is t
@@ -139,19 +139,19 @@ def _p_values(values: Array, std: Array, kept: Mask, variance: float) -> Array:
     from scipy import special
 
     each = variance + std**2
-    weight = np.where(kept, 1 / each, 0.0)
+    weight = np.where(is_usual, 1 / each, 0.0)
     total = weight.sum()
     mean = weight @ values / total
-    own = np.where(
-        kept, 1 - weight / total, 1 + 1 / (total * each)
+    spread = np.where(
+        is_usual, 1 - weight / total, 1 + 1 / (total * each)
     )  # of the variance of a value less the mean
-    size = (values - mean) ** 2 / (each * np.maximum(own, 1e-12))
+    size = (values - mean) ** 2 / (each * np.maximum(spread, 1e-12))
     if variance == 0:
         return np.asarray(2 * special.ndtr(-np.sqrt(size)))
     squares = (weight**2).sum()
     information = squares - 2 * (weight**3).sum() / total + (squares / total) ** 2
-    degrees = np.maximum(each**2 * information - kept, 1.0)
-    size = np.where(kept, size * degrees / np.maximum(degrees + 1 - size, 1e-3), size)
+    degrees = np.maximum(each**2 * information - is_usual, 1.0)
+    size = np.where(is_usual, size * degrees / np.maximum(degrees + 1 - size, 1e-3), size)
     return np.asarray(special.betainc(degrees / 2, 0.5, degrees / (degrees + size)))
 
 
@@ -174,6 +174,6 @@ def discovery_rates(p_values: Array) -> Array:
     flat = p_values.ravel()
     order = np.argsort(flat)
     rates = flat[order] * len(flat) / np.arange(1, len(flat) + 1)
-    found = np.empty_like(flat)
-    found[order] = np.minimum.accumulate(rates[::-1])[::-1]
-    return np.minimum(found, 1.0).reshape(p_values.shape)
+    adjusted = np.empty_like(flat)
+    adjusted[order] = np.minimum.accumulate(rates[::-1])[::-1]
+    return np.minimum(adjusted, 1.0).reshape(p_values.shape)

@@ -148,9 +148,9 @@ class RestrictedLikelihood:
         self.price = float(np.log(max(self.dof, 2)))
         """What a variance, or a column, costs."""
 
-    def deviations(self, found: VarianceComponents) -> MotionDeviations:
+    def deviations(self, components: VarianceComponents) -> MotionDeviations:
         """Return the standard deviation along each degree of freedom."""
-        return found.deviations(self.groups, self.count)
+        return components.deviations(self.groups, self.count)
 
     def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
         """Evaluate the restricted likelihood, of which the variance of the readings' own errors is the best."""
@@ -162,10 +162,10 @@ class RestrictedLikelihood:
             weighted = Weighted(self.moments, self.deviations(there))
         except np.linalg.LinAlgError:
             return there, None
-        found = self._likely(
+        components = self._likely(
             there, weighted.triangle[weighted.levels :, weighted.levels :], weighted.log_determinant
         )
-        return found, weighted if found.variance > 0 else None
+        return components, weighted if components.variance > 0 else None
 
     def _likely(
         self, there: VarianceComponents, triangle: NDArray[np.floating[Any]], log_determinant: float
@@ -250,8 +250,10 @@ class RestrictedLikelihood:
         inverse = lstsq(information[:known], np.eye(known), relative=rounding)
         step, spread = (inverse @ slope)[of], inverse.diagonal()[of]
         rising = np.flatnonzero((step > 0) & (spread > 0))
-        found = np.clip(SMALLEST * np.sqrt(1 + 2 * step[rising]), 4 * SMALLEST, LARGEST)
-        start = _unweighed((*now.names, *(names[i] for i in rising)), (*now.sizes, *found.tolist()), time)
+        trial_sizes = np.clip(SMALLEST * np.sqrt(1 + 2 * step[rising]), 4 * SMALLEST, LARGEST)
+        start = _unweighed(
+            (*now.names, *(names[i] for i in rising)), (*now.sizes, *trial_sizes.tolist()), time
+        )
         return float(np.max(step[rising] ** 2 / spread[rising], initial=0.0)), start
 
     def _pruned(self, now: VarianceComponents) -> VarianceComponents:
@@ -301,12 +303,12 @@ class RestrictedLikelihood:
                 level = None if kind == "pose" else getattr(self.poses, kind)
                 yield from self._signs_of(kind, products if level is None else sums(products, level), np.inf)
                 continue
-            found, counts, time = products, np.bincount(self.poses.run), self.poses.spacing / 2
-            while counts.max() > 1 and len(found) > 2:
+            sums_of, counts, time = products, np.bincount(self.poses.run), self.poses.spacing / 2
+            while counts.max() > 1 and len(sums_of) > 2:
                 if (odd := counts % 2 > 0).any():
-                    found = np.insert(found, np.cumsum(counts)[odd], 0.0, axis=0)
-                found, counts, time = found[::2] + found[1::2], (counts + 1) // 2, 2 * time
-                yield from self._signs_of(kind, found, time)
+                    sums_of = np.insert(sums_of, np.cumsum(counts)[odd], 0.0, axis=0)
+                sums_of, counts, time = sums_of[::2] + sums_of[1::2], (counts + 1) // 2, 2 * time
+                yield from self._signs_of(kind, sums_of, time)
 
     def _signs_of(self, kind: str, products: Array, time: float) -> Iterator[tuple[float, str, float, float]]:
         """Yield signs from the products of each level's motion with all motions and columns, (levels, k, k + K).
@@ -376,11 +378,11 @@ class RestrictedLikelihood:
             else:
                 break
             before, at, best, weighted = (at, slope), to, there, further
-        kept = [i for i, size in enumerate(best.sizes) if size > SMALLEST]
-        if len(kept) == len(best.sizes):
+        positive = [i for i, size in enumerate(best.sizes) if size > SMALLEST]
+        if len(positive) == len(best.sizes):
             return best
         return self.climbed(
-            _unweighed([best.names[i] for i in kept], [best.sizes[i] for i in kept], best.time)
+            _unweighed([best.names[i] for i in positive], [best.sizes[i] for i in positive], best.time)
         )
 
     def _with_curvature(self, now: VarianceComponents) -> VarianceComponents:
@@ -395,12 +397,12 @@ class RestrictedLikelihood:
             now.slope - self._derivatives(*self._moved(now, at + NEAR * unit))[0]
             for unit in np.eye(len(at))[free]
         ]
-        found = np.array(falls).reshape(len(free), len(at))[:, free] / NEAR
-        found = (found + found.T) / 2
-        if not np.isfinite(found).all() or eigh(found)[0].min(initial=np.inf) <= FLATTEST:
+        curvature = np.array(falls).reshape(len(free), len(at))[:, free] / NEAR
+        curvature = (curvature + curvature.T) / 2
+        if not np.isfinite(curvature).all() or eigh(curvature)[0].min(initial=np.inf) <= FLATTEST:
             return now
         information = now.information.copy()
-        information[np.ix_(free, free)] = found
+        information[np.ix_(free, free)] = curvature
         return replace(now, information=information)
 
     def _moved(
@@ -422,8 +424,8 @@ class RestrictedLikelihood:
 
 def _unweighed(names: Iterable[str], sizes: Iterable[float], time: float) -> VarianceComponents:
     """Return components of which the likelihood is not known yet."""
-    found = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
-    return found if found.wanders else replace(found, time=np.inf)
+    components = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
+    return components if components.wanders else replace(components, time=np.inf)
 
 
 def _corrected(information: Array, step: Array, fall: Array) -> Array:
@@ -436,8 +438,8 @@ def _corrected(information: Array, step: Array, fall: Array) -> Array:
     )
 
 
-def _logarithms(found: VarianceComponents) -> Array:
-    return np.log([*found.sizes, *[found.time] * found.wanders])
+def _logarithms(components: VarianceComponents) -> Array:
+    return np.log([*components.sizes, *[components.time] * components.wanders])
 
 
 # Components and effects together.
@@ -451,7 +453,7 @@ class VarianceEstimator:
     motion : SharedMotion
     groups : mapping of str to slice
         Degrees of freedom that share a variance.
-    own : ndarray, shape (N, q)
+    adjusted : ndarray, shape (N, q)
         Orthonormal basis of the model's columns.
     effects : sequence of ndarray, each of shape (N, k)
         Columns of candidates, of length 1.
@@ -467,7 +469,7 @@ class VarianceEstimator:
         self,
         motion: SharedMotion,
         groups: dict[str, slice],
-        own: Array,
+        adjusted: Array,
         effects: Sequence[Array],
         residual: Array,
         readings: int,
@@ -476,7 +478,7 @@ class VarianceEstimator:
     ) -> None:
         self.log_tries = np.log(np.ones(len(effects)) if tries is None else tries)
         self.motion, self.groups, self.least = motion, groups, least
-        self.own, self.effects, self.residual, self.readings = own, effects, residual, readings
+        self.own, self.effects, self.residual, self.readings = adjusted, effects, residual, readings
 
     def best(self, kinds: Sequence[str], alone: VarianceComponents | None = None) -> VarianceComponents:
         """Return the cheapest components of some kinds; none where readings are independent.
@@ -487,21 +489,21 @@ class VarianceEstimator:
             Those without any effect, where they are known.
         """
         likelihood = self._likelihood(self.own, np.zeros((len(self.own), 0)))
-        found = alone or likelihood.best(kinds)
-        if found.names and self.effects:
-            fixed = self._called_for(found, kinds)
+        components = alone or likelihood.best(kinds)
+        if components.names and self.effects:
+            fixed = self._called_for(components, kinds)
             if fixed.shape[1]:
-                own = np.concatenate([self.own, fixed], axis=1)
-                likelihood = self._likelihood(own, fixed[:, :0])
-                found = likelihood.best(kinds)
-        return replace(found, gain=2 * (found.likelihood - likelihood.independent.likelihood))
+                adjusted = np.concatenate([self.own, fixed], axis=1)
+                likelihood = self._likelihood(adjusted, fixed[:, :0])
+                components = likelihood.best(kinds)
+        return replace(components, gain=2 * (components.likelihood - likelihood.independent.likelihood))
 
     def _likelihood(self, fixed: Array, further: Array) -> RestrictedLikelihood:
         whole = np.concatenate([fixed, further, self.residual[:, None]], axis=1)
         moments = Moments(self.motion, whole.reshape(*self.motion.columns.shape[:2], -1))
         return RestrictedLikelihood(moments, self.readings, fixed.shape[1], self.groups, self.least)
 
-    def _called_for(self, found: VarianceComponents, kinds: Sequence[str]) -> Array:
+    def _called_for(self, components: VarianceComponents, kinds: Sequence[str]) -> Array:
         """Return an orthonormal basis of the effects of the cheapest set of effects and components.
 
         The set is grown from the components without any effect, one effect after the other; and from independent
@@ -509,7 +511,7 @@ class VarianceEstimator:
         only once they are all there.
         """
         seen = _visible_parts(self.own, self.effects)
-        first = self._grown(seen, found, [])
+        first = self._grown(seen, components, [])
         none = self._likelihood(self.own, self.own[:, :0]).independent
         _, alone, _ = self._grown(seen, none, [])
         further = _together(seen, alone)
@@ -518,15 +520,15 @@ class VarianceEstimator:
         return _together(seen, chosen)
 
     def _grown(
-        self, seen: Sequence[Array], found: VarianceComponents, chosen: list[int]
+        self, seen: Sequence[Array], components: VarianceComponents, chosen: list[int]
     ) -> tuple[float, list[int], VarianceComponents]:
         """Add effects while the cost falls, then remove those not worth theirs; return cost, effects and components."""
-        cost = self._cost(seen, chosen, found)
+        cost = self._cost(seen, chosen, components)
         while len(chosen) < MOST_EFFECTS:
             tried = []
-            for i in self._promising(seen, found, chosen):
+            for i in self._promising(seen, components, chosen):
                 likelihood = self._likelihood(self.own, _together(seen, [*chosen, i]))
-                start = likelihood.near(found)
+                start = likelihood.near(components)
                 tried.append((self._cost(seen, [*chosen, i], start), i, likelihood, start))
             if not tried:
                 break
@@ -534,19 +536,19 @@ class VarianceEstimator:
             there = likelihood.climbed(start)
             if (less := self._cost(seen, [*chosen, best], there)) >= cost:
                 break
-            cost, found, chosen = less, there, [*chosen, best]
+            cost, components, chosen = less, there, [*chosen, best]
         for i in list(chosen):
             fewer = [j for j in chosen if j != i]
             likelihood = self._likelihood(self.own, _together(seen, fewer))
-            there = likelihood.climbed(likelihood.near(found))
+            there = likelihood.climbed(likelihood.near(components))
             if (less := self._cost(seen, fewer, there)) < cost:
-                cost, chosen, found = less, fewer, there
-        return cost, chosen, found
+                cost, chosen, components = less, fewer, there
+        return cost, chosen, components
 
-    def _cost(self, seen: Sequence[Array], chosen: Sequence[int], found: VarianceComponents) -> float:
+    def _cost(self, seen: Sequence[Array], chosen: Sequence[int], components: VarianceComponents) -> float:
         price = np.log(max(self.readings - self.own.shape[1], 2))
         effects = sum(price * seen[i].shape[1] + 2 * (self.log_tries[i] + np.log(len(seen))) for i in chosen)
-        return float(found.cost + effects)
+        return float(components.cost + effects)
 
     def _promising(self, seen: Sequence[Array], now: VarianceComponents, chosen: Sequence[int]) -> list[int]:
         """Return the effects that lower the cost most, as readings are taken to be now, or were independent."""
@@ -554,7 +556,7 @@ class VarianceEstimator:
         columns = np.concatenate([*seen, self.residual[:, None]], axis=1)
         sizes = np.array([u.shape[1] for u in seen])
         dof = self.readings - self.own.shape[1] - base.shape[1]
-        found: list[int] = []
+        promising: list[int] = []
         views = [(base, columns)]  # the model's columns explain nothing of them
         if now.names:
             whitener = Whitener(self.motion, now.deviations(self.groups, self.motion.dof))
@@ -571,8 +573,8 @@ class VarianceEstimator:
             worth = dof * np.log(total / left) - np.log(dof) * sizes - 2 * self.log_tries
             worth[[*chosen, *np.flatnonzero(sizes == 0)]] = -np.inf
             best = np.argsort(-worth)[:TRIED]
-            found += [int(i) for i in best if worth[i] > 2 * np.log(len(seen)) and i not in found]
-        return found
+            promising += [int(i) for i in best if worth[i] > 2 * np.log(len(seen)) and i not in promising]
+        return promising
 
 
 def _visible_parts(basis: Array, effects: Sequence[Array]) -> list[Array]:
@@ -592,11 +594,11 @@ def _together(seen: Sequence[Array], some: Sequence[int]) -> Array:
 
 def _falls(columns: Array, residual: Array, sizes: Index) -> Array:
     """Return by how much the columns of each of several effects lower the sum of squares of a residual."""
-    found, starts = np.zeros(len(sizes)), np.cumsum(sizes) - sizes
+    falls, starts = np.zeros(len(sizes)), np.cumsum(sizes) - sizes
     pull = columns.T @ residual
     for k in np.unique(sizes[sizes > 0]):
         which = np.flatnonzero(sizes == k)
         at = starts[which][:, None] + np.arange(k)
         blocks = columns.T[at]  # (effects, k, N)
-        found[which] = falls_from_products(blocks @ np.swapaxes(blocks, 1, 2), pull[at], relative=SAME)
-    return found
+        falls[which] = falls_from_products(blocks @ np.swapaxes(blocks, 1, 2), pull[at], relative=SAME)
+    return falls

@@ -74,12 +74,12 @@ class Poses:
         order = np.lexsort((number, time, run_of_pose))
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        found = cls._of(rank[of], time[order], run_of_pose[order], timed)
+        poses = cls._of(rank[of], time[order], run_of_pose[order], timed)
         if position is None:
-            return found
+            return poses
         at = np.zeros(len(number), np.intp)
         at[rank[of]] = position
-        return replace(found, position=np.unique(at, return_inverse=True)[1])
+        return replace(poses, position=np.unique(at, return_inverse=True)[1])
 
     @classmethod
     def _of(cls, of: Index, time: Array, run: Index, timed: bool) -> Poses:
@@ -101,16 +101,16 @@ class Poses:
 
     def taken(self, rows: NDArray[np.bool_]) -> Poses:
         """Return the poses of some rows, (n,), alone; between them time goes on."""
-        kept = np.bincount(self.of[rows], minlength=self.count) > 0
+        is_taken = np.bincount(self.of[rows], minlength=self.count) > 0
         first = np.isinf(self.gap)
         run = np.cumsum(first) - 1
         time = np.cumsum(np.where(first, 0.0, self.gap))
-        number = np.cumsum(kept) - 1
-        found = Poses._of(number[self.of[rows]], time[kept], run[kept], self.timed)
+        number = np.cumsum(is_taken) - 1
+        taken_poses = Poses._of(number[self.of[rows]], time[is_taken], run[is_taken], self.timed)
         position = None
         if self.position is not None:
-            position = np.unique(self.position[kept], return_inverse=True)[1]
-        return replace(found, spacing=self.spacing, duration=self.duration, position=position)
+            position = np.unique(self.position[is_taken], return_inverse=True)[1]
+        return replace(taken_poses, spacing=self.spacing, duration=self.duration, position=position)
 
     @cached_property
     def run(self) -> Index:
@@ -119,7 +119,7 @@ class Poses:
 
     def level_columns(self, deviations: MotionDeviations) -> Array | None:
         """Return the motion of each pose by one standard deviation of its position and its run, (P, k, L)."""
-        found = []
+        columns_of = []
         for name in ("position", "run"):
             sizes, level = getattr(deviations, name), getattr(self, name)
             free = np.flatnonzero(sizes)
@@ -128,8 +128,8 @@ class Poses:
             columns = np.zeros((self.count, len(sizes), len(free), int(level.max()) + 1))
             for i, j in enumerate(free):
                 columns[np.arange(self.count), j, i, level] = sizes[j]
-            found.append(columns.reshape(self.count, len(sizes), -1))
-        return np.concatenate(found, axis=2) if found else None
+            columns_of.append(columns.reshape(self.count, len(sizes), -1))
+        return np.concatenate(columns_of, axis=2) if columns_of else None
 
     def total(self, values: Array) -> Array:
         """Return the sums of values of rows, (n, ...), over each pose, (P, ...)."""
@@ -238,11 +238,11 @@ class Whitener:
             precision = block @ np.swapaxes(block, 1, 2)  # of x, given the poses up to this one
             precision[:, k, k] -= _onward(chain.keeps**2 / chain.new)[:, None]
             covariance = np.broadcast_to(np.eye(len(free)), precision.shape).copy()  # given the poses before
-            before, kept = np.linalg.inv(precision[:-1]), chain.keeps[1:, None, None]
-            covariance[1:] = kept**2 * before + chain.new[1:, None, None] * np.eye(len(free))
+            before, keeps = np.linalg.inv(precision[:-1]), chain.keeps[1:, None, None]
+            covariance[1:] = keeps**2 * before + chain.new[1:, None, None] * np.eye(len(free))
             spread[np.ix_(np.arange(len(gram)), free, free)] += w * covariance * w[:, 0]
             # what the poses before predict of a pose, from what the factor knows
-            self._mean = kept * np.linalg.solve(precision[:-1], block[:-1])
+            self._mean = keeps * np.linalg.solve(precision[:-1], block[:-1])
         self._inner = _inverse_root(gram, spread)
         self._levels: tuple[Array, Array] | None = None
         levels = motion.poses.level_columns(deviations)
@@ -256,10 +256,10 @@ class Whitener:
 
     def __call__(self, columns: Array) -> Array:
         """Return L⁻¹ columns, (n, m, K), of columns (n, m, K)."""
-        found = self._of_poses(columns)
+        whitened = self._of_poses(columns)
         if self._levels is None:
-            return found
-        flat = found.reshape(found.shape[0] * found.shape[1], columns.shape[2])
+            return whitened
+        flat = whitened.reshape(whitened.shape[0] * whitened.shape[1], columns.shape[2])
         root, across = self._levels
         return (flat - root @ (across.T @ flat)).reshape(columns.shape)
 
@@ -267,15 +267,15 @@ class Whitener:
         """Return columns without what a pose shares and what wanders."""
         motion = self.motion
         n, m, K = columns.shape
-        found = np.empty(columns.shape)
+        whitened = np.empty(columns.shape)
         step = max(1, AT_ONCE // max(1, n * max(m, motion.dof)))
         for start in range(0, K, step):
             some = columns[:, :, start : start + step]
             if len(self._poses.free):
                 some = some - self._predicted(some)
             along = (self._inner @ motion.onto(some))[motion.poses.of]
-            found[:, :, start : start + step] = some - motion.columns @ along
-        return found
+            whitened[:, :, start : start + step] = some - motion.columns @ along
+        return whitened
 
     def _predicted(self, columns: Array) -> Array:
         motion, poses = self.motion, self._poses
@@ -394,15 +394,15 @@ class Weighted:
             self._poses.gram,
             self._gram.shape[:2],
         )
-        along, own = self._within @ directions, np.einsum("pii->i", gram)
-        found = {}
+        along, diagonals = self._within @ directions, np.einsum("pii->i", gram)
+        changes = {}
         if count := len(free := poses.free):
             w, chain = poses.wander, poses.chain
             x = _forward(poses.factor, self._half[-P * count :] @ directions, "T").reshape(P, count, -1)
             across = gram[:, :, free] * w[:, 0]
             along = along - across @ x
             blocks, beside = _inverse_blocks(poses.band, poses.factor, chain.off_diagonal, count)
-            own = own - np.einsum("pij,pij->i", across @ blocks, across)
+            diagonals = diagonals - np.einsum("pij,pij->i", across @ blocks, across)
             inner = np.einsum("pii->pi", blocks)
             diagonal, off_diagonal, logarithm = chain.by_time
             rate = diagonal[:, None, None] * x
@@ -415,11 +415,11 @@ class Weighted:
             root = _triangle(chain.band(1))
             later = -_forward(root, _forward(root, rate[:, :, -1]), "T") / 2
             for kind, slope, move in (("wander", wander, x[:, :, -1]), ("time", time, later)):
-                found[kind] = np.zeros(k), np.zeros((P, k))
-                found[kind][0][free], found[kind][1][:, free] = slope, w[:, 0] * move
+                changes[kind] = np.zeros(k), np.zeros((P, k))
+                changes[kind][0][free], changes[kind][1][:, free] = slope, w[:, 0] * move
         for kind in kinds - {"wander", "time"}:
             size = deviations.shared if kind == "pose" else getattr(deviations, kind)
-            some, moved, trace = np.flatnonzero(size), along, size**2 * own
+            some, moved, trace = np.flatnonzero(size), along, size**2 * diagonals
             if kind != "pose":
                 level = getattr(self._of, kind)
                 moved = sums(along, level)[level]
@@ -428,8 +428,8 @@ class Weighted:
                 trace = np.zeros(k)
                 trace[some] = columns.reshape(len(some), -1).sum(axis=1)
             slope = size**2 * np.einsum("pka,pka->k", along, moved) - trace
-            found[kind] = slope, size**2 * moved[:, :, -1]
-        return found
+            changes[kind] = slope, size**2 * moved[:, :, -1]
+        return changes
 
 
 class _Poses:
@@ -531,20 +531,20 @@ def _forward(factor: Array, side: Array, transposed: str = "N") -> Array:
         return side  # LAPACK writes where there is nothing
     from scipy.linalg.lapack import dtbtrs
 
-    found, failed = dtbtrs(factor, side, uplo="L", trans=transposed)
+    solved, failed = dtbtrs(factor, side, uplo="L", trans=transposed)
     if failed:
         raise np.linalg.LinAlgError("a band is singular")
-    return np.asarray(found)
+    return np.asarray(solved)
 
 
 def _blocks(factor: Array, k: int) -> Array:
     """Return the lower triangles of the blocks on the diagonal of a band, (P, k, k)."""
     P = factor.shape[1] // k
-    found = np.zeros((P, k, k))
+    blocks = np.zeros((P, k, k))
     for i in range(k):
         for j in range(i + 1):
-            found[:, i, j] = factor[i - j].reshape(P, k)[:, j]
-    return found
+            blocks[:, i, j] = factor[i - j].reshape(P, k)[:, j]
+    return blocks
 
 
 def _inverse_blocks(band: Array, factor: Array, beside: Array, k: int) -> tuple[Array, Array]:
@@ -552,29 +552,29 @@ def _inverse_blocks(band: Array, factor: Array, beside: Array, k: int) -> tuple[
 
     The inverse of one on the diagonal is the block of M, less what the poses before explain of it, and those after.
     """
-    before, own = _blocks(factor, k), _blocks(band, k)
+    before, inner = _blocks(factor, k), _blocks(band, k)
     before = before @ np.swapaxes(before, 1, 2)
-    own = own + np.swapaxes(np.tril(own, -1), 1, 2)
+    inner = inner + np.swapaxes(np.tril(inner, -1), 1, 2)
     flipped = np.zeros_like(band)
     for i, row in enumerate(band):
         flipped[i, : len(row) - i] = row[: len(row) - i][::-1]
     after = _blocks(_triangle(flipped), k)
     after = (after @ np.swapaxes(after, 1, 2))[::-1, ::-1, ::-1]
-    found, left = np.asarray(np.linalg.inv(before + after - own)), np.zeros((len(own), k))
-    left[1:] = -beside[1:, None] * np.einsum("pij,pji->pi", found[1:], np.linalg.inv(before[:-1]))
-    return found, left
+    inverses, left = np.asarray(np.linalg.inv(before + after - inner)), np.zeros((len(inner), k))
+    left[1:] = -beside[1:, None] * np.einsum("pij,pji->pi", inverses[1:], np.linalg.inv(before[:-1]))
+    return inverses, left
 
 
-def _product(one: Array, other: Array) -> Array:
+def _product(one: Array, second: Array) -> Array:
     """Return the products, (K, L), of columns (P, k, K) with columns (P, k, L)."""
-    return one.reshape(-1, one.shape[2]).T @ other.reshape(-1, other.shape[2])
+    return one.reshape(-1, one.shape[2]).T @ second.reshape(-1, second.shape[2])
 
 
 def sums(values: Array, level: Index) -> Array:
     """Return the sums of values of poses, (P, ...), over each level, (levels, ...)."""
-    found = np.zeros((int(level.max()) + 1, *values.shape[1:]))
-    np.add.at(found, level, values)
-    return found
+    totals = np.zeros((int(level.max()) + 1, *values.shape[1:]))
+    np.add.at(totals, level, values)
+    return totals
 
 
 def _inverse_root(gram: Array, spread: Array) -> Array:

@@ -55,8 +55,8 @@ def errata(*derivations: Derivation, form: Literal["text", "markdown"] = "text")
 
 
 def _refuted(derivation: Derivation) -> list[tuple[Entry, Refutation]]:
-    found = [(entry, entry.refutation) for entry in derivation if entry.refutation is not None]
-    return sorted(found, key=lambda pair: _number_in(pair[1].label))
+    refuted = [(entry, entry.refutation) for entry in derivation if entry.refutation is not None]
+    return sorted(refuted, key=lambda pair: _number_in(pair[1].label))
 
 
 def _number_in(label: str) -> tuple[str, int]:
@@ -97,8 +97,8 @@ def _markdown(derivation: Derivation) -> str:
     for entry, wrong in refuted:
         heading = f"{wrong.label}. {entry.id}" if wrong.label else entry.id
         where = f" ({entry.place})" if entry.place else ""
-        said = f" “{entry.words}” That is," if entry.words else ""
-        lines += [f"## {heading}", "", f"{entry.origin.capitalize()}{where}:{said}", ""]
+        words = f" “{entry.words}” That is," if entry.words else ""
+        lines += [f"## {heading}", "", f"{entry.origin.capitalize()}{where}:{words}", ""]
         lines += [f"$$ {derivation.latex(claim)} $$" for claim in entry.claims]
         at = ", ".join(f"${derivation.latex(s)} = {derivation.latex(v)}$" for s, v in wrong.counterexample)
         lines += ["", f"{wrong.because} At {at}:", ""]

@@ -129,8 +129,8 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
         name = expr.func.__name__
         if hasattr(self, f"_print_{name}") and not isinstance(expr, sp.core.function.AppliedUndef):
             return str(getattr(self, f"_print_{name}")(expr, exp))
-        plain = rf"\{name}" if name in accepted_latex_functions else self._hprint_Function(name)
-        head = _FUNCTIONS.get(name, plain)
+        function_name = rf"\{name}" if name in accepted_latex_functions else self._hprint_Function(name)
+        head = _FUNCTIONS.get(name, function_name)
         head += "" if exp is None else f"^{{{exp}}}"
         arguments = [str(self._print(arg)) for arg in expr.args]
         if len(arguments) == 1 and head.startswith("\\") and self._stands_alone(expr.args[0]):
@@ -170,8 +170,8 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
 
     def _grouped(self, operand: sp.Basic) -> str:
         text = str(self._print(operand))
-        plain = isinstance(operand, Letter) and not text.startswith(r"\frac")
-        return text if plain else rf"\left({text}\right)"
+        is_letter = isinstance(operand, Letter) and not text.startswith(r"\frac")
+        return text if is_letter else rf"\left({text}\right)"
 
     def _print__Cross(self, product: Any) -> str:
         return r" \times ".join(self._grouped(a) for a in product.args)
@@ -240,7 +240,7 @@ def _narrowed(tex: str, width: int) -> str:
             mark, cells = r"\{\w+\}|&|\\\\|", _split(tex[a:b], ("&", r"\\"))
             rows = 1 + sum(cell.startswith(r"\\") for cell in cells)
             room //= max(len(cells) // rows, 1)
-        marked = [(found.group(), cell[found.end() :]) for cell in cells if (found := re.match(mark, cell))]
+        marked = [(match.group(), cell[match.end() :]) for cell in cells if (match := re.match(mark, cell))]
         inner = [mark + _stacked(_lines(cell, room)) for mark, cell in marked]
         tex = tex[:a] + " ".join(inner) + tex[b:]
     return tex
@@ -255,9 +255,9 @@ def _split(tex: str, marks: Collection[str]) -> list[str]:
 def _depths(tex: str) -> Iterator[tuple[int, str, int]]:
     """Yield the tokens of LaTeX, where they are, and how many groups are open after each."""
     depth = 0
-    for found in _TOKEN.finditer(tex):
-        depth += (found.group() in _OPENING) - (found.group() in _CLOSING)
-        yield found.start(), found.group(), depth
+    for token in _TOKEN.finditer(tex):
+        depth += (token.group() in _OPENING) - (token.group() in _CLOSING)
+        yield token.start(), token.group(), depth
 
 
 def _stacked(lines: Sequence[str]) -> str:
@@ -339,18 +339,18 @@ def component_names(matrix: Letter, name: str) -> dict[sp.Symbol, str]:
     rows, columns = (int(size) for size in matrix.shape)
     indices = [(i, j) for i in range(1, rows + 1) for j in range(1, columns + 1)]
     bare = name.replace(r"\vec", "").strip()
-    plain = _ATOM.fullmatch(bare)
-    if plain:
-        letter, mark = plain["letter"], plain["mark"] or plain["after"] or ""
-        index = (plain["index"] or "").strip("{}")
+    match = _ATOM.fullmatch(bare)
+    if match:
+        letter, mark = match["letter"], match["mark"] or match["after"] or ""
+        index = (match["index"] or "").strip("{}")
     else:
         letter, mark, index = rf"\left({name}\right)", "", ""
     apart = "," if max(rows, columns) > 9 else ""
-    found = {}
+    names = {}
     for component, (i, j) in zip(matrix, indices, strict=True):
-        own = f"{i}" if columns == 1 else f"{i}{apart}{j}"
-        found[component] = f"{letter}{mark}_{{{index + ',' if index else ''}{own}}}"
-    return found
+        number = f"{i}" if columns == 1 else f"{i}{apart}{j}"
+        names[component] = f"{letter}{mark}_{{{index + ',' if index else ''}{number}}}"
+    return names
 
 
 _SILENT = frozenset(

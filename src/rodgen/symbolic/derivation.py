@@ -139,10 +139,10 @@ class Entry:
     @property
     def variables(self) -> tuple[sp.Basic, ...]:
         """Symbols and vectors in the formula, sorted by name."""
-        found: set[sp.Basic] = set()
+        variables: set[sp.Basic] = set()
         for claim in self.claims:
-            found |= claim.free_symbols
-        return tuple(sorted(found, key=str))
+            variables |= claim.free_symbols
+        return tuple(sorted(variables, key=str))
 
     @property
     def method(self) -> str:
@@ -308,11 +308,11 @@ class Entry:
             reductions = []
             for residual in _difference(left, right):
                 number += 1
-                found = reduction(residual, conditions)
-                if found.remainder != 0:
-                    rest = _shortened(found.remainder)
+                reduced = reduction(residual, conditions)
+                if reduced.remainder != 0:
+                    rest = _shortened(reduced.remainder)
                     raise DerivationError(f"{self.id} {complaint}: residual {number} leaves {rest}")
-                reductions.append(found)
+                reductions.append(reduced)
             computations.append(Computation(claim, left, right, tuple(reductions)))
         return Proof(
             substituted,
@@ -405,17 +405,17 @@ class Derivation:
         **assumptions
             SymPy assumptions, such as ``positive=True``; the number is real, but for ``real=None``.
         """
-        made = sp.Symbol(name, **{"real": True, **assumptions})
-        self._enter(SymbolRow(name, latex, quantity, unit, made, value))
-        return made
+        symbol = sp.Symbol(name, **{"real": True, **assumptions})
+        self._enter(SymbolRow(name, latex, quantity, unit, symbol, value))
+        return symbol
 
     def vector(
         self, name: str, latex: str, quantity: str, unit: str, *, value: sp.Basic | None = None
     ) -> Vector:
         """Enter a vector with the components ``name_1``, ``name_2``, ``name_3``; as :meth:`symbol`."""
-        made = Vector(name)
-        self._enter(SymbolRow(name, latex, quantity, unit, made, value))
-        return made
+        vector = Vector(name)
+        self._enter(SymbolRow(name, latex, quantity, unit, vector, value))
+        return vector
 
     def matrix(
         self,
@@ -429,9 +429,9 @@ class Derivation:
         columns: int = 3,
     ) -> Letter:
         """Enter a matrix with the components ``name_1_1`` and so on; as :meth:`symbol`."""
-        made = Letter(name, rows, columns)
-        self._enter(SymbolRow(name, latex, quantity, unit, made, value))
-        return made
+        matrix = Letter(name, rows, columns)
+        self._enter(SymbolRow(name, latex, quantity, unit, matrix, value))
+        return matrix
 
     def letter(self, row: str, value: Any = None) -> Any:
         r"""Enter a number, a vector or a matrix into the table by its line there.
@@ -569,8 +569,8 @@ class Derivation:
             raise DerivationError(f"{self.name}: no kernel can be registered while entries are open: {names}")
         for kernel in kernels:
             if not hasattr(kernel, "name"):
-                found = type(kernel).__name__
-                raise DerivationError(f"{self.name}: {found} is not a kernel; register what build() returns")
+                kind = type(kernel).__name__
+                raise DerivationError(f"{self.name}: {kind} is not a kernel; register what build() returns")
             if kernel.name in self.kernels:
                 raise DerivationError(f"{self.name}: the kernel {kernel.name} is registered twice")
             self.kernels[kernel.name] = kernel

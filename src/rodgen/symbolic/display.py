@@ -157,9 +157,9 @@ def markdown(entry: Entry) -> str:
     heading = ", ".join(
         part for part in (f'<a id="{entry.id}"></a>**{entry.id}**', origin, entry.place) if part
     )
-    said = f"“{entry.words}” That is," if entry.words else ""
+    words = f"“{entry.words}” That is," if entry.words else ""
     blocks = _introductions(entry, write)
-    blocks.append(" ".join(part for part in (f"{heading}.", entry.text, said) if part))
+    blocks.append(" ".join(part for part in (f"{heading}.", entry.text, words) if part))
     blocks += [write.display(claim) for claim in entry.claims]
     if entry.assumptions:
         wide = [a for a in entry.assumptions if not isinstance(a, str) and _within(a, write, WIDTH) is None]
@@ -264,9 +264,9 @@ def _proof(
     if notes:
         yield " ".join(notes)
     for computation in computations[:SHOWN]:
-        shown = None if computation.claim in claims else _within(computation.claim, write, WIDTH)
-        if shown is not None:
-            yield f"{write.math(shown if isinstance(computation.claim, sp.Eq) else f'{shown} = 0')}."
+        claim = None if computation.claim in claims else _within(computation.claim, write, WIDTH)
+        if claim is not None:
+            yield f"{write.math(claim if isinstance(computation.claim, sp.Eq) else f'{claim} = 0')}."
     yield _computation(proof, write)
 
 
@@ -288,11 +288,11 @@ def _substitutions(
     names = []
     for symbol, value in dict(owners[s] for s in proof.substituted).items():
         whole = sp.ImmutableMatrix(value) if isinstance(value, list | tuple) else sp.sympify(value)
-        shown = _within(whole, write, WIDTH - 20)
-        if shown is None or (symbol in new and _within(whole, write, NARROW) is not None):
+        formula = _within(whole, write, WIDTH - 20)
+        if formula is None or (symbol in new and _within(whole, write, NARROW) is not None):
             names.append(write.inline(symbol))
         else:
-            formulas.append((write.typeset(symbol), shown))
+            formulas.append((write.typeset(symbol), formula))
     return formulas, names, free
 
 
@@ -304,26 +304,26 @@ def _relations(proof: Proof, write: _Writer) -> list[str]:
     """Return the relations that some reduction used, and whether functions of sums were expanded."""
     written = {symbol: condition for symbol, condition, _ in proof.conditions}
     reductions = [r for c in proof.computations for r in c.reductions]
-    found = list(
+    relations = list(
         dict.fromkeys(
             _relation(r, division.relation, written, write) for r in reductions for division in r.divisions
         )
     )
-    if len(found) > 6:
-        found = [*found[:5], f"{len(found) - 5} relations of the same kind"]
-    return [*(["the addition theorems"] if any(r.expanded for r in reductions) else []), *found]
+    if len(relations) > 6:
+        relations = [*relations[:5], f"{len(relations) - 5} relations of the same kind"]
+    return [*(["the addition theorems"] if any(r.expanded for r in reductions) else []), *relations]
 
 
 def _relation(
-    found: Reduction, relation: Relation, written: Mapping[sp.Symbol, sp.Expr], write: _Writer
+    reduced: Reduction, relation: Relation, written: Mapping[sp.Symbol, sp.Expr], write: _Writer
 ) -> str:
     if not relation.of_function:
         return _vanishing(written[relation.symbol], relation.symbol, write)
-    root = found.written_out(relation.symbol)
+    root = reduced.written_out(relation.symbol)
     if not root.is_Pow:
-        return _vanishing(found.written_out(relation.zero), relation.symbol, write)
-    shown = _within(root, write, NARROW)
-    return "the definition of a root" if shown is None else f"the definition of {write.math(shown)}"
+        return _vanishing(reduced.written_out(relation.zero), relation.symbol, write)
+    formula = _within(root, write, NARROW)
+    return "the definition of a root" if formula is None else f"the definition of {write.math(formula)}"
 
 
 def _vanishing(zero: sp.Expr, symbol: sp.Symbol, write: _Writer) -> str:
@@ -340,7 +340,7 @@ def _vanishing(zero: sp.Expr, symbol: sp.Symbol, write: _Writer) -> str:
 
 def _computation(proof: Proof, write: _Writer) -> str:
     """Write how both sides came to be the same: their differences as multiples of what is zero, where that is short."""
-    found = [
+    lines = [
         difference
         for c in proof.computations
         for difference, left, right in zip(
@@ -348,21 +348,21 @@ def _computation(proof: Proof, write: _Writer) -> str:
         )
         if left != right
     ]
-    if not found and any(c.claim != 0 for c in proof.computations):
+    if not lines and any(c.claim != 0 for c in proof.computations):
         return "Both sides are then the same."
-    certificates = [_certificate(difference, write) for difference in found[: SHOWN + 1]]
-    if found and len(found) <= SHOWN and None not in certificates:
+    certificates = [_certificate(difference, write) for difference in lines[: SHOWN + 1]]
+    if lines and len(lines) <= SHOWN and None not in certificates:
         sides = " - ".join(write.words(side) for side in ("left side", "right side"))
         return write.equations([(sides, f"{certificate} = 0") for certificate in certificates])
     return "By computation (polynomial division, `rodgen.symbolic.remainder`), the difference of both sides is 0."
 
 
-def _certificate(found: Reduction, write: _Writer) -> str | None:
+def _certificate(reduced: Reduction, write: _Writer) -> str | None:
     """Write the difference of both sides as a sum of multiples of what is zero, where that is short."""
-    products = found.cofactors() if 0 < len(found.divisions) <= 2 else None
+    products = reduced.cofactors() if 0 < len(reduced.divisions) <= 2 else None
     if not products or any(zero == 0 for _, zero in products):
         return None
-    denominator = found.denominator()
+    denominator = reduced.denominator()
     total = [sp.Mul(cofactor / denominator, zero, evaluate=False) for cofactor, zero in products]
     return _within(sp.Add(*total, evaluate=False) if len(total) > 1 else total[0], write, WIDTH)
 

@@ -85,18 +85,18 @@ class Reduction:
         """
         if self.remainder != 0 or any(d.dividend is None for d in self.divisions):
             return None
-        found = []
+        cofactors = []
         multiplier = sp.S.One
         for division in self.divisions:
             quotient = division.quotient()
             multiplier *= division.multiplier().as_expr()
-            found.append(
+            cofactors.append(
                 (
                     self.written_out(sp.factor_terms(quotient.as_expr()) / multiplier),
                     self.written_out(division.divisor.as_expr()),
                 )
             )
-        return found
+        return cofactors
 
 
 class _Rational:
@@ -272,10 +272,10 @@ def reduction(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
         divisor = _fraction(relation.zero, generators, known).numer
         variable = generators[relation.symbol].numer
         if numerator.degree(variable) >= divisor.degree(variable) > 0:
-            kept = numerator if len(numerator) <= KEPT_TERMS else None
+            short_numerator = numerator if len(numerator) <= KEPT_TERMS else None
             degree = numerator.degree(variable)
             numerator = numerator.prem(divisor, variable)
-            divisions.append(Division(relation, kept, divisor, variable, degree))
+            divisions.append(Division(relation, short_numerator, divisor, variable, degree))
     return Reduction(
         algebra.written_out(numerator.as_expr()),
         expanded,

@@ -225,7 +225,7 @@ def moments_of_weights(a: Algebra, n: Vector, rate: Vector, links: Sequence[Link
     links : sequence of Link
         From the joint itself outwards.
     """
-    found: list[Any] = []
+    moments: list[Any] = []
     total, off_the_line = 0, 0
     for k, link in enumerate(links):
         if link.turn is not None:
@@ -236,8 +236,8 @@ def moments_of_weights(a: Algebra, n: Vector, rate: Vector, links: Sequence[Link
         if k == 0:
             off_the_line = a.let("moment", moment_turned(a, n, rate, arm))
         total = a.let("moment", total + a.dot(rate, arm))
-        found.append(total)
-    return [*found, off_the_line]
+        moments.append(total)
+    return [*moments, off_the_line]
 
 
 def shaft_bend(a: Algebra, n: Vector, gravity: Vector) -> Vector:

@@ -124,10 +124,10 @@ class ReciprocalSystem:
 
     def member(self, coefficients: Sequence[sp.Expr | int]) -> sp.Matrix:
         """Screw with these coefficients in the basis."""
-        found = sp.zeros(6, 1)
+        combined = sp.zeros(6, 1)
         for coefficient, part in zip(coefficients, self.basis, strict=True):
-            found += coefficient * part
-        return found
+            combined += coefficient * part
+        return combined
 
     def form(self) -> sp.Matrix:
         """Symmetric matrix G of the quadratic form S · S0 = cᵀ G c of the member with the coefficients c."""

@@ -196,10 +196,10 @@ class Known(Action):
     @property
     def title(self) -> str:
         """What it does, in a few words."""
-        said = [f"prior {self.content['prior']}"] if "prior" in self.content else []
+        parts = [f"prior {self.content['prior']}"] if "prior" in self.content else []
         if "bounds" in self.content:
-            said.append("within " + " and ".join(map(str, self.content["bounds"])))
-        return f"{self.key}: {', '.join(said) or 'nothing is known of it'}"
+            parts.append("within " + " and ".join(map(str, self.content["bounds"])))
+        return f"{self.key}: {', '.join(parts) or 'nothing is known of it'}"
 
     def text(self, state: Edited) -> str:
         """Return the text of the machine file after it."""
@@ -264,8 +264,8 @@ class _OfRows(Action):
 
     @property
     def _said(self) -> dict[str, str]:
-        said = {"rows": rows_text(self.rows), "run": self.run, "where": self.where, "why": self.why}
-        return {name: text for name, text in said.items() if text}
+        keys = {"rows": rows_text(self.rows), "run": self.run, "where": self.where, "why": self.why}
+        return {name: text for name, text in keys.items() if text}
 
     @property
     def title(self) -> str:
@@ -349,8 +349,8 @@ def action_of(content: Any) -> Action:
     known = ", ".join(ACTIONS)
     if not isinstance(content, dict) or not isinstance(content.get("do"), str):
         raise RodgenError(f"{shown(repr(content)[:80])}; expected an action, such as {{'do': 'remove', …}}")
-    made = ACTIONS.get(content["do"])
-    if made is None:
+    make = ACTIONS.get(content["do"])
+    if make is None:
         raise RodgenError(f"the action {shown(content['do'])}; expected one of {known}")
     keys = {key: value for key, value in content.items() if key != "do"}
     kinds: dict[str, Any] = {"rows": list, "effect": dict, "content": dict, "place": str | None}
@@ -362,7 +362,7 @@ def action_of(content: Any) -> Action:
     if not all(type(row) is int for row in keys.get("rows", ())):
         raise RodgenError(f"rows of the action {content['do']!r}; expected whole numbers")
     try:
-        return made(**keys)
+        return make(**keys)
     except TypeError:
         raise RodgenError(
             f"keys {', '.join(keys)} of the action {content['do']!r}; expected other ones"

@@ -237,9 +237,9 @@ class Desk:
         state = self.session.state
         with self._working("Diagnosis") as work:
             await self.show("work")
-            found = await asyncio.to_thread(work, lambda: diagnose(state.machine, state.data))
-        if found is not None:
-            self.diagnosis = state, found
+            diagnosis = await asyncio.to_thread(work, lambda: diagnose(state.machine, state.data))
+        if diagnosis is not None:
+            self.diagnosis = state, diagnosis
         await self.show("work")
 
     async def make_plan(self, wish: Wish) -> None:
@@ -250,9 +250,9 @@ class Desk:
             subject = self.diagnosis[1]
         with self._working("Plan") as work:
             await self.show("work")
-            found = await asyncio.to_thread(work, lambda: wish.plan(state, subject))
-        if found is not None:
-            self.plan = state, found, wish
+            planned = await asyncio.to_thread(work, lambda: wish.plan(state, subject))
+        if planned is not None:
+            self.plan = state, planned, wish
         await self.show("work")
         await self.show("plan")
 

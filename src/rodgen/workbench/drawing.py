@@ -119,7 +119,7 @@ def _stand_back(layout: dict[str, Any], width: int) -> None:
 
 def _legend(traces: list[dict[str, Any]]) -> dict[str, None]:
     """Return the sign and the name of each kind of trace, as HTML."""
-    found: dict[str, None] = {}
+    entries: dict[str, None] = {}
     for trace in traces:
         if trace.get("showlegend") is False or not trace.get("name"):
             continue
@@ -131,5 +131,5 @@ def _legend(traces: list[dict[str, Any]]) -> dict[str, None]:
         else:
             sign, colour = "▬" if trace.get("fill") else "─", line.get("color") or trace.get("fillcolor")
         style, name = f' style="color:{colour}"' * isinstance(colour, str), html.unescape(trace["name"])
-        found[f"<span><span aria-hidden=true{style}>{sign}</span> {html.escape(name)}</span>"] = None
-    return found
+        entries[f"<span><span aria-hidden=true{style}>{sign}</span> {html.escape(name)}</span>"] = None
+    return entries

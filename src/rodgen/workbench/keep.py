@@ -112,14 +112,14 @@ class Keeping:
 
         desk, state = self.page.desk, self.page.state
         if desk.diagnosis is not None and desk.diagnosis[0] is state:
-            found = desk.diagnosis[1]
+            diagnosis = desk.diagnosis[1]
         else:
-            found = diagnose(state.machine, state.data)
+            diagnosis = diagnose(state.machine, state.data)
         planned = desk.plan[1] if desk.plan is not None and desk.plan[0] is state else None
         if planned is None:
             with suppress(PlanError):
-                planned = plan(found)
-        write_report(found, path, planned)
+                planned = plan(diagnosis)
+        write_report(diagnosis, path, planned)
 
     def _emit(self, path: str) -> None:
         self.page.state.fit.emit(self.form.value, path)

@@ -192,16 +192,16 @@ class _Own:
 
     def _named(self) -> dict[str, str]:
         """Return the parameters that were typed, with their units."""
-        given = {}
+        units = {}
         for each in filter(str.strip, str(self.parameters.value or "").split(",")):
             parameter, _, unit = each.replace("=", ":").partition(":")
-            given[parameter.strip()] = unit.strip() or "1"
-        return given
+            units[parameter.strip()] = unit.strip() or "1"
+        return units
 
     def _input(self, label: str, **given: Any) -> ui.input:
-        made = field(label, on_change=self.check, **given)
-        made.without_auto_validation()
-        return made.props("debounce=300")
+        text_field = field(label, on_change=self.check, **given)
+        text_field.without_auto_validation()
+        return text_field.props("debounce=300")
 
     def action(self) -> Add:
         """Return the action that adds it.
@@ -231,16 +231,16 @@ class _Own:
             fault = error
         empty = not self.formula.value
         key = fault.place.rpartition(", ")[2] if isinstance(fault, InputFileError) else ""
-        said = (
+        reason = (
             f"{fault.found}; expected {fault.expected}"
             if isinstance(fault, InputFileError)
             else str(fault or "")
         )
         fields = {"name": self.name, "formula": self.formula, "parameters": self.parameters}
         for name, each in fields.items():
-            each.error = said if key.startswith(name) and not empty else None
-        other = not any(key.startswith(name) for name in fields)
-        self.fault.set_text(said if fault is not None and other and not empty else "")
+            each.error = reason if key.startswith(name) and not empty else None
+        elsewhere = not any(key.startswith(name) for name in fields)
+        self.fault.set_text(reason if fault is not None and elsewhere and not empty else "")
         self.add.set_enabled(fault is None)
 
     async def _add(self) -> None:

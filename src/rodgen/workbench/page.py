@@ -280,18 +280,18 @@ class Page:
 
     def _preview(self, effect: Effect | None) -> None:
         """Draw what an effect would explain over the residuals; of None nothing any more."""
-        found, slot = self.desk.suspects, self.plots.get("residuals")
+        suspects, slot = self.desk.suspects, self.plots.get("residuals")
         if slot is None or self.shown == (effect and effect.title):
             return
         if self.shown is not None:
             ends = self.traces, self.traces + self.state.fit.residuals.shape[1]
             slot.plot.run_plot_method("deleteTraces", list(range(*ends)))
             self.shown = None
-        if found is None or effect is None or self.options["parts"] != "apart" or self.options["whitened"]:
+        if suspects is None or effect is None or self.options["parts"] != "apart" or self.options["whitened"]:
             return
-        against, kept = self.options["against"], sorted(self.selected)
-        explained = found.explained(effect)
-        traces = figures.explained_marks(self.state.fit, against, explained, found.rows, kept=kept)
+        against, rows_kept = self.options["against"], sorted(self.selected)
+        explained = suspects.explained(effect)
+        traces = figures.explained_marks(self.state.fit, against, explained, suspects.rows, kept=rows_kept)
         self.shown = effect.title
         slot.plot.run_plot_method("addTraces", traces)
 
@@ -322,8 +322,8 @@ class Page:
             choices["approach"] = "Approach of", {"": "none"} | {joint: joint for joint in marked}
         with ui.element("div").classes("choices"):
             for key, (text, options) in choices.items():
-                made = ui.select(options, value=self.options[key], label=text)
-                made.on_value_change(guarded(partial(self._chosen, key))).props("dense options-dense")
+                select = ui.select(options, value=self.options[key], label=text)
+                select.on_value_change(guarded(partial(self._chosen, key))).props("dense options-dense")
             ui.checkbox("whitened", on_change=guarded(partial(self._chosen, "whitened"))).props("dense")
             drags = {"select": "Select", "zoom": "Zoom"}
             self.drags = ui.toggle(drags, value=self.drag, on_change=guarded(self._drags))
@@ -428,23 +428,23 @@ class Page:
             "Autocorrelation": lambda: figures.autocorrelation_of_residuals(fit),
             "Errors": lambda: figures.ladder(self.desk.session.ladder),
         }
-        made = makers[name]()
-        if made is not None and "exaggeration" in made.layout.meta:
-            self._keep_scale(name, made.layout.meta["exaggeration"])
-        if made is None:
+        figure = makers[name]()
+        if figure is not None and "exaggeration" in figure.layout.meta:
+            self._keep_scale(name, figure.layout.meta["exaggeration"])
+        if figure is None:
             self.plots.pop("other", None)
             with anew(self.other):
                 ui.label(
                     "Residuals of distances, angles and attitudes are no places and no vectors in space."
                 )
             return
-        self.show("other", self.other, made, kind=name, revision=self._round() if name == "Polar" else "")
+        self.show("other", self.other, figure, kind=name, revision=self._round() if name == "Polar" else "")
 
     def _round(self) -> str:
         """Return the joint that a polar plot goes round: that of the x axis where it does."""
-        found = figures.joints_that_go_round(self.state.fit)
+        joints = figures.joints_that_go_round(self.state.fit)
         against = self.options["against"]
-        return against if against in found else found[0]
+        return against if against in joints else joints[0]
 
     # selecting ---------------------------------------------------------------------------------------------------
 
@@ -522,9 +522,9 @@ class Page:
         return {"rows": self.state.numbers[sorted(rows)].tolist()}
 
     async def _aside(self, why: Any) -> None:
-        said = self._which(self.selected)
+        keys = self._which(self.selected)
         self.selected = set()
-        await self.desk.do(Aside(**said, why=str(why.value or "")[:200]))
+        await self.desk.do(Aside(**keys, why=str(why.value or "")[:200]))
 
     async def _back(self) -> None:
         gone = self.selected & set(np.flatnonzero(self.state.aside).tolist())

@@ -44,9 +44,9 @@ def cell(words: str, kind: str = "td") -> None:
 @contextmanager
 def folded(title: str, *, opened: bool = False) -> Iterator[None]:
     """Fill what is shown when its title is clicked."""
-    with ui.element("details").classes("w-full") as made:
+    with ui.element("details").classes("w-full") as details:
         if opened:
-            made.props("open")
+            details.props("open")
         TextElement(tag="summary", text=title)
         yield
 
@@ -96,37 +96,39 @@ def button(text: str, handler: Handler, *, icon: str = "", label: str = "", look
 
     It looks "plain", or is "first": what a user most likely wants next, or "bare": its icon alone.
     """
-    made = ui.button("" if "bare" in look else text, icon=icon or None, on_click=guarded(handler))
-    made.props("unelevated no-caps" if look == "first" else "flat no-caps color=none").classes(look)
-    made.props["aria-label"] = label or text
-    return made
+    element = ui.button("" if "bare" in look else text, icon=icon or None, on_click=guarded(handler))
+    element.props("unelevated no-caps" if look == "first" else "flat no-caps color=none").classes(look)
+    element.props["aria-label"] = label or text
+    return element
 
 
 def card(title: str) -> ui.element:
     """Return an empty card."""
-    made = ui.element("section").classes("card")
-    made.props["aria-label"] = title
-    return made
+    section = ui.element("section").classes("card")
+    section.props["aria-label"] = title
+    return section
 
 
 @contextmanager
 def dialog(title: str, *, opened: bool = False) -> Iterator[ui.dialog]:
     """Fill a dialog, below its title."""
-    made = ui.dialog(value=opened)
-    made.props["aria-label"] = title
+    element = ui.dialog(value=opened)
+    element.props["aria-label"] = title
     if opened:
-        made.on("hide", made.delete)
-    with made, ui.card():
+        element.on("hide", element.delete)
+    with element, ui.card():
         with ui.element("div").classes("both w-full"):
             heading(title)
-            ui.button(icon="close", on_click=made.close).props("flat round dense color=none aria-label=Close")
-        yield made
+            ui.button(icon="close", on_click=element.close).props(
+                "flat round dense color=none aria-label=Close"
+            )
+        yield element
 
 
 def field(label: str, *, value: str = "", example: str = "", most: int = 2000, **events: Any) -> ui.input:
     """Return a field for text of `most` characters."""
-    made = ui.input(label, value=value, placeholder=example, **events)
-    return made.props(f"dense outlined maxlength={most}").classes("grow w-full")
+    text_input = ui.input(label, value=value, placeholder=example, **events)
+    return text_input.props(f"dense outlined maxlength={most}").classes("grow w-full")
 
 
 @contextmanager

@@ -59,14 +59,14 @@ class Planning:
         """Say at the constraints what is wrong with them."""
         from rodgen.calibration.plan.constraints import constraints_of
 
-        text, said = str(self.limits.value or "").strip(), None
+        text, reason = str(self.limits.value or "").strip(), None
         try:
             if text:
                 constraints_of(text, LIMITS, self.page.state.machine)
         except InputFileError as error:
-            said = f"{error.place}: {error.found}; expected {error.expected}"
-        self.limits.error = said
-        self.make.set_enabled(said is None)
+            reason = f"{error.place}: {error.found}; expected {error.expected}"
+        self.limits.error = reason
+        self.make.set_enabled(reason is None)
 
     def _wish(self, n: int, wanted: Sequence[str] = (), alternatives: Sequence[Effect] = ()) -> Wish:
         return Wish(n, tuple(wanted), tuple(alternatives), str(self.limits.value or "").strip())
@@ -84,11 +84,11 @@ class Planning:
 
     def fill(self) -> None:
         """Fill the card anew."""
-        found, page = self.page.desk.plan, self.page
-        self.card.set_visibility(found is not None)
-        if found is None:
+        planned, page = self.page.desk.plan, self.page
+        self.card.set_visibility(planned is not None)
+        if planned is None:
             return
-        state, plan, _ = found
+        state, plan, _ = planned
         with anew(self.card, "Plan"):
             if state is not page.state:
                 soft("Of the model as it was when it was asked for.")

@@ -146,7 +146,7 @@ def serve(
     *,
     port: int = 0,
     browser: bool = True,
-    said: Callable[[str], object] = print,
+    tell: Callable[[str], object] = print,
 ) -> None:
     """Show a page until Ctrl-C.
 
@@ -159,7 +159,7 @@ def serve(
         Of 127.0.0.1; 0 is any that is free.
     browser : bool, optional
         Whether to open the browser.
-    said : callable, optional
+    tell : callable, optional
         Called with the address. Who asks there before the page is ready waits.
 
     Raises
@@ -183,7 +183,7 @@ def serve(
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{port}/{token}/"
         try:
-            said(address)
+            tell(address)
             if browser:  # its start may take seconds
                 threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
             prepare()

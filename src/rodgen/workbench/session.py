@@ -105,20 +105,20 @@ class State:
         if machine.measured.set_aside != self.machine.measured.set_aside:
             aside = _aside(machine, data, observations)
         if _carriers(machine) == _carriers(self.machine):
-            made = fit_after(self.fit, machine, aside)
+            refit = fit_after(self.fit, machine, aside)
         else:
             observations = _all_of(machine, data)
-            made = fit(machine, observations, outliers=aside)
-        return State(self.file, text, machine, data, observations, aside, made, action, self)
+            refit = fit(machine, observations, outliers=aside)
+        return State(self.file, text, machine, data, observations, aside, refit, action, self)
 
     @property
     def title(self) -> str:
         """What the action does, in a few words; a mount's effects have TPOINT's names."""
         title = self.action.title if self.action else THE_FILE
         for effect in (*self.machine.effects, *(self.before.machine.effects if self.before else ())):
-            plain = f"{effect.name} at {effect.place}" if effect.place else effect.name
-            if title.partition(":")[0].lstrip("+- ") == plain:
-                return title.replace(plain, effect.title)
+            name = f"{effect.name} at {effect.place}" if effect.place else effect.name
+            if title.partition(":")[0].lstrip("+- ") == name:
+                return title.replace(name, effect.title)
         return title
 
     @cached_property
@@ -145,8 +145,8 @@ class State:
     @cached_property
     def check(self) -> Check:
         """Whether the files can be right."""
-        found: Check = self.fit.check()
-        return found
+        checked: Check = self.fit.check()
+        return checked
 
 
 def _carriers(machine: Machine) -> tuple[Any, ...]:
@@ -165,8 +165,8 @@ def _all_of(machine: Machine, data: Measurements) -> Observations:
 
 def _aside(machine: Machine, data: Measurements, observations: Observations) -> NDArray[np.bool_]:
     """Return which of all observations are set aside, (n,): of copies all."""
-    found = machine.aside(data)
-    return np.zeros(observations.n, bool) if found is None else ~observations.counted(~found.mask)
+    excluded = machine.aside(data)
+    return np.zeros(observations.n, bool) if excluded is None else ~observations.counted(~excluded.mask)
 
 
 class Session:
@@ -343,10 +343,10 @@ class Session:
             except RodgenError as error:
                 raise InputFileError(name, f"action {number}", str(error), _EXPECTED) from None
             if isinstance(rms, float) and not math.isclose(state.fit.rms, rms, rel_tol=AGREE, abs_tol=1e-12):
-                made = content["versions"]["rodgen"] if "versions" in content else "another version"
+                writer = content["versions"]["rodgen"] if "versions" in content else "another version"
                 session.remarks.append(
                     f"After {state.title} the error is {state.fit.rms:.6g} "
-                    f"{state.fit.unit}; rodgen {made} had {rms:.6g}."
+                    f"{state.fit.unit}; rodgen {writer} had {rms:.6g}."
                 )
         session.go(at)
         session.file = name

@@ -118,14 +118,14 @@ class Dropped:
         text = ui.textarea(f"Machine file {name}", value=self.files[name].decode("utf-8", "replace"))
         text.props('outlined debounce=400 input-style="height:340px;font-size:.8rem"')
         text.classes("w-full mono")
-        said = ui.label().props('role="status"').classes("code")
+        status = ui.label().props('role="status"').classes("code")
 
         def check() -> None:
             self.files[name] = str(text.value).encode()
             try:
-                said.set_text(machine_of(str(text.value), name).describe())
+                status.set_text(machine_of(str(text.value), name).describe())
             except RodgenError as error:
-                said.set_text(str(error))
+                status.set_text(str(error))
 
         text.on_value_change(check)
         check()
@@ -139,17 +139,17 @@ class Dropped:
             arguments = [*shlex.split(str(self.options.value or "")), *self.answers]
         except ValueError as error:
             raise RodgenError(f"options: {error}; expected closed quotation marks") from None
-        made = await self.open_(partial(opened, dict(self.files), arguments, self.importer))
+        opened_files = await self.open_(partial(opened, dict(self.files), arguments, self.importer))
         with anew(self.asked):
-            if isinstance(made, MissingOptionError):
-                self._ask(made)
-            elif made is not None:
-                ui.label(f"{made.machine.name}: a machine without readings. Drop these, too.")
-                ui.label(made.machine.describe()).classes("code")
+            if isinstance(opened_files, MissingOptionError):
+                self._ask(opened_files)
+            elif opened_files is not None:
+                ui.label(f"{opened_files.machine.name}: a machine without readings. Drop these, too.")
+                ui.label(opened_files.machine.describe()).classes("code")
                 with folded("What was taken for what"):
-                    for note in made.notes:
+                    for note in opened_files.notes:
                         ui.label(note).classes("soft")
-                button("Download the machine file", partial(downloaded, made.text, "machine.toml"))
+                button("Download the machine file", partial(downloaded, opened_files.text, "machine.toml"))
 
     def _ask(self, missing: MissingOptionError) -> None:
         """Ask for the one thing that the files leave open."""
@@ -178,8 +178,8 @@ def _is_machine(name: str, content: bytes) -> bool:
 
 def _plain(name: str) -> str:
     """Return a name that a file may have: without a folder, and nothing but letters, digits and few signs."""
-    plain = re.sub(r"[^\w .()+-]", "_", os.path.basename(name.replace("\\", "/")))
-    return re.sub(r"^[\W_]+", "", plain)[-100:] or "file"
+    simple = re.sub(r"[^\w .()+-]", "_", os.path.basename(name.replace("\\", "/")))
+    return re.sub(r"^[\W_]+", "", simple)[-100:] or "file"
 
 
 def opened(files: Mapping[str, bytes], arguments: Sequence[str], importer: Importer) -> Session | Imported:
@@ -199,17 +199,17 @@ def opened(files: Mapping[str, bytes], arguments: Sequence[str], importer: Impor
         When they are neither.
     """
     folder = tempfile.mkdtemp(prefix="rodgen-")
-    found: Session | Imported | None = None
+    content: Session | Imported | None = None
     try:
-        found = _opened_in(folder, files, arguments, importer)
+        content = _opened_in(folder, files, arguments, importer)
     except MissingOptionError as error:
         raise MissingOptionError(os.path.basename(error.file), *error.args[1:]) from None
     except RodgenError as error:
         raise RodgenError(str(error).replace(folder + os.sep, "")) from None
     finally:
-        if not isinstance(found, Session):
+        if not isinstance(content, Session):
             shutil.rmtree(folder, ignore_errors=True)
-    return found
+    return content
 
 
 def _opened_in(
@@ -226,29 +226,29 @@ def _opened_in(
         except InputFileError as error:
             if error.file != tables[0] or not re.match(r"(line 1|column|header)\b", error.place):
                 raise  # it is not that columns have other names
-    made = importer(list(paths.values()), arguments)
-    if not made.columns:
-        return made
+    imported = importer(list(paths.values()), arguments)
+    if not imported.columns:
+        return imported
     machine, data = (os.path.join(folder, f"imported{ending}") for ending in (".toml", ".csv"))
     if machines:
         machine = machines[0]
     else:
-        Path(machine).write_text(made.text, encoding="utf-8")
-    made.write_data(data)
+        Path(machine).write_text(imported.text, encoding="utf-8")
+    imported.write_data(data)
     session = Session.open(machine, data)
-    session.remarks += made.notes
+    session.remarks += imported.notes
     return session
 
 
 def examples() -> dict[str, tuple[str, str]]:
     """Return the example machines of a checkout of the repository: by name, the machine file and the measurements."""
     folder = Path(__file__).resolve().parents[3] / "examples/machines"
-    found = {}
+    files_of = {}
     for machine in sorted(folder.glob("*/machine.toml")):
         data = next(iter(sorted(machine.parent.glob("*.csv"))), None)
         if data is not None:
-            found[machine.parent.name.replace("_", " ")] = str(machine), str(data)
-    return found
+            files_of[machine.parent.name.replace("_", " ")] = str(machine), str(data)
+    return files_of
 
 
 class Start:
@@ -285,7 +285,7 @@ class Start:
         """Open a session, or say why not; return what was imported without readings, or what files leave open."""
         self.said.set_text("Reading …")
         try:
-            found = await asyncio.to_thread(open_)
+            content = await asyncio.to_thread(open_)
         except MissingOptionError as error:
             self.said.set_text("")
             return error
@@ -293,9 +293,9 @@ class Start:
             self.said.set_text(str(error))
             return None
         self.said.set_text("")
-        if isinstance(found, Imported):
-            return found
-        await self._back(found)
+        if isinstance(content, Imported):
+            return content
+        await self._back(content)
         return None
 
     async def _back(self, session: Session) -> None:
@@ -314,12 +314,12 @@ class Start:
             button("Open", open_them, label="Open the files")
 
     def _examples(self) -> None:
-        if not (found := examples()):
+        if not (files_of := examples()):
             return
         with card("Examples"):
             heading("Examples")
             with ui.element("div").classes("line"):
-                for name, files in found.items():
+                for name, files in files_of.items():
                     opens = partial(self._open, partial(Session.open, *files))
                     button(name, opens, label=f"Open the example {name}")
 

@@ -51,19 +51,19 @@ class Suspecting:
 
     def fill(self) -> None:
         """Fill it anew."""
-        found = self.page.desk.suspects
+        suspects = self.page.desk.suspects
         with anew(self.card, "Suspects"):
-            if found is None:
+            if suspects is None:
                 waiting("Every effect of the catalogue is tested …")
                 return
             groups: list[list[Suspect]] = []
-            for suspect in found.listed:
+            for suspect in suspects.listed:
                 if suspect.like is None:
                     groups.append([])
                 groups[-1].append(suspect)
             first = [group for group in groups if group[0].chosen or group[0].odds >= 1]
-            said = "How strong the evidence for each is, alone, and the error that it would leave."
-            soft(said if first else "No effect of the catalogue explains more than chance does.")
+            heading = "How strong the evidence for each is, alone, and the error that it would leave."
+            soft(heading if first else "No effect of the catalogue explains more than chance does.")
             self._groups(first)
             if others := [group for group in groups if group not in first]:
                 with ui.element("div").classes("edge w-full"):

@@ -63,13 +63,15 @@ class Verdict:
                             button(f"Repair: {repair.words}", partial(self._repair, repair.words))
                 if any(repair.of_data for repair in check.repairs[:1]):
                     command = f"rodgen check {self.page.state.file} {desk.session.data_file}"
-                    said = f"The data are at fault; '{command} --repaired-data FILE' writes repaired ones."
-                    soft(said)
+                    sentence = (
+                        f"The data are at fault; '{command} --repaired-data FILE' writes repaired ones."
+                    )
+                    soft(sentence)
             elif desk.diagnosis is not None:
                 self._diagnosed(desk.diagnosis[1], current=desk.diagnosis[0] is self.page.state)
             else:
-                said = "A diagnosis tests every effect of the catalogue, alone and together with others."
-                self._begin("", "What does the model miss?", said)
+                sentence = "A diagnosis tests every effect of the catalogue, alone and together with others."
+                self._begin("", "What does the model miss?", sentence)
                 with ui.element("div").classes("line"):
                     self._diagnose(first=True)
 
@@ -86,10 +88,10 @@ class Verdict:
             return soft(more)
 
     def _working(self, work: Work) -> None:
-        said = self._begin("working", f"{work.what} is running", work.text)
+        place = self._begin("working", f"{work.what} is running", work.text)
         with ui.element("div").classes("line"):
             button("Stop", partial(_stopped, work))
-        ui.timer(0.5, lambda: said.set_text(work.text))
+        ui.timer(0.5, lambda: place.set_text(work.text))
 
     def _diagnose(self, *, first: bool) -> None:
         button("Diagnose", self.page.desk.diagnose, icon="troubleshoot", look="first" if first else "plain")
@@ -99,14 +101,18 @@ class Verdict:
         there = {effect.identity for effect in self.page.state.machine.effects}
         left = [one for one in diagnosis.found if one.effect.identity not in there]
         open_ = diagnosis.verdict == "effects_missing" and diagnosis.open_questions.alternatives
-        said = " ".join([*("".join(one) for one in before), capitalized(error.lstrip(";: "))])
+        sentence = " ".join([*("".join(one) for one in before), capitalized(error.lstrip(";: "))])
         look = "indistinguishable" if open_ else diagnosis.verdict
         if diagnosis.found and not left:
             fallen = fall(diagnosis.base.rms, self.page.state.fit.rms, diagnosis.rms.unit)
-            look, what, said = "taken", "All that the diagnosis found is in the model", f"The error {fallen}."
+            look, what, sentence = (
+                "taken",
+                "All that the diagnosis found is in the model",
+                f"The error {fallen}.",
+            )
         elif not current:
-            said += " That is of the model as it was when it was asked for."
-        self._begin(look, f"{what}.", said)
+            sentence += " That is of the model as it was when it was asked for."
+        self._begin(look, f"{what}.", sentence)
         rows = diagnosis.outlier_rows if current else []
         with ui.element("div").classes("line"):
             if left or rows:
@@ -120,8 +126,8 @@ class Verdict:
                 with ui.element("div").classes("suspect"):
                     take = partial(self.page.desk.do, self._adding(one))
                     button("Take", take, label=f"Take {one.effect.title}")
-                    said = f"odds {odds_text(one.odds)} to 1, leaves {sized(one.rms, diagnosis.rms.unit)}"
-                    ui.label(f"{one.effect.title}: {said}").classes("what")
+                    sentence = f"odds {odds_text(one.odds)} to 1, leaves {sized(one.rms, diagnosis.rms.unit)}"
+                    ui.label(f"{one.effect.title}: {sentence}").classes("what")
             if rows:
                 count = counted(len(rows), "outlier")
                 exclude = partial(self.page.desk.do, Aside(rows=rows, why=EXCLUDED))

@@ -184,9 +184,9 @@ class Spectrum:
 
     def _hint(self, d: Array, needed: float = SHOWN) -> str:
         """Return what to measure, or nothing where no single thing would do."""
-        shown = [(self._shown(d, kind.jacobian), kind) for kind in self.readings.kinds]
-        found = sorted((k.fresh, not k.wanting, -part, k.hint) for part, k in shown if part > needed)
-        hints = [x[3] for x in found if x[:2] == found[0][:2]]
+        parts = [(self._shown(d, kind.jacobian), kind) for kind in self.readings.kinds]
+        hints_by_rank = sorted((k.fresh, not k.wanting, -part, k.hint) for part, k in parts if part > needed)
+        hints = [x[3] for x in hints_by_rank if x[:2] == hints_by_rank[0][:2]]
         return f": {' or '.join(hints[:2])}" if hints else ""
 
     def _shown(self, d: Array, jacobian: Array) -> float:
@@ -260,13 +260,13 @@ class Determinacy:
 
         Those that are `undetermined` and not among them rest on a choice of coordinates only.
         """
-        found = np.zeros(len(self.undetermined), bool)
+        lacks = np.zeros(len(self.undetermined), bool)
         if self._spectrum is not None and self.undetermined.any():
             with one_thread_in_blas():
                 rows = self._spectrum.split[1]
             size = np.linalg.norm(rows, axis=1, keepdims=True)
-            found[self._spectrum.index] = np.any(np.abs(rows) > DETERMINACY.rests * size, axis=0)
-        return found
+            lacks[self._spectrum.index] = np.any(np.abs(rows) > DETERMINACY.rests * size, axis=0)
+        return lacks
 
     @cached_property
     def _described(self) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
@@ -399,8 +399,8 @@ def _without_effect(
     if not np.any(size < SUSPECT * size.max(initial=0.0)):
         return np.zeros(len(size), bool)
     usual = HypotheticalReadings(problem, theta, frame, index).size * problem.total_weight
-    found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
-    return found
+    is_idle: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
+    return is_idle
 
 
 def sparse(basis: Array, first: NDArray[np.bool_] | None = None) -> tuple[Array, list[int]]:

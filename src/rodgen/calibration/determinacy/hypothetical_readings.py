@@ -96,10 +96,10 @@ class HypotheticalReadings:
     def kinds(self) -> list[Kind]:
         """What could be measured further, each alone."""
         o, base, drawn, machine = self.problem.observations, self._base, self._drawn, self._machine
-        found = []
+        kinds = []
         for k in sorted(set(range(len(machine.targets))) - set(np.unique(o.target).tolist())):
             there = self._jacobian(target=np.full(base.n, k, np.int32))
-            found.append(Kind(there, f"measure target {machine.targets[k].name}, which is in no row", True))
+            kinds.append(Kind(there, f"measure target {machine.targets[k].name}, which is in no row", True))
         for name, hint in OF_JOINTS.items():
             for j, joint in enumerate(machine.joints):
                 one = bool(np.ptp(getattr(o, name)[:, j]) == 0)
@@ -107,16 +107,16 @@ class HypotheticalReadings:
                 there = self._jacobian(**{name: np.where(this, drawn[name], getattr(base, name))})
                 still = joint.name if one and name == "q" else None
                 hint_of = hint.format(joint.name) + (" (it never moves)" if still else "")
-                found.append(Kind(there, hint_of, one, still=still))
+                kinds.append(Kind(there, hint_of, one, still=still))
         for name, hint in OF_NAMES.items():
             for key, values in getattr(o, name).items():
                 there = self._jacobian(**{name: {**getattr(base, name), key: drawn[name][key]}})
-                found.append(Kind(there, hint.format(key), bool(np.ptp(values) == 0)))
+                kinds.append(Kind(there, hint.format(key), bool(np.ptp(values) == 0)))
         for name, hint in OF_ALL.items():
             if (values := getattr(o, name)) is not None:
-                found.append(Kind(self._jacobian(**{name: drawn[name]}), hint, bool(np.ptp(values) == 0)))
+                kinds.append(Kind(self._jacobian(**{name: drawn[name]}), hint, bool(np.ptp(values) == 0)))
         there = self._without_targets(self._jacobian(self._retargeted))
-        return [*found, Kind(there, "measure a target at another place on the body", False, fresh=True)]
+        return [*kinds, Kind(there, "measure a target at another place on the body", False, fresh=True)]
 
     @property
     def _machine(self) -> Machine:
@@ -182,12 +182,12 @@ class HypotheticalReadings:
         closed = self._machine.kinematics.is_closed
         observations = within_reach(observations, q) if closed else replace(observations, q=q)
         there = Problem(model, observations).read_as_predicted(self.theta, self.frame)
-        found = there.jacobian(self.theta, self.frame)[:, :, self.index].reshape(-1, len(self.index))
-        return np.asarray(found[np.isfinite(found).all(axis=1)])
+        rows = there.jacobian(self.theta, self.frame)[:, :, self.index].reshape(-1, len(self.index))
+        return np.asarray(rows[np.isfinite(rows).all(axis=1)])
 
     def _without_targets(self, jacobian: Array) -> Array:
         """Return a derivative of readings of other targets, whose places are not known: these make up for the rest."""
         fresh = np.array([self.problem.model.parameters[i].slot[0] == "target" for i in self.index], bool)
         rest = np.where(fresh, 0.0, jacobian)
-        own = jacobian[:, fresh]
-        return np.asarray(project_out(orthonormal_basis(own), rest))
+        of_targets = jacobian[:, fresh]
+        return np.asarray(project_out(orthonormal_basis(of_targets), rest))

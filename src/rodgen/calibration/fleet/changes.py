@@ -54,8 +54,8 @@ def moment(date: str) -> datetime:
     ValueError
         When it is none.
     """
-    found = datetime.fromisoformat(date)
-    return found if found.tzinfo is None else found.astimezone(UTC).replace(tzinfo=None)
+    time = datetime.fromisoformat(date)
+    return time if time.tzinfo is None else time.astimezone(UTC).replace(tzinfo=None)
 
 
 @dataclass(frozen=True)
@@ -112,10 +112,10 @@ class Changes:
         """What is tested."""
         by: dict[tuple[str, str, str], dict[str, Array]] = {}
         for name, tonight in self.nights[-1].machines.items():
-            found = [
+            changes = [
                 (t, night.machines[name]) for t, night in enumerate(self.nights) if name in night.machines
             ]
-            seen = [(t, machine) for t, machine in found if machine.model == tonight.model]
+            seen = [(t, machine) for t, machine in changes if machine.model == tonight.model]
             which = "with_found" if len({tuple(sorted(m.found)) for _, m in seen}) == 1 else "as_file"
             for t, machine in seen:
                 for key, (value, std, unit) in machine.estimates(which).items():
@@ -142,7 +142,7 @@ class Changes:
     @cached_property
     def found(self) -> tuple[Change, ...]:
         """What drifts or has changed, the surest first."""
-        found = []
+        alarms = []
         for row in self.rows:
             values, std, degrees = np.moveaxis(row.numbers, 1, 0)
             d = drifts(values, std, degrees, self.times)
@@ -151,8 +151,8 @@ class Changes:
                 at = int(d.at[i]) if k else int(np.flatnonzero(np.isfinite(values[i]))[0])
                 size, std, p = (float(x[k, i]) for x in (d.size, d.std, d.p_value))
                 what, since = ("trend", "change")[k], self.nights[at].date
-                found.append(Change(row.machines[i], row.key, row.unit, what, size, std, since, p))
-        return tuple(sorted(found, key=lambda one: (one.p_value, one.machine, one.key)))
+                alarms.append(Change(row.machines[i], row.key, row.unit, what, size, std, since, p))
+        return tuple(sorted(alarms, key=lambda one: (one.p_value, one.machine, one.key)))
 
     def series(self, name: str, key: str) -> Iterator[tuple[str, float, float]]:
         """Yield the nights of a parameter: date, value, standard deviation."""

@@ -243,7 +243,7 @@ class Fleet(Documented, Result):
 
 
 def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
-    found = Counter(effect for machine in machines for effect in machine.found)
+    counts_of = Counter(effect for machine in machines for effect in machine.found)
     alike = Counter(
         effect
         for machine in machines
@@ -257,7 +257,7 @@ def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
         taken = {
             effect
             for effect, others in machine.alike.items()
-            if any(found[o] > found[effect] for o in others)
+            if any(counts_of[o] > counts_of[effect] for o in others)
         }
         for key, (value, std, unit) in machine.estimates().items():
             if titles.get(key.rpartition(".")[0]) in taken:
@@ -268,7 +268,7 @@ def _kind(title: str, machines: Sequence[FleetMachine]) -> Kind:
         for (key, unit), some in columns.items()
         if len(some) >= FLEET.fewest
     )
-    counts = {p.effect: 0 for p in _there_on_average(parameters)} | found
+    counts = {p.effect: 0 for p in _there_on_average(parameters)} | counts_of
     effects = tuple(
         FleetEffect(
             effect, n, alike[effect], len(machines), tuple(p for p in parameters if p.effect == effect)
@@ -301,9 +301,9 @@ def _odd(kind: Kind) -> Iterator[Odd]:
         return
     rates = discovery_rates(np.concatenate([p.population.p_value for p in kind.parameters]))
     ends = np.cumsum([len(p.machines) for p in kind.parameters])
-    for p, own in zip(kind.parameters, np.split(rates, ends[:-1]), strict=True):
+    for p, rates_of in zip(kind.parameters, np.split(rates, ends[:-1]), strict=True):
         of = p.population
-        for i in np.flatnonzero(own < FLEET.false_discoveries):
+        for i in np.flatnonzero(rates_of < FLEET.false_discoveries):
             yield Odd(
                 p.machines[i], p.key, p.unit, p.effect, float(p.values[i]), float(p.std[i]), of.mean, of.mean_std,
                 of.spread, float(of.p_value[i]),

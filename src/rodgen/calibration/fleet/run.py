@@ -71,15 +71,15 @@ def pairs_of(machines: str, data: str) -> list[Pair]:
         raise unreadable(machines, FileNotFoundError(), "a folder of machine files, or one machine file")
     files = _files(data, DATA)
     known = _files(machines, (".toml",)) if os.path.isdir(machines) else dict.fromkeys(files, machines)
-    found = [Pair(name, known.get(name, ""), files.get(name, "")) for name in sorted({*known, *files})]
-    if not found:
+    pairs = [Pair(name, known.get(name, ""), files.get(name, "")) for name in sorted({*known, *files})]
+    if not pairs:
         raise InputFileError(data, "file", "no machine", f"measurements, {listed(DATA)}")
-    return found
+    return pairs
 
 
 def _files(folder: str, endings: Iterable[str]) -> dict[str, str]:
     """Return the files of a folder with some endings, by their names without them."""
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     try:
         names = sorted(os.listdir(folder))
     except OSError as error:
@@ -89,10 +89,10 @@ def _files(folder: str, endings: Iterable[str]) -> dict[str, str]:
         if ending is None or name.startswith("."):
             continue
         stem, file = name.removesuffix(ending), os.path.join(folder, name)
-        if stem in found:
+        if stem in files:
             raise InputFileError(file, "file", f"a second file of {shown(stem)}", "one file for each machine")
-        found[stem] = file
-    return found
+        files[stem] = file
+    return files
 
 
 def diagnose_fleet(
@@ -154,8 +154,8 @@ def diagnose_fleet(
             for pair, key, result in zip(pairs, keys, known, strict=True)
             if result is None or result.get("key") != key or result.get("internal")
         ]
-        with closing(_each(todo, jobs, scheduler)) as found:
-            for number, result in found:
+        with closing(_each(todo, jobs, scheduler)) as finished:
+            for number, result in finished:
                 store.write_result(folder, todo[number].name, result)
         fleet = Fleet.load(folder)
         if [each.result.get("key") for each in fleet.machines] != keys:
@@ -166,8 +166,8 @@ def diagnose_fleet(
 
 def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
     """Refuse a folder of results that has files of the fleet, or where results would replace them."""
-    own = [os.path.join(folder, each) for each in ("", store.PLAN, store.MACHINES)]
-    taken = set(map(os.path.realpath, own + [store.result_file(folder, pair.name) for pair in pairs]))
+    written = [os.path.join(folder, each) for each in ("", store.PLAN, store.MACHINES)]
+    taken = set(map(os.path.realpath, written + [store.result_file(folder, pair.name) for pair in pairs]))
     for file in (file for pair in pairs for file in (pair.machine, pair.data) if file):
         place = os.path.realpath(file)
         if not taken.isdisjoint({place, os.path.dirname(place)}):
@@ -175,17 +175,17 @@ def _check_apart(folder: str, pairs: Sequence[Pair]) -> None:
             raise InputFileError(file, "file", f"in the folder of results, {folder}", expected)
 
 
-def _date(folder: str, given: str | None, stale: bool) -> str:
-    if given is None:
+def _date(folder: str, stated: str | None, stale: bool) -> str:
+    if stated is None:
         with suppress(InputFileError):
             if not stale:
                 return store.read_plan(folder).date
         return calendar.today().isoformat()
     try:
-        moment(given)
+        moment(stated)
     except ValueError:
-        raise InputFileError("command line", "--date", shown(given), "a date, such as 2026-11-25") from None
-    return given
+        raise InputFileError("command line", "--date", shown(stated), "a date, such as 2026-11-25") from None
+    return stated
 
 
 def _check_history(folder: str, plan: store.Plan) -> None:
@@ -227,8 +227,8 @@ def _each(
 
 def _key_of(pair: Pair) -> dict[str, Any]:
     """Return what the result of a machine depends on: the contents of its files, and what made it."""
-    found = {"machine": _sha256(pair.machine), "data": _sha256(pair.data)}
-    return {"sha256": found, "rodgen": version("rodgen"), "format": store.FORMAT}
+    hashes = {"machine": _sha256(pair.machine), "data": _sha256(pair.data)}
+    return {"sha256": hashes, "rodgen": version("rodgen"), "format": store.FORMAT}
 
 
 def _sha256(file: str) -> str:
@@ -274,17 +274,17 @@ def _diagnosed(pair: Pair) -> dict[str, Any]:
         what = "measurements" if pair.machine else "machine file"
         expected = "a machine file and measurements of one name"
         raise InputFileError(pair.machine or pair.data, "file", f"no {what} of this name", expected)
-    found = diagnose(Machine.load(pair.machine), Measurements.load(pair.data))
-    base, last = found.base, found.final_with_forms
+    diagnosis = diagnose(Machine.load(pair.machine), Measurements.load(pair.data))
+    base, last = diagnosis.base, diagnosis.final_with_forms
     as_file = _estimates_of(base)
     machine = base.machine
     about = [f"{joint.name} {joint.type}" for joint in machine.joints]
     about += [f"with {effect.title}" for effect in machine.effects]
     stated = base.observations.sigma is not None
-    return found.to_dict() | {
+    return diagnosis.to_dict() | {
         "fleet": {
             "kind": f"{machine.measured.kind}s by {', '.join(about)}",
-            "converged": all(each.solution.converged for each in found.fits),
+            "converged": all(each.solution.converged for each in diagnosis.fits),
             "residual_dof": last.degrees_of_freedom,
             "degrees_of_freedom": None if stated else last.degrees_of_freedom,
             "as_file": as_file,
@@ -356,16 +356,16 @@ def _first_order(of: Sensitivities, basis: Array, candidate: Candidate) -> list[
         return []
     covariance = (vectors / values) @ vectors.T
     weights, residual, fit = seen @ covariance, of.residual.ravel(), of.fit
-    found = -(weights.T @ residual)
+    gradient = -(weights.T @ residual)
     if fit.dependence.independent:
         variances = fit.variance_factor * np.diag(covariance)
     else:
         variances = np.diag(fit.dependence.correlation.covariance_of(weights.reshape(*of.residual.shape, -1)))
     if of.observations.sigma is None:  # what the candidate explains is no noise
-        total, degrees = float(residual @ residual), max(fit.degrees_of_freedom - len(found), 1)
-        left = max(total + float(found @ (seen.T @ residual)), 0.0)
+        total, degrees = float(residual @ residual), max(fit.degrees_of_freedom - len(gradient), 1)
+        left = max(total + float(gradient @ (seen.T @ residual)), 0.0)
         variances = variances * (left / total * fit.degrees_of_freedom / degrees)
     std = np.sqrt(variances)
     if not (np.isfinite(std).all() and std.all()):
         return []
-    return [*zip(candidate.short_names, (found / length).tolist(), (std / length).tolist(), strict=True)]
+    return [*zip(candidate.short_names, (gradient / length).tolist(), (std / length).tolist(), strict=True)]

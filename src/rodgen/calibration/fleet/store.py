@@ -101,13 +101,13 @@ class FleetMachine:
 
     def estimates(self, which: str = "with_found") -> dict[str, tuple[float, float, str]]:
         """Return values, standard deviations and units by key; "with_found" or "as_file" says of which model."""
-        found = {key: tuple(each) for key, each in self.result["fleet"][which]["values"].items()}
+        estimates = {key: tuple(each) for key, each in self.result["fleet"][which]["values"].items()}
         if which == "with_found":
             rms = self.result["rms"]
             dof = self.result["fleet"]["residual_dof"]
             if rms["after"] and dof > 0:
-                found[RMS] = rms["after"], rms["after"] / math.sqrt(2 * dof), rms["unit"]
-        return found
+                estimates[RMS] = rms["after"], rms["after"] / math.sqrt(2 * dof), rms["unit"]
+        return estimates
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -142,11 +142,11 @@ def read_plan(folder: str) -> Plan:
         When the folder has no results of a fleet.
     """
     file = os.path.join(folder, PLAN)
-    found = _read(file)
+    content = _read(file)
     try:
-        history = tuple(os.path.normpath(os.path.join(folder, each)) for each in found["history"])
-        machines = tuple(map(str, found["machines"]))
-        return Plan(str(found["date"]), float(found["false_alarms"]), history, machines)
+        history = tuple(os.path.normpath(os.path.join(folder, each)) for each in content["history"])
+        machines = tuple(map(str, content["machines"]))
+        return Plan(str(content["date"]), float(content["false_alarms"]), history, machines)
     except (LookupError, TypeError, ValueError):
         raise InputFileError(file, "file", "no fleet", _EXPECTED) from None
 
@@ -159,11 +159,11 @@ def result_file(folder: str, name: str) -> str:
 def read_result(folder: str, name: str) -> dict[str, Any] | None:
     """Return the result of a machine; None where there is none, or none that this version wrote."""
     try:
-        found = _read(result_file(folder, name))
-        known = found["key"]["format"] == FORMAT and not {"error", "fleet"}.isdisjoint(found)
+        content = _read(result_file(folder, name))
+        known = content["key"]["format"] == FORMAT and not {"error", "fleet"}.isdisjoint(content)
     except (InputFileError, LookupError, TypeError):
         return None
-    return found if known else None
+    return content if known else None
 
 
 def write_result(folder: str, name: str, result: Mapping[str, Any]) -> None:
@@ -176,12 +176,12 @@ def write_result(folder: str, name: str, result: Mapping[str, Any]) -> None:
 def _read(file: str) -> dict[str, Any]:
     content = read_input(file, _EXPECTED, largest=LARGEST)
     try:
-        found = json.loads(content)
+        parsed = json.loads(content)
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        parsed = None
+    if not isinstance(parsed, dict):
         raise InputFileError(file, "file", "no JSON object", _EXPECTED)
-    return found
+    return parsed
 
 
 def _write(file: str, content: Mapping[str, Any]) -> None:

@@ -80,22 +80,22 @@ def _effects(kind: Kind) -> Iterator[Block]:
 
 def machines(kind: Kind) -> Part:
     """Return each machine of a kind: its verdict, what is known of it alone, and given the others."""
-    shown = drawn_parameters(kind)[:COLUMNS]
-    places = [{name: i for i, name in enumerate(p.machines)} for p in shown]
+    columns = drawn_parameters(kind)[:COLUMNS]
+    places = [{name: i for i, name in enumerate(p.machines)} for p in columns]
     rows = []
     for machine in kind.machines:
         rms = machine.result["rms"]
         cells = [machine.name, VERDICTS[str(machine.result["verdict"])], ", ".join(machine.found) or "–"]
         cells.append("–" if rms["after"] is None else sized(float(rms["after"]), str(rms["unit"])))
-        for p, place in zip(shown, places, strict=True):
+        for p, place in zip(columns, places, strict=True):
             i = place.get(machine.name)
             pairs = ((p.values, p.std), (p.population.shrunk, p.population.shrunk_std))
             cells += ["–" if i is None else valued(float(x[i]), float(u[i]), p.unit) for x, u in pairs]
         rows.append(tuple(cells))
     header = ["machine", "verdict", "effects", "error left"]
-    header += [words for p in shown for words in (f"{p.key} alone", "given the others")]
+    header += [words for p in columns for words in (f"{p.key} alone", "given the others")]
     note = "What is known of a machine given the others is nearer to the truth on average than what it shows alone."
-    blocks: list[Block] = [*([Paragraph(note)] if shown else []), Table(header, rows)]
+    blocks: list[Block] = [*([Paragraph(note)] if columns else []), Table(header, rows)]
     return Part(blocks, capitalized(kind.title), "section")
 
 
@@ -130,10 +130,10 @@ def parameter_cells(parameter: FleetParameter) -> tuple[str, str, str]:
     return f"{mean} ± {of_mean}{unit}", f"{spread} ({low_text} to {high_text}){unit}", f"{std_text}{unit}"
 
 
-def by_machine(found: Sequence[Odd | Change]) -> list[tuple[str, str]]:
+def by_machine(those: Sequence[Odd | Change]) -> list[tuple[str, str]]:
     """Return each machine with the text of what is first of it, and which other parameters there are."""
     by: dict[str, list[Odd | Change]] = {}
-    for one in found:
+    for one in those:
         by.setdefault(one.machine, []).append(one)
     texts = []
     for name, (first, *rest) in by.items():

@@ -151,24 +151,24 @@ class Constraints:
         InputFileError
             When they lie outside it.
         """
-        found = np.array(travel)
+        ranges = np.array(travel)
         for j, joint in enumerate(machine.joints):
             limits = self.limits.get(joint.column)
-            own = machine.limits[j]
-            if own is None and is_altitude(machine, j):
+            limits_of = machine.limits[j]
+            if limits_of is None and is_altitude(machine, j):
                 low, high = (region.bound for region in WELL_SEEN)
-                found[j] = min(low, found[j, 0]), max(high, found[j, 1])
-            if self.poses is not None and limits is None and own is None:
+                ranges[j] = min(low, ranges[j, 0]), max(high, ranges[j, 1])
+            if self.poses is not None and limits is None and limits_of is None:
                 limits = float(self.poses.q[:, j].min()), float(self.poses.q[:, j].max())
             if limits is not None:
-                stated = own or limits
-                found[j] = max(limits[0], stated[0]), min(limits[1], stated[1])
-                if found[j, 0] > found[j, 1]:
+                stated = limits_of or limits
+                ranges[j] = max(limits[0], stated[0]), min(limits[1], stated[1])
+                if ranges[j, 0] > ranges[j, 1]:
                     raise InputFileError(
                         self.file, f"[limits], {joint.name}", "limits outside the travel of the machine file",
                         "limits that overlap it",
                     )  # fmt: skip
-        return found
+        return ranges
 
     def allowed(self, machine: Machine, q: Array, place: Array) -> Iterator[tuple[str, Mask]]:
         """Yield each condition in words, and which readings satisfy it.
@@ -281,8 +281,8 @@ def _box(file: str, number: int, block: dict[str, Any]) -> Array:
 
 
 def _places(machine: Machine, balls: list[tuple[float, ...]]) -> Array:
-    found = np.array(balls)
-    return found if machine.measurand.moving else found / np.linalg.norm(found, axis=1, keepdims=True)
+    places = np.array(balls)
+    return places if machine.measurand.moving else places / np.linalg.norm(places, axis=1, keepdims=True)
 
 
 def _region(machine: Machine, top: Table, text: str) -> Region:

@@ -94,17 +94,17 @@ def linearized(
     first = fits[0]
     problem = Problem(first.problem.model, readings)
     readings = problem.predicted_observations(first.solution.theta, first.solution.frame)
-    found = []
+    parts = []
     for k, fit in enumerate(fits):
         problem, at = Problem(fit.problem.model, readings), (fit.solution.theta, fit.solution.frame)
         residual = problem.residuals(*at, weighted=True) / np.sqrt(variance)
         jacobian = problem.jacobian(*at)[:, :, list(fit.free)] / np.sqrt(variance)
         if like:
-            found.append(replace(like[k], residual=residual, jacobian=jacobian))
+            parts.append(replace(like[k], residual=residual, jacobian=jacobian))
         else:
             information = fit.problem.normal_equations(*at)[1][np.ix_(fit.free, fit.free)] / variance
-            found.append(Linearized(residual, jacobian, *_scaled(information, fit.rows, jacobian)))
-    return found
+            parts.append(Linearized(residual, jacobian, *_scaled(information, fit.rows, jacobian)))
+    return parts
 
 
 def _scaled(information: Array, rows: int, jacobian: Array) -> tuple[Array, Array, Array]:
@@ -220,10 +220,10 @@ class Design:
             m = self.models[k].prior + flat.T @ flat + background * self.every[k]
             inverse = np.linalg.inv((m + m.T) / 2)
             influence = j @ inverse
-            own = np.linalg.inv(np.eye(j.shape[1]) + influence @ j.transpose(0, 2, 1))
+            inverses = np.linalg.inv(np.eye(j.shape[1]) + influence @ j.transpose(0, 2, 1))
             if not self.pairs:
                 change = influence @ self.directions
-                fall = np.sum(change * (own @ change), axis=1)
+                fall = np.sum(change * (inverses @ change), axis=1)
                 now = np.einsum("rk,rs,sk->k", self.directions, inverse, self.directions)
                 value = -0.5 * np.mean(np.log(np.maximum(now - fall, 1e-300)), axis=1)
                 continue
@@ -233,7 +233,7 @@ class Design:
                 np.sum(here**2, axis=0) + background * self.every_c[k] - np.sum(b * (inverse @ b), axis=0)
             )
             left = d - influence @ b
-            rise = np.maximum(so_far, 0.0) + np.sum(left * (own @ left), axis=1)
+            rise = np.maximum(so_far, 0.0) + np.sum(left * (inverses @ left), axis=1)
             gains[:, [i for i, p in enumerate(self.pairs) if p.wrong == k]] = rise
         if self.pairs:
             now, needed = np.array([(p.now, p.needed) for p in self.pairs]).T

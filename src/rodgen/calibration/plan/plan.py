@@ -110,8 +110,8 @@ class Plan(Documented, Result):
             sharpens = all(goal.kind == "sharpen" and goal.gains for goal in self.goals)
             why = " would tell more." if sharpens else ": no reading within the travel settles what is open."
             yield Paragraph(f"Nothing to measure{why}")
-        said = [sentence for goal in self.goals for sentence in goal.sentences]
-        yield Part([Bullets(said)], "What it settles" if self.count else "What is open")
+        sentences = [sentence for goal in self.goals for sentence in goal.sentences]
+        yield Part([Bullets(sentences)], "What it settles" if self.count else "What is open")
         if self.notes:
             yield Part([Bullets(self.notes)], "Notes")
 
@@ -226,22 +226,22 @@ def plan_for(
     constraints = constraints or Constraints()
     most = min(int(n), constraints.session or int(n))
     o = fit.observations.take(~fit.outliers) if fit.outliers.any() else fit.observations
-    found: Planned
+    planned: Planned
     with one_thread_in_blas():
         if alternatives:
-            found = Separation(fit, o, alternatives, constraints, most, trusted)
+            planned = Separation(fit, o, alternatives, constraints, most, trusted)
         else:
-            found = Sharpening(fit, o, texts, constraints, most, asked)
-        rows = {} if found.rows is None else table(fit.machine, found.pool.surroundings, found.rows)
-        sky = {} if found.rows is None else found.pool.sky(found.rows)
-    notes = [*found.notes, *_notes(found)] if found.goals else found.notes
-    return Plan(rows, tuple(found.goals), tuple(notes), found.needed, sky)
+            planned = Sharpening(fit, o, texts, constraints, most, asked)
+        rows = {} if planned.rows is None else table(fit.machine, planned.pool.surroundings, planned.rows)
+        sky = {} if planned.rows is None else planned.pool.sky(planned.rows)
+    notes = [*planned.notes, *_notes(planned)] if planned.goals else planned.notes
+    return Plan(rows, tuple(planned.goals), tuple(notes), planned.needed, sky)
 
 
-def _notes(found: Planned) -> Iterator[str]:
+def _notes(planned: Planned) -> Iterator[str]:
     """Yield sentences on what limits a plan: the travel, the run, the constraints, and the number of readings."""
-    pool = found.pool
-    if pool.without_travel and not all(goal.reached for goal in found.goals):
+    pool = planned.pool
+    if pool.without_travel and not all(goal.reached for goal in planned.goals):
         ranges = []
         for j in pool.without_travel:
             joint = pool.machine.joints[j]
@@ -255,7 +255,7 @@ def _notes(found: Planned) -> Iterator[str]:
             f"The machine file gives no travel of {names}, so that of the data was used: {joined(ranges)}. If there is "
             f"more, state it there (travel = [low, high]) and plan again."
         )
-    if found.rows is None:
+    if planned.rows is None:
         return
     if "run" in pool.o.columns_given:
         run = pool.o.run_names[pool.o.run[-1]]
@@ -275,5 +275,5 @@ def _notes(found: Planned) -> Iterator[str]:
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
     if pool.constraints.boxes:
         yield "The target keeps out of the boxes in the planned readings, not on the ways between them."
-    if isinstance(found, Separation):
-        yield from found.not_enough()
+    if isinstance(planned, Separation):
+        yield from planned.not_enough()

@@ -160,18 +160,22 @@ class Pool:
         for finer in FINER:
             if finer > 1:
                 pool = self._variants(self._positions(finer), most=finer * READINGS)
-            found, reason = self._allowed(pool)
-            if found.n >= ENOUGH_READINGS or constraints.poses is not None or constraints.places is not None:
+            allowed, reason = self._allowed(pool)
+            if (
+                allowed.n >= ENOUGH_READINGS
+                or constraints.poses is not None
+                or constraints.places is not None
+            ):
                 break
-        if not found.n and constraints is not self.stated:  # no star is well seen
+        if not allowed.n and constraints is not self.stated:  # no star is well seen
             self.constraints, self.badly_seen = self.stated, True
             return self._readings()
-        if not found.n:
+        if not allowed.n:
             within = "the list of poses" if constraints.poses is not None else "the travel and the limits"
             expected = "constraints that some reading meets"
             raise InputFileError(constraints.file, reason, f"no reading within {within} meets it", expected)
-        some = np.random.default_rng(0).permutation(found.n)[:READINGS]
-        return found.take(np.sort(some))
+        some = np.random.default_rng(0).permutation(allowed.n)[:READINGS]
+        return allowed.take(np.sort(some))
 
     def _allowed(self, pool: Rows) -> tuple[Rows, str]:
         """Return readings within regions and outside boxes; where there are none, which condition none meets."""
@@ -205,10 +209,10 @@ class Pool:
         random = np.random.default_rng(0)
         starts = self._variants(self._positions())
         starts = starts.take(random.permutation(starts.n)[: READINGS // len(places)])
-        found = [self._brought_to(starts, place) for place in places]
-        pool = Rows.joined(found)
+        rows_of_places = [self._brought_to(starts, place) for place in places]
+        pool = Rows.joined(rows_of_places)
         pool = replace(pool, q=self.machine.followed(pool.q))
-        self.out_of_reach = [k for k, rows in enumerate(found, 1) if not rows.n]
+        self.out_of_reach = [k for k, rows in enumerate(rows_of_places, 1) if not rows.n]
         if not pool.n:
             expected = "a ball that some target reaches within the travel and the limits"
             raise InputFileError(self.constraints.file, "[artefact], balls", "out of reach", expected)
@@ -264,9 +268,9 @@ class Pool:
         mount = mount_of(self.machine)
         if mount is None or mount is ALTAZ:
             return {}
-        found = mount.horizontal(self._places(rows), self.machine.gravity)
+        angles = mount.horizontal(self._places(rows), self.machine.gravity)
         names = ("altitude [deg]", "azimuth [deg]")
-        return {name: np.degrees(x).round(2).tolist() for name, x in zip(names, found, strict=True)}
+        return {name: np.degrees(x).round(2).tolist() for name, x in zip(names, angles, strict=True)}
 
     def _places(self, pool: Rows) -> Array:
         """Return where the target is, or the direction, in machine axes, (n, 3)."""
@@ -301,10 +305,10 @@ class Pool:
         s = np.repeat(usual[None], len(q), axis=0)
         s[:, self.varied] = columns[:-3].T
         if listed is not None:
-            given = listed.columns_given
-            s = np.where([f"dir_{joint.column}" in given for joint in self.machine.joints], listed.s[at], s)
-            load = listed.load[at] if listed.load is not None and "load" in given else load
-            target = listed.target[at].astype(int) if "target" in given else target
+            present = listed.columns_given
+            s = np.where([f"dir_{joint.column}" in present for joint in self.machine.joints], listed.s[at], s)
+            load = listed.load[at] if listed.load is not None and "load" in present else load
+            target = listed.target[at].astype(int) if "target" in present else target
         rows = Rows(q, s.astype(np.int8), target, load, state)
         # at an end of the travel a joint comes from inside
         outside = (((s > 0) & (q <= low)) | ((s < 0) & (q >= high)))[:, self.varied].any(axis=1)

@@ -100,7 +100,7 @@ class Surroundings:
         times = self.times(rows)
         if times is not None and at_once:
             times = np.full(n, self.begin + 6 * self.step)
-        made = replace(
+        commanded = replace(
             o.take(rows.state),
             q=rows.q,
             s=rows.s,
@@ -113,7 +113,7 @@ class Surroundings:
             sigma=None if self.sigma is None else np.repeat(self.sigma[None], n, axis=0),
             reading=np.ones((n, o.reading.shape[1])),
         )
-        return with_commands(made, o)
+        return with_commands(commanded, o)
 
 
 # the order -------------------------------------------------------------------------------------------------------
@@ -136,16 +136,16 @@ def ordered(rows: Rows, sides: Sequence[int], span: Array, start: Array) -> Rows
     """
     scale = np.where(span > 0, span, 1.0)
     block = np.stack([rows.state, rows.load], axis=1)
-    found: list[int] = []
+    order: list[int] = []
     for kind in np.unique(block, axis=0)[::-1]:  # the temperature of the last rows is met first
         inside = np.flatnonzero(np.all(block == kind, axis=1))
         some = rows.take(inside)
         key = np.concatenate([some.q, some.s[:, sides]], axis=1)
         _, first, pose = np.unique(key, axis=0, return_index=True, return_inverse=True)
         rank = np.argsort(_poses(some.q[first] / scale, some.s[first], sides, start / scale))
-        found += inside[np.lexsort((some.target, rank[pose.ravel()]))].tolist()
-        start = rows.q[found[-1]]
-    return rows.take(np.array(found))
+        order += inside[np.lexsort((some.target, rank[pose.ravel()]))].tolist()
+        start = rows.q[order[-1]]
+    return rows.take(np.array(order))
 
 
 def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) -> Ints:
@@ -156,8 +156,10 @@ def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) ->
     at = np.concatenate([start[None], q])
     moved = np.sign(at[:, sides] - at[:, None, sides])
     came = np.concatenate([np.zeros_like(s[:1]), s])[:, sides]
-    made = np.where(moved != 0, moved, came[:, None])  # a joint that rests keeps the side from which it came
-    wrong = (made != 0) & (made != came)
+    sides_reached = np.where(
+        moved != 0, moved, came[:, None]
+    )  # a joint that rests keeps the side from which it came
+    wrong = (sides_reached != 0) & (sides_reached != came)
     costs = np.abs(at - at[:, None]).max(axis=2, initial=0.0) + WRONG * wrong.sum(axis=2)
     free, nearest = np.where(np.arange(len(at)), 0.0, np.inf), [0]
     while len(nearest) < len(at):
@@ -170,8 +172,8 @@ def _poses(q: Array, s: NDArray[np.int8], sides: Sequence[int], start: Array) ->
 
     def cost(order: Ints) -> float:  # a joint that rests carries a wrong side on, which `costs` does not know
         way, wanted = at[order], came[order[1:]].T
-        made = np.reshape([approach(column)[1:] for column in way[:, sides].T], wanted.shape)
-        wrong = np.count_nonzero((made != 0) & (made != wanted))
+        side = np.reshape([approach(column)[1:] for column in way[:, sides].T], wanted.shape)
+        wrong = np.count_nonzero((side != 0) & (side != wanted))
         return float(np.abs(np.diff(way, axis=0)).max(axis=1, initial=0.0).sum()) + WRONG * wrong
 
     first = min(orders, key=cost)
@@ -210,7 +212,7 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
     }
     readings = machine.measurand.read_columns
     targets = [target.name for target in machine.targets]
-    found: dict[str, list[Any]] = {}
+    columns_of_table: dict[str, list[Any]] = {}
 
     def numbers(values: Any, unit: str | None) -> list[float]:
         factor = parse_unit(unit).factor(machine.length_unit) if unit else 1.0
@@ -221,27 +223,31 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
         if name in readings or name in follow:
             continue
         if name in names:
-            found[column.text] = numbers(rows.q[:, names.index(name)], column.unit)
+            columns_of_table[column.text] = numbers(rows.q[:, names.index(name)], column.unit)
         elif name == "target":
-            found[column.text] = [targets[k] for k in rows.target]
+            columns_of_table[column.text] = [targets[k] for k in rows.target]
         elif name == "run":
-            found[column.text] = [str(o.run_names[o.run[-1]])] * rows.n
+            columns_of_table[column.text] = [str(o.run_names[o.run[-1]])] * rows.n
         elif name == "t":
-            found[column.text] = numbers(surroundings.times(rows), column.unit)
+            columns_of_table[column.text] = numbers(surroundings.times(rows), column.unit)
         elif name == "load":
-            found[column.text] = numbers(rows.load, column.unit)
+            columns_of_table[column.text] = numbers(rows.load, column.unit)
         elif prefix == "dir" and rest in names:
-            found[column.text] = [int(x) or 1 for x in rows.s[:, names.index(rest)]]
+            columns_of_table[column.text] = [int(x) or 1 for x in rows.s[:, names.index(rest)]]
         elif prefix == "v" and rest in names:
-            found[column.text] = numbers(surroundings.observations(rows).v[:, names.index(rest)], column.unit)
+            columns_of_table[column.text] = numbers(
+                surroundings.observations(rows).v[:, names.index(rest)], column.unit
+            )
         elif prefix == "u" and rest in readings:
-            found[column.text] = [float(np.median(np.asarray(column.values)))] * rows.n
+            columns_of_table[column.text] = [float(np.median(np.asarray(column.values)))] * rows.n
         elif not hasattr(column, "codes"):  # temperatures and covariates, as they were
             values = np.asarray(column.values)
-            found[column.text] = np.round(values[rows.state], _decimals(values, TO_BE_MET)).tolist()
+            columns_of_table[column.text] = np.round(
+                values[rows.state], _decimals(values, TO_BE_MET)
+            ).tolist()
     if "target" not in columns and len(targets) > 1:
-        found["target"] = [targets[k] for k in rows.target]
-    return found
+        columns_of_table["target"] = [targets[k] for k in rows.target]
+    return columns_of_table
 
 
 def as_csv(columns: Mapping[str, Sequence[Any]]) -> str:

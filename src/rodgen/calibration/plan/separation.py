@@ -108,7 +108,7 @@ class Separation(Planned):
         for place in {e.identity for each in alternatives for e in each} & {e.identity for e in bare.effects}:
             bare = bare.without_effect(*place)
         others = [each[0] for each in alternatives if here.isdisjoint(e.identity for e in each[:1])]
-        found = []
+        fits = []
         for effect in {e.identity: e for e in group}.values():
             machine = bare
             try:
@@ -118,21 +118,21 @@ class Separation(Planned):
                 self.notes.append(f"{effect.title} is left out: {error.found}.")
                 continue
             model = fitted(machine, self.o)
-            own = sum(effect.owns(model.parameters[i].key) for i in model.free)
-            found.append(len(self.rivals))
-            self.rivals.append(Rival(effect.title, model, own))
-        return found
+            count = sum(effect.owns(model.parameters[i].key) for i in model.free)
+            fits.append(len(self.rivals))
+            self.rivals.append(Rival(effect.title, model, count))
+        return fits
 
     def _variance(self, groups: Sequence[Sequence[int]], trusted: bool) -> float:
         """Return the variance of a weighted residual: 1 where the noise is stated, or what the best model says."""
         left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in self.rivals]
         cost, residual_dof = min(left, key=lambda x: x[0] / max(x[1], 1))
         stated = self.o.sigma is not None
-        found = cost / residual_dof if residual_dof >= (FEWEST_RESIDUAL_DOF if stated else 1) else 1.0
-        found = max(found, 1.0) if stated else found
+        variance = cost / residual_dof if residual_dof >= (FEWEST_RESIDUAL_DOF if stated else 1) else 1.0
+        variance = max(variance, 1.0) if stated else variance
         pairs = [pair for of in groups for pair in itertools.permutations(of, 2)] if trusted else []
-        ratios = [self._worse(*pair) / found / self._threshold(*pair) for pair in pairs]
-        return found * min(max([1.0, *ratios]), MOST_DEPENDENT)
+        ratios = [self._worse(*pair) / variance / self._threshold(*pair) for pair in pairs]
+        return variance * min(max([1.0, *ratios]), MOST_DEPENDENT)
 
     def _worse(self, a: int, b: int) -> float:
         """Return by how much model b fits the data worse than a, in chi-square."""
@@ -189,8 +189,8 @@ class Separation(Planned):
         def would_be(count: int) -> bool:
             return all(p.now + p.gain(self.many, count * times) >= p.needed for p in self.pairs)
 
-        found = bisect_left(counts, True, key=would_be)
-        self.needed = counts[found] if found < len(counts) else None
+        first = bisect_left(counts, True, key=would_be)
+        self.needed = counts[first] if first < len(counts) else None
         return tried[n]
 
     def _gains(self) -> Iterator[Gain]:

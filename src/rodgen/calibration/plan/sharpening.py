@@ -103,11 +103,11 @@ class Sharpening(Planned):
     def _goal(self, count: int, asked: bool) -> Goal:
         """Return the goal to determine or sharpen parameters, beside so many readings that there are."""
         gains, estimates = self.gains, self.fit.estimates
-        shown = [gain for gain in gains if gain.determined and not estimates[gain.of].determined]
+        newly_determined = [gain for gain in gains if gain.determined and not estimates[gain.of].determined]
         ratios = [gain.after / gain.now if gain.now and gain.after else 0.0 for gain in gains]
         names = joined([gain.of for gain in gains], most=KEYS)
         sentences: list[str] = []
-        idle = not shown and len(gains) > 0 and min(ratios) > NOTICED
+        idle = not newly_determined and len(gains) > 0 and min(ratios) > NOTICED
         if self.rows is not None and (asked or not idle):
             sentences += self._sentences(names, ratios)
         if self.rows is not None and idle:
@@ -122,7 +122,7 @@ class Sharpening(Planned):
                 f"No reading within the travel determines {joined(self.hidden, most=KEYS)}{why}."
             )
         reached = self.rows is not None and not self.hidden and all(gain.determined for gain in gains)
-        kind = "show" if shown or (self.hidden and self.as_a_whole) else "sharpen"
+        kind = "show" if newly_determined or (self.hidden and self.as_a_whole) else "sharpen"
         return Goal(
             kind, (), tuple(self.keys), tuple(sentences), self.rows is not None, reached, tuple(gains)
         )

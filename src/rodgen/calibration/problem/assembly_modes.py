@@ -142,8 +142,8 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
     if kinematics.fault:
         return before
     modes = kinematics.modes(o.q)
-    found = _taken(modes, _nearest_poses(modes, before))
-    return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
+    poses = _taken(modes, _nearest_poses(modes, before))
+    return np.where(np.isfinite(poses).all(axis=1, keepdims=True), poses, before)
 
 
 def in_another_mode(o: Observations, machine: Machine) -> float:
@@ -317,19 +317,19 @@ def within_reach(o: Observations, q: Array) -> Observations:
         A row that does not close comes nearer to the one in `o`, and at last stays where that is.
     """
     machine = in_its_mode(o.machine, o)
-    found, start = np.array(o.q), np.array(o.pose_start)
+    reachable, start = np.array(o.q), np.array(o.pose_start)
     wanted, open_ = np.array(q), np.ones(o.n, bool)
     for _ in range(HALVINGS):
         some = np.flatnonzero(open_)
         tried = replace(o.take(some), machine=machine, q=wanted[some])
         poses = pose_start(tried)
         good = np.isfinite(poses).all(axis=1)
-        found[some[good]], start[some[good]] = wanted[some[good]], poses[good]
+        reachable[some[good]], start[some[good]] = wanted[some[good]], poses[good]
         open_[some[good]] = False
         if not open_.any():
             break
         wanted[open_] = (wanted[open_] + o.q[open_]) / 2
-    return replace(o, q=found, pose_start=start)
+    return replace(o, q=reachable, pose_start=start)
 
 
 def in_its_mode(machine: Machine, o: Observations) -> Machine:

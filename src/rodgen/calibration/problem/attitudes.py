@@ -115,8 +115,8 @@ def attitude_columns(attitude: Array, data: Measurements, angle: str = "deg") ->
 
 def attitude_numbers(attitude: Array, data: Measurements) -> dict[str, Array]:
     """Return attitudes (n, 3, 3) as numbers by the names of columns, in the notation that a table has, in radians."""
-    given = (n for n, names in NOTATIONS.items() if set(names) & data.columns.keys())
-    notation = next(given, "rotation vector")
+    present = (n for n, names in NOTATIONS.items() if set(names) & data.columns.keys())
+    notation = next(present, "rotation vector")
     return dict(zip(NOTATIONS[notation], numbers_of(notation, attitude).T, strict=True))
 
 
@@ -193,10 +193,10 @@ def nearest_attitudes(predicted: Array, read: Array) -> tuple[Array, Array]:
     u, _, vt = svd(products)
     first = vt[0].reshape(3, 3)
     sign = np.where(np.linalg.det(first) < 0, -1.0, 1.0)
-    found = []
+    nearest = []
     for body in (nearest_rotation(sign * u[:, 0].reshape(3, 3)).T, np.eye(3)):
         for _ in range(_TURNS):
             frame = nearest_rotation(np.einsum("nij,nkj->ik", read, predicted @ body))
             body = nearest_rotation(np.einsum("nji,nkj,nkl->il", predicted, frame[None], read))
-        found.append((np.sum((frame @ predicted @ body - read) ** 2), frame, body))
-    return min(found, key=lambda one: float(one[0]))[1:]
+        nearest.append((np.sum((frame @ predicted @ body - read) ** 2), frame, body))
+    return min(nearest, key=lambda one: float(one[0]))[1:]

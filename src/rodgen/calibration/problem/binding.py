@@ -192,14 +192,14 @@ def names_of(machine: Machine) -> frozenset[str]:
 def _own_names(machine: Machine) -> set[str]:
     joints = [joint.column for joint in machine.joints if joint.is_read]
     measurand = machine.measurand
-    own = {"target", "run", "t", "load", *joints, *(n for n in measurand.columns if n not in TURNS)}
-    own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in joints}
-    own |= {joint.name for joint in machine.joints if not joint.is_read}
-    own |= {f"u_{name}" for name in measurand.columns} | measurand.read_columns
+    reserved = {"target", "run", "t", "load", *joints, *(n for n in measurand.columns if n not in TURNS)}
+    reserved |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in joints}
+    reserved |= {joint.name for joint in machine.joints if not joint.is_read}
+    reserved |= {f"u_{name}" for name in measurand.columns} | measurand.read_columns
     if machine.measured.correlation == "columns":
         names = measurand.components
-        own |= {f"{of}_{a}_{b}" for of in ("corr", "cov") for a in names for b in names}
-    return own
+        reserved |= {f"{of}_{a}_{b}" for of in ("corr", "cov") for a in names for b in names}
+    return reserved
 
 
 class _Binder:
@@ -330,7 +330,7 @@ class _Binder:
         if machine.couplings is None:
             return q
         followed = machine.couplings.coordinates(q)
-        made: dict[str, Numbers] = {}
+        computed: dict[str, Numbers] = {}
         for j, (joint, coupling) in enumerate(zip(machine.joints, machine.couplings.of, strict=True)):
             if coupling is None or joint.reading == joint.name:
                 continue
@@ -342,8 +342,8 @@ class _Binder:
             ]
             unit = units[0] if units else machine.file_unit(joint.dimension)
             factor = parse_unit(unit).factor(machine.length_unit)
-            made[joint.name] = Numbers(joint.name, unit, followed[:, j] / factor)
-        self.columns = {**self.columns, **made}
+            computed[joint.name] = Numbers(joint.name, unit, followed[:, j] / factor)
+        self.columns = {**self.columns, **computed}
         self.data = replace(self.data, columns=self.columns)
         return q
 
@@ -374,12 +374,12 @@ class _Binder:
         """Return the velocities, (n, J), zero where there is no column."""
         joints = self.machine.joints
         shape = (self.data.rows, len(joints))
-        given = [j for j, x in enumerate(joints) if x.is_read and f"v_{x.column}" in self.columns]
-        if not given:
+        with_velocity = [j for j, x in enumerate(joints) if x.is_read and f"v_{x.column}" in self.columns]
+        if not with_velocity:
             return np.broadcast_to(0.0, shape)
         v = np.empty(shape)
         v[:] = 0.0
-        for j in given:
+        for j in with_velocity:
             dimension, why = self.kind(joints[j])
             self._scaled(self.column(f"v_{joints[j].column}", dimension / TIME, why), v[:, j])
         if self.machine.couplings is not None:
@@ -398,14 +398,14 @@ class _Binder:
             raise self._missing("target", f"one, because the machine has the targets {joined(names)}")
         index = {plain_name(name): i for i, name in enumerate(names)}
         known = np.array([index.get(name, -1) for name in column.names], np.int32)
-        found: NDArray[np.int32] = known[column.codes]
-        if found.min(initial=0) < 0:
-            row = int(np.argmin(found))
+        numbers: NDArray[np.int32] = known[column.codes]
+        if numbers.min(initial=0) < 0:
+            row = int(np.argmin(numbers))
             name = column.names[column.codes[row]]
             hint = nearest_hint(name, {n: n for n in names})
             expected = "the machine's target" if len(names) == 1 else "one of the machine's targets"
             raise self._wrong_cell(column, row, f"{shown(name)}{hint}", f"{expected}, {joined(names)}")
-        return found
+        return numbers
 
     def run(self) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Return the index of each row's run, and the names of those that occur."""
@@ -429,9 +429,9 @@ class _Binder:
         if len(missing) == len(self.readings):
             if may_be_missing:
                 return np.broadcast_to(np.nan, shape)
-            other = next((m for m in MEASURANDS.values() if all(n in columns for n in m.columns)), None)
-            if other:
-                found = f"the readings {joined(other.columns)}, of the kind {other.kind!r}"
+            meant = next((m for m in MEASURANDS.values() if all(n in columns for n in m.columns)), None)
+            if meant:
+                found = f"the readings {joined(meant.columns)}, of the kind {meant.kind!r}"
                 expected = f'{joined(self.readings)}: the machine file says kind = "{measurand.kind}"'
                 raise InputFileError(self.data.file, self.data.header_place, found, expected)
         reading = np.empty(shape)
@@ -457,11 +457,11 @@ class _Binder:
         """Return the attitudes of poses as matrices, (n, 3, 3); None where none are measured."""
         if not self.machine.measurand.has_attitude:
             return None
-        given = {
+        columns = {
             notation: [name for name in names if name in self.columns]
             for notation, names in NOTATIONS.items()
         }
-        used = [notation for notation, names in given.items() if names]
+        used = [notation for notation, names in columns.items() if names]
         if len(used) != 1:
             if not used and may_be_missing:
                 return np.broadcast_to(np.eye(3), (self.data.rows, 3, 3))
@@ -506,8 +506,8 @@ class _Binder:
         if self._has_covariance:
             variances = [self._covariance(name, name) for name in self.machine.measurand.components]
             return np.sqrt(np.stack(variances, axis=-1))
-        given = [name for name in self.uncertain if f"u_{name}" in self.columns]
-        if not given:
+        stated = [name for name in self.uncertain if f"u_{name}" in self.columns]
+        if not stated:
             if noises[0] is None:
                 return None
             # one number for all is kept as one, whatever is taken of the rows
@@ -517,7 +517,7 @@ class _Binder:
             column = self.columns.get(f"u_{name}")
             if column is None:
                 if noise is None:
-                    every = joined(f"u_{other}" for other in self.uncertain)
+                    every = joined(f"u_{component}" for component in self.uncertain)
                     expected = f"all of {every}, or noise in the machine file"
                     raise self._missing(f"u_{name}", expected)
                 sigma[:, i] = noise
@@ -543,12 +543,12 @@ class _Binder:
         shape = (self.data.rows, len(names), len(names))
         if stated != "columns":
             return np.broadcast_to(np.array(stated, float), shape)
-        found = np.empty(shape)
-        found[:] = np.eye(len(names))
+        correlations = np.empty(shape)
+        correlations[:] = np.eye(len(names))
         of = "cov" if self._has_covariance else "corr"
         wanted = [(i, j, f"{of}_{names[i]}_{names[j]}") for j in range(len(names)) for i in range(j)]
         if may_be_missing and not any(name in self.columns for _, _, name in wanted):
-            return found
+            return correlations
         for i, j, name in wanted:
             if self._has_covariance:
                 values = self._covariance(names[i], names[j])
@@ -558,8 +558,8 @@ class _Binder:
                 if name not in self.columns:
                     raise self._missing(name, 'one, because [measured] says correlation = "columns"')
                 values = self._unitless(self.columns[name], "a correlation coefficient is a number")
-            found[:, i, j] = found[:, j, i] = values
-        wrong = ~(np.linalg.eigvalsh(found)[:, 0] > 0)
+            correlations[:, i, j] = correlations[:, j, i] = values
+        wrong = ~(np.linalg.eigvalsh(correlations)[:, 0] > 0)
         if wrong.any():
             row = int(np.argmax(wrong))
             place = f"{self.data.place(row)}, columns {joined([name for _, _, name in wanted])}"
@@ -567,7 +567,7 @@ class _Binder:
             raise InputFileError(
                 self.data.file, place, "a correlation that is not positive definite", expected
             )
-        return found
+        return correlations
 
     @property
     def _has_covariance(self) -> bool:
@@ -633,19 +633,19 @@ class _Binder:
 
     def covariates(self) -> dict[str, NDArray[np.float64]]:
         """Return every column of numbers without a meaning of its own."""
-        found = {}
+        covariates = {}
         accelerations = {f"a_{joint.column}": joint for joint in self.read}
         for name, column in self.columns.items():
             if name in self.own or hasattr(column, "codes"):
                 continue
             if name in accelerations:
                 dimension, why = self.kind(accelerations[name])
-                found[name] = self._scaled(self.column(name, dimension / TIME**2, why))
+                covariates[name] = self._scaled(self.column(name, dimension / TIME**2, why))
                 continue
             is_temperature = name.startswith("T_")
             is_temperature |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE
-            found[name] = self._temperature(column) if is_temperature else self._scaled(column)
-        return found
+            covariates[name] = self._temperature(column) if is_temperature else self._scaled(column)
+        return covariates
 
 
 def _arm(machine: Machine, q: NDArray[np.float64], sigma: NDArray[np.float64] | None) -> float:

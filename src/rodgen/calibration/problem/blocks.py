@@ -104,19 +104,19 @@ class Motion:
 def entries(motions: Sequence[Motion]) -> list[NDArray[np.int8]]:
     """Return the directions from which the joints came to the first row of each part, (J,); see `approach`."""
     now, last = np.zeros_like(motions[0].began), None
-    found = []
+    entries_of = []
     for motion in motions:
         if motion.rows:
             step = np.sign(motion.first - (motion.first if last is None else last)).astype(np.int8)
             now = np.where(step, step, now)
-        found.append(now)
+        entries_of.append(now)
         if motion.rows:
             now, last = np.where(motion.ended, motion.ended, now), motion.last
     first = np.zeros_like(now)  # of the first motion of each joint at all: rows before it take it
-    for entry, motion in zip(found, motions, strict=True):
+    for entry, motion in zip(entries_of, motions, strict=True):
         for known in (entry, motion.began):
             first = np.where(first, first, known)
-    return [np.where(entry, entry, first).astype(np.int8) for entry in found]
+    return [np.where(entry, entry, first).astype(np.int8) for entry in entries_of]
 
 
 @dataclass(frozen=True)
@@ -211,14 +211,14 @@ class PartRows:
     def store(self, model: Model | None = None) -> _Store:
         """Return the rows, with all columns that a model needs."""
         needed = {of for kind, of in model.structure.columns if kind == "x"} if model else set[Any]()
-        found = self._store
-        if found is None or not all(("x", name) in found.at for name in needed):
-            found = self._read(frozenset(needed) | names_of(self.machine))
+        store_of_part = self._store
+        if store_of_part is None or not all(("x", name) in store_of_part.at for name in needed):
+            store_of_part = self._read(frozenset(needed) | names_of(self.machine))
             with _counting:
-                if not found.in_file or sum(store.in_file for store in _kept) < MOST_FILES:
-                    self._store = found
-                    _kept.add(found)
-        return found
+                if not store_of_part.in_file or sum(store.in_file for store in _kept) < MOST_FILES:
+                    self._store = store_of_part
+                    _kept.add(store_of_part)
+        return store_of_part
 
     def _read(self, names: frozenset[str]) -> _Store:
         o = bind(self.machine, Scan.load(self.part, None if self.stretches else names))
@@ -366,25 +366,25 @@ class PartProblem(Problem):
     def squares(self, theta: Array, frame: Frame) -> Array:
         """Return the sums of the squares of the errors, by component, in internal units."""
         evaluation, measurand = self._evaluation("residual", theta, frame), self.model.structure.measurand
-        found = np.zeros(self.components)
+        squares = np.zeros(self.components)
         for block in self._blocks():
             _, group, start, stop = block
             rows = group.block(start, stop)
             weight = np.stack([np.broadcast_to(self._column("weight", c, rows), stop - start)
                                for c in range(self.components)], axis=-1)  # fmt: skip
             error = measurand.error(self._uncoloured(evaluation(*block), rows) / weight)
-            found += np.einsum("ij,ij->j", error, error)
-        return found
+            squares += np.einsum("ij,ij->j", error, error)
+        return squares
 
     def beyond(self, theta: Array, frame: Frame, limit: float) -> NDArray[np.intp]:
         """Return the rows, in the order in which they are laid down, whose weighted residual is longer than a limit."""
-        evaluation, found = self._evaluation("residual", theta, frame), [np.zeros(0, np.intp)]
+        evaluation, rows = self._evaluation("residual", theta, frame), [np.zeros(0, np.intp)]
         for block in self._blocks(BLOCK):
             _, group, start, stop = block
             residual = self._uncoloured(evaluation(*block), group.block(start, stop))
             far = ~(np.einsum("ij,ij->i", residual, residual) <= limit**2)
-            found.append(group.block(start, stop).start + np.flatnonzero(far))
-        return np.concatenate(found)
+            rows.append(group.block(start, stop).start + np.flatnonzero(far))
+        return np.concatenate(rows)
 
     def _uncoloured(self, residual: Array, rows: Any) -> Array:
         """Return weighted residuals with the correlation that is stated, where one is."""
@@ -401,9 +401,9 @@ def _asked(rows: PartRows, shared: _Shared, model: Model, method: str, arguments
     """Return what a method of the problem of a part returns; large parts leave memory then."""
     with one_thread_in_blas():
         problem = PartProblem(model, rows, shared)
-        found = getattr(problem, method)(*arguments)
+        answer = getattr(problem, method)(*arguments)
     _release(problem.store.numbers)
-    return found
+    return answer
 
 
 def _surveyed(rows: PartRows) -> Survey:
@@ -474,22 +474,22 @@ class Blocks:
         with workers() as some:
             if self._held is None or self._held[0] is not some:
                 self._held = some, some.hold(self.parts)
-            found = dict(some.each(what, function, self._held[1], *arguments))
-        return [found[k] for k in range(len(found))]
+            answers = dict(some.each(what, function, self._held[1], *arguments))
+        return [answers[k] for k in range(len(answers))]
 
     def sum(self, method: str, model: Model, *arguments: Any) -> Any:
         """Return the sum over all parts of what a method of `PartProblem` returns, numbers or arrays, term by term."""
-        found = self.ask("all rows", _asked, self.shared, model, method, arguments)
-        return _added(found)
+        parts = self.ask("all rows", _asked, self.shared, model, method, arguments)
+        return _added(parts)
 
     def sample(self, machine: Machine, further: Sequence[Rows] = ()) -> Observations:
         """Return the rows of all parts that belong to the sample, and further ones behind them."""
-        found = list[Rows]()
+        samples = list[Rows]()
         for survey, entry, begin in zip(self.surveys, self.shared.entries, self.begins, strict=True):
-            for table, s, own in survey.stretches:
-                survey.motion.enter(s, entry, int(own[0]))
-                found.append((table, s, own + begin))
-        tables, directions, numbers = zip(*found, *further, strict=True)
+            for table, s, number in survey.stretches:
+                survey.motion.enter(s, entry, int(number[0]))
+                samples.append((table, s, number + begin))
+        tables, directions, numbers = zip(*samples, *further, strict=True)
         rows = np.concatenate(numbers)
         stretch = np.cumsum(np.diff(rows, prepend=rows[0] - 1) != 1)
         return self._bound(machine, self.scan.joined(tables, rows), np.concatenate(directions), stretch)
@@ -498,8 +498,8 @@ class Blocks:
     def begins(self) -> list[int]:
         """The number of the first row of each part."""
         counts = [part.rows for part in self.scan.parts]
-        found: list[int] = (np.cumsum(counts) - counts).tolist()
-        return found
+        begins: list[int] = (np.cumsum(counts) - counts).tolist()
+        return begins
 
     def with_rows_beyond(self, o: Observations, model: Model, solution: Place, limit: float) -> Observations:
         """Return a sample with all rows that are farther from a model than a limit, behind the others.
@@ -515,8 +515,8 @@ class Blocks:
         """
         there = o.given(np.arange(o.n))
         further = []
-        found = self.ask("rows far from the model", _rows_beyond, self.shared, model, *solution, limit)
-        for some, begin in zip(found, self.begins, strict=True):
+        far_rows = self.ask("rows far from the model", _rows_beyond, self.shared, model, *solution, limit)
+        for some, begin in zip(far_rows, self.begins, strict=True):
             if some is None:
                 continue
             table, s, rows = some
@@ -537,7 +537,7 @@ class Blocks:
         number = np.array([runs[name] for name in o.run_names], np.int32)
         # a stretch begins with a new pose, and is no neighbour of the one before
         begins = np.diff(o.pose, prepend=-1) | np.diff(stretch, prepend=0)
-        made = replace(
+        bound_blocks = replace(
             o,
             s=s,
             travel=np.array(travel, float).reshape(-1, 2),
@@ -546,9 +546,9 @@ class Blocks:
             run_names=tuple(runs),
             blocks=self,
         )
-        for array in made.arrays():
+        for array in bound_blocks.arrays():
             array.flags.writeable = False
-        return made
+        return bound_blocks
 
 
 class BlockProblem(Problem):
@@ -613,8 +613,8 @@ class BlockProblem(Problem):
         return float(self._less_aside("cost", theta, frame))
 
     def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
-        found: tuple[float, Array, Array] = self._less_aside("_summed", theta, frame)
-        return found
+        sums: tuple[float, Array, Array] = self._less_aside("_summed", theta, frame)
+        return sums
 
     @property
     def _sample(self) -> Problem:
@@ -681,12 +681,12 @@ def observed(machine: Machine, data: Any) -> Observations:
 def _stretches(scan: Scan) -> list[list[slice]]:
     """Return the rows of each part that belong to the sample: stretches, spread evenly over all."""
     starts = np.linspace(0, scan.rows, STRETCHES, endpoint=False).astype(int).tolist()
-    found, begin = [], 0
+    stretches, begin = [], 0
     for part in scan.parts:
         inside = [(max(a - begin, 0), min(a + STRETCH - begin, part.rows)) for a in starts]
-        found.append([slice(a, b) for a, b in inside if a < b])
+        stretches.append([slice(a, b) for a, b in inside if a < b])
         begin += part.rows
-    return found
+    return stretches
 
 
 def problem_of(model: Model, observations: Observations) -> Problem:
@@ -694,8 +694,8 @@ def problem_of(model: Model, observations: Observations) -> Problem:
     return BlockProblem(model, observations) if observations.blocks else Problem(model, observations)
 
 
-def _added(found: Sequence[Any]) -> Any:
+def _added(parts: Sequence[Any]) -> Any:
     """Return the sum of numbers or arrays, or of each term of lists of these."""
-    if isinstance(found[0], list | tuple):
-        return type(found[0])(_added(terms) for terms in zip(*found, strict=True))
-    return sum(found[1:], start=found[0])
+    if isinstance(parts[0], list | tuple):
+        return type(parts[0])(_added(terms) for terms in zip(*parts, strict=True))
+    return sum(parts[1:], start=parts[0])

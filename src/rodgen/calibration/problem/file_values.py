@@ -122,9 +122,9 @@ class FileValues:
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             of_effects = self.change * weight / np.sqrt(information)
-        found = np.fmin(self.largest, of_effects)
-        found[np.isinf(found)] = 1.0
-        return found
+        largest = np.fmin(self.largest, of_effects)
+        largest[np.isinf(largest)] = 1.0
+        return largest
 
     def pull(
         self, square: Array, largest: Array, anchored: NDArray[np.bool_], variance: float

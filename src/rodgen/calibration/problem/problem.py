@@ -297,11 +297,11 @@ class Problem:
 
     def _block(self, group: Group, start: int, stop: int) -> Array:
         """Return the rows of the kernels of a block of a group."""
-        made = np.empty((stop - start, len(self.model.structure.columns)))
+        table = np.empty((stop - start, len(self.model.structure.columns)))
         rows = group.block(start, stop)
         for i, (kind, of) in enumerate(self.model.structure.columns):
-            made[:, i] = self._column(kind, of, rows)
-        return made
+            table[:, i] = self._column(kind, of, rows)
+        return table
 
     def set_weight(self, factor: Array) -> None:
         """Multiply the weights that the data state by a factor for each row, (n,)."""
@@ -407,8 +407,8 @@ class Problem:
         counts = [group.count for group in self.groups]
         blocks = [self._block(group, 0, group.count) for group in self.groups]
         effects = np.broadcast_to(e, (len(counts), *e.shape))
-        found = kernel.in_sets(np.concatenate(blocks), counts, geometries, effects)
-        parts = [np.split(result, np.cumsum(counts)[:-1]) for result in found]
+        outputs = kernel.in_sets(np.concatenate(blocks), counts, geometries, effects)
+        parts = [np.split(result, np.cumsum(counts)[:-1]) for result in outputs]
 
         def of_block(number: int, _: Group, start: int, stop: int) -> Any:
             results = [part[number][start:stop] for part in parts]
@@ -419,11 +419,11 @@ class Problem:
     def _by_row(self, name: str, theta: Array, frame: Frame, width: int) -> Array:
         """Return what a kernel gives for every row, (n, width), in the order of the data."""
         evaluation = self._evaluation(name, theta, frame)
-        found = np.empty((self.rows, width))
+        by_row = np.empty((self.rows, width))
         for block in self._blocks():
             _, group, start, stop = block
-            found[group.block(start, stop)] = evaluation(*block)
-        return found
+            by_row[group.block(start, stop)] = evaluation(*block)
+        return by_row
 
     def cost(self, theta: Array, frame: Frame) -> float:
         """Return the sum of squares of the weighted residuals; infinite where one is not finite."""
@@ -483,17 +483,17 @@ class Problem:
         """Return cost, JᵀJ and Jᵀr from the products of some groups, with respect to what the kernels have."""
         p = len(self.model.parameters)
         cost, A, b = 0.0, np.zeros((p, p)), np.zeros(p)
-        for gram, (own, used) in zip(grams, slots, strict=True):
+        for gram, (slots_of, used) in zip(grams, slots, strict=True):
             cost += float(gram[-1, -1])
-            A[own[:, None], own] += used.T @ gram[:-1, :-1] @ used
-            b[own] += used.T @ gram[:-1, -1]
+            A[slots_of[:, None], slots_of] += used.T @ gram[:-1, :-1] @ used
+            b[slots_of] += used.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
         self.follow(theta, frame)
-        found = self._by_row("residual", theta, frame, self.components)
-        return found if weighted else self.coloured(found) / self.weight
+        residuals = self._by_row("residual", theta, frame, self.components)
+        return residuals if weighted else self.coloured(residuals) / self.weight
 
     def coloured(self, whitened: Array) -> Array:
         """Return weighted residuals, (..., n, m), with their correlation, where one is stated."""
@@ -541,10 +541,10 @@ class Problem:
 
     def jacobian(self, theta: Array, frame: Frame) -> Array:
         """Return the derivative of the weighted residuals, (n, m, parameters), all of it in memory."""
-        found = np.zeros((self.rows, self.components, len(self.model.parameters)))
+        jacobian = np.zeros((self.rows, self.components, len(self.model.parameters)))
         for rows, block in self.jacobian_blocks(theta, frame):
-            found[rows] = block
-        return found
+            jacobian[rows] = block
+        return jacobian
 
     def jacobian_blocks(self, theta: Array, frame: Frame) -> Iterator[tuple[Any, Array]]:
         """Yield rows and the derivative of their weighted residuals, (rows, m, parameters), block by block."""
@@ -555,11 +555,11 @@ class Problem:
         slots = self._own_slots(theta)
         for number, group, start, stop in self._blocks():
             _, jacobian = evaluation(number, group, start, stop)
-            own, used = slots[number]
+            slots_of, used = slots[number]
             block = np.tensordot(jacobian, used, 1)
-            if len(own) < len(self.model.parameters):
+            if len(slots_of) < len(self.model.parameters):
                 few, block = block, np.zeros((*jacobian.shape[:2], len(self.model.parameters)))
-                block[:, :, own] = few
+                block[:, :, slots_of] = few
             yield group.block(start, stop), block
 
     def triangle(self, theta: Array, frame: Frame, index: NDArray[np.int_], further: Array) -> Array:
@@ -576,12 +576,12 @@ class Problem:
             Numbers of the parameters.
         further : ndarray, shape (r, k)
         """
-        found = None
+        triangle = None
         if self.count > MOST_TOGETHER:
             _, square, _ = self.normal_equations(theta, frame)
             square = square[index[:, None], index] + further.T @ further
-            found = _root(square, self._sample._decomposed(theta, frame, index, further))
-        return self._decomposed_whole(theta, frame, index, further) if found is None else found
+            triangle = _root(square, self._sample._decomposed(theta, frame, index, further))
+        return self._decomposed_whole(theta, frame, index, further) if triangle is None else triangle
 
     @property
     def _sample(self) -> Problem:
@@ -604,13 +604,13 @@ class Problem:
         if self._constant_slots is not None:
             return self._constant_slots
         every = np.arange(len(self.model.parameters))
-        made = []
+        pairs = []
         for slots in self.model.slots(theta, self._pairs):
-            own = np.flatnonzero(slots.any(axis=0)) if len(self._pairs) > 1 else every
-            made.append((own, slots[:, own] if len(own) < len(every) else slots))
+            slots_of = np.flatnonzero(slots.any(axis=0)) if len(self._pairs) > 1 else every
+            pairs.append((slots_of, slots[:, slots_of] if len(slots_of) < len(every) else slots))
         if self.model.has_constant_slots:
-            self._constant_slots = made
-        return made
+            self._constant_slots = pairs
+        return pairs
 
 
 def reduced(blocks: Sequence[Array]) -> Array:

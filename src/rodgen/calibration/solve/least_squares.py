@@ -143,17 +143,17 @@ def minimise(
         )
 
     begun = problem.starts
-    found = search(PATIENCE)
+    solution = search(PATIENCE)
     ended = problem.starts
-    runs_away = NearFile(problem, np.asarray(free, int)).ran_away(found)
-    if runs_away and not _towards_file(problem, found, free):
+    runs_away = NearFile(problem, np.asarray(free, int)).ran_away(solution)
+    if runs_away and not _towards_file(problem, solution, free):
         # no way leads back from where noise may have led it: begin anew, and go nowhere for noise
         problem.start_from(begun)
         held = search(0)
-        if held.cost - found.cost < CHANCE * found.cost / problem.freedom(len(free)):
+        if held.cost - solution.cost < CHANCE * solution.cost / problem.freedom(len(free)):
             return held
     problem.start_from(ended)
-    return found
+    return solution
 
 
 def _descended(
@@ -280,13 +280,13 @@ class NearFile:
         """
         if not self.is_bounded and (before is None or not self.times):
             return theta
-        found = theta.copy()
+        clipped = theta.copy()
         if before is not None:
-            found[self.times] = np.maximum(theta[self.times], SHRINKS * before[self.times])
-        found[self.index] = np.clip(
+            clipped[self.times] = np.maximum(theta[self.times], SHRINKS * before[self.times])
+        clipped[self.index] = np.clip(
             theta[self.index], self.file.lowest[self.index], self.file.highest[self.index]
         )
-        return found
+        return clipped
 
     def stopped(self, theta: Array, downhill: Array) -> NDArray[np.bool_]:
         """Return which parameters are at a bound that a step downhill, (k,), would cross, (k,)."""
@@ -409,37 +409,41 @@ def _towards_file(problem: Problem, solution: Solution, free: Sequence[int]) -> 
     index = np.array([i for i in free if i not in problem.at_bounds(solution.theta)], int)
     near = NearFile(problem, index)
     left = problem.freedom(len(free))
-    found, started, starts = solution, np.inf, problem.starts
+    nearest_solution, started, starts = solution, np.inf, problem.starts
     for number in range(TOWARDS_FILE if len(index) and np.isfinite(solution.cost) else 0):
-        cost, square, gradient = problem.normal_equations(found.theta, found.frame)
+        cost, square, gradient = problem.normal_equations(nearest_solution.theta, nearest_solution.frame)
         if not np.isfinite(cost):  # the legs of a closed chain do not close there
             break
         pull = near.pull(square, cost / left)
         if pull is None:
-            return found if found.cost <= started * (1 + AS_GOOD) else None
-        sizes = near.sizes(found.theta[index], cost / left)
+            return nearest_solution if nearest_solution.cost <= started * (1 + AS_GOOD) else None
+        sizes = near.sizes(nearest_solution.theta[index], cost / left)
         prior = np.concatenate([near.stated(cost / left), sizes, pull.prior])
         if number == 0:
-            started = cost + pulled(prior, near.away(found.theta))
+            started = cost + pulled(prior, near.away(nearest_solution.theta))
         scaled, scale = unit_diagonal(square[index[:, None], index])
         downhill, rows = -gradient[index] / scale, np.concatenate([prior, pull.gauge])
-        near.add(rows, scaled, downhill, found.theta, scale)
-        step = np.zeros(len(found.theta))
+        near.add(rows, scaled, downhill, nearest_solution.theta, scale)
+        step = np.zeros(len(nearest_solution.theta))
         try:
             step[index] = np.linalg.solve(scaled + LEAST_DAMPING * np.eye(len(index)), downhill) / scale
         except np.linalg.LinAlgError:  # numbers that no machine gives
             break
         length = float(np.max(np.abs(step[index]) / near.largest(square)))
-        theta, frame = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
-        theta = near.within(theta, found.theta)
+        theta, frame = moved(
+            problem, nearest_solution.theta, nearest_solution.frame, FARTHEST / max(length, FARTHEST) * step
+        )
+        theta = near.within(theta, nearest_solution.theta)
         if length < ARRIVING:  # it ends so near that the equations are as good as those made again
             carried = _carried((cost, square, gradient), step)
             if not carried[0] + pulled(prior, near.away(theta)) <= started * (1 + AS_GOOD):
                 break
             problem.keep_equations(theta, frame, carried)
-            return replace(found, theta=theta, frame=frame, cost=carried[0])
+            return replace(nearest_solution, theta=theta, frame=frame, cost=carried[0])
         problem.follow(theta, frame)
-        found = replace(found, theta=theta, frame=frame, cost=problem.normal_equations(theta, frame)[0])
+        nearest_solution = replace(
+            nearest_solution, theta=theta, frame=frame, cost=problem.normal_equations(theta, frame)[0]
+        )
     problem.start_from(starts)
     return None
 

@@ -103,14 +103,14 @@ def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
         p = model.parameters[i]
         if p.effect is not None and (not p.optional or model.machine.values.get(p.key)):
             effects.setdefault((p.place, p.effect), []).append(i)
-    own = {e.name for e in model.machine.effects if e.definition.own}
-    plain, later = [], []
+    formulas = {e.name for e in model.machine.effects if e.definition.own}
+    first, later = [], []
     for (_, name), numbers in effects.items():
-        if name in own or any(model.parameters[i].searched for i in numbers):
+        if name in formulas or any(model.parameters[i].searched for i in numbers):
             later.append(numbers)
         else:
-            plain += numbers
-    return [stage for stage in (plain, *later) if stage]
+            first += numbers
+    return [stage for stage in (first, *later) if stage]
 
 
 def with_later_weights(
@@ -212,10 +212,10 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     row = int(np.argmax(bad))
     place = problem.observations.data.place(row)
     file = problem.observations.data.file
-    own = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
-    which = f" (check the formula of {joined(own)})" if own else ""
-    if not problem.model.structure.moving and not own:
+    formulas = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
+    which = f" (check the formula of {joined(formulas)})" if formulas else ""
+    if not problem.model.structure.moving and not formulas:
         which = " (a prediction right opposite to its reading? check the signs of axes and targets)"
-    if problem.model.machine.kinematics.is_closed and not own:
+    if problem.model.machine.kinematics.is_closed and not formulas:
         which = " (is the pose near a singular one, or the geometry far off?)"
     return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are{which}"

@@ -310,7 +310,7 @@ def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequenci
     onto = np.einsum("nmp,nm->np", base.reshape(n, m, -1), follows)
     weight = np.sum(follows**2, axis=1)
     pull = np.sum(residual.reshape(n, m) * follows, axis=1)
-    found = []
+    falls = []
     for several in np.array_split(frequencies, -(-len(frequencies) // AT_ONCE)):
         phase = np.multiply.outer(q, several)
         s, c = np.sin(phase), np.cos(phase)
@@ -324,8 +324,8 @@ def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequenci
             fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
         # else sine or cosine is zero at all coordinates, the base makes up for it, or both are one
         seen = (np.minimum(ss, cc) > HIDDEN * weight.sum()) & (det > HIDDEN * ss * cc)
-        found.append(np.where(seen, fall, 0.0))
-    return np.concatenate(found)
+        falls.append(np.where(seen, fall, 0.0))
+    return np.concatenate(falls)
 
 
 def most_waves(places: Array) -> float:

@@ -107,8 +107,8 @@ def _weighed(
     likely, moved = list[Likely](), set[int]()
     for (cost, one), p in zip(ranked, (weights / weights.sum()).tolist(), strict=True):
         if cost < ranked[0][0] + COST.tied:
-            found, sizes = _sized(evidence, one)
-            several = watched.of(found)
+            order, sizes = _sized(evidence, one)
+            several = watched.of(order)
             likely.append(_likely(several, sizes, p))
             moved |= {i for each in several for i in each.columns} if p >= WATCH.likely else set()
     return likely, sorted(moved)
@@ -130,8 +130,8 @@ def _likely(several: Sequence[Alternative], sizes: Estimated, probability: float
 
 def _sized(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[list[Candidate], Estimated]:
     """Return a set in the order of its columns, as its sizes are."""
-    found = sorted(chosen, key=lambda c: int(evidence.parts[id(c)][0]))
-    return found, evidence.estimated(found)
+    order = sorted(chosen, key=lambda c: int(evidence.parts[id(c)][0]))
+    return order, evidence.estimated(order)
 
 
 def _loss(far: Array) -> Array:

@@ -101,19 +101,19 @@ class WatchedColumns:
         ]
         sensitivities = self._sensitivities = Sensitivities.of(fit, effects)
         known = possible(sensitivities, effects)
-        found = [
+        candidates = [
             replace(candidate, prior=known[effect.identity])
             for effect in effects
             if effect.identity in known and (candidate := unsearched(sensitivities, effect)) is not None
         ]
-        self._effects = [candidate.effect for candidate in found]
+        self._effects = [candidate.effect for candidate in candidates]
         extra = [*(e for e in effects if is_direct(e)), *bare_effects(fit.machine)]
         self._model, self._theta = model_with(fit, extra, compiled=True)
-        self.rows = self._stacked(sensitivities, found)
-        self.correlation = estimate_correlation(sensitivities, [c.columns for c in found])
+        self.rows = self._stacked(sensitivities, candidates)
+        self.correlation = estimate_correlation(sensitivities, [c.columns for c in candidates])
         self._motion(sensitivities)
         self.free = len(fit.moving)
-        self.alternatives = [*self._adjusted(), *self._lacking(found)]
+        self.alternatives = [*self._adjusted(), *self._lacking(candidates)]
         round_about = {joint.column for joint in fit.machine.joints if joint.revolute}
         self._covered = {
             name: (x.min(), x.max())
@@ -161,19 +161,19 @@ class WatchedColumns:
         groups: dict[str, list[int]] = {}
         for i, number in enumerate(self.fit.moving):
             groups.setdefault(self.fit.parameters[number].key.rpartition(".")[0], []).append(i)
-        for title, own in groups.items():
-            some = [self.fit.parameters[self.fit.moving[i]] for i in own]
+        for title, columns in groups.items():
+            some = [self.fit.parameters[self.fit.moving[i]] for i in columns]
             definition = EffectDefinition(title, frozenset(), "", Formula("0"), {})
             candidate = Candidate(
-                Effect(definition), tuple(p.key for p in some), self._sensitivities.model[:, :, own], {}
+                Effect(definition), tuple(p.key for p in some), self._sensitivities.model[:, :, columns], {}
             )
             units, factors = tuple(p.unit for p in some), tuple(p.factor for p in some)
-            yield Alternative(candidate, tuple(own), units, factors, adjusted=True)
+            yield Alternative(candidate, tuple(columns), units, factors, adjusted=True)
 
-    def _lacking(self, found: Sequence[Candidate]) -> Iterator[Alternative]:
+    def _lacking(self, candidates: Sequence[Candidate]) -> Iterator[Alternative]:
         """Yield the effects that the model lacks."""
         machine, end = self.fit.machine, self.free
-        for candidate in found:
+        for candidate in candidates:
             of = candidate.effect.units(machine)
             units = tuple(of[name] for name in candidate.short_names)
             factors = tuple(unit_factor(unit, machine.length_unit)[0] for unit in units)
@@ -208,14 +208,14 @@ class WatchedColumns:
             [replace(one.candidate, columns=columns[:, :, one.columns]) for one in self.alternatives]
         )
 
-    def of(self, found: Sequence[Candidate]) -> list[Alternative]:
+    def of(self, candidates: Sequence[Candidate]) -> list[Alternative]:
         """Return the alternatives that candidates of an evidence are."""
         by = {one.candidate.key: one for one in self.alternatives}
-        return [by[c.key] for c in found]
+        return [by[c.key] for c in candidates]
 
-    def _stacked(self, sensitivities: Sensitivities, found: Sequence[Candidate]) -> Array:
+    def _stacked(self, sensitivities: Sensitivities, candidates: Sequence[Candidate]) -> Array:
         """Return the columns of the model and of effects, as what readings are more, and the readings."""
-        columns = [sensitivities.model, *(candidate.columns for candidate in found)]
+        columns = [sensitivities.model, *(candidate.columns for candidate in candidates)]
         return np.concatenate([-np.concatenate(columns, axis=2), sensitivities.residual[..., None]], axis=2)
 
     def bound(self, data: Measurements) -> Observations:
@@ -225,18 +225,18 @@ class WatchedColumns:
 
     def _conditions(self, o: Observations) -> Iterator[tuple[str, Array]]:
         """Yield the names of columns in which a model may be wrong beyond what the reference covers, and values."""
-        found = [(joint.column, o.q[:, j]) for j, joint in enumerate(self.fit.machine.joints)]
-        found += [(f"T_{name}", x) for name, x in o.temperature.items()]
-        found += [("load", o.load)] if o.load is not None else []
-        yield from ((name, x) for name, x in found if name in o.data.columns)
+        conditions = [(joint.column, o.q[:, j]) for j, joint in enumerate(self.fit.machine.joints)]
+        conditions += [(f"T_{name}", x) for name, x in o.temperature.items()]
+        conditions += [("load", o.load)] if o.load is not None else []
+        yield from ((name, x) for name, x in conditions if name in o.data.columns)
 
     def outside(self, o: Observations) -> Mask:
         """Return which new readings are beyond what the reference covers of a condition, (n,)."""
-        found = np.zeros(o.n, bool)
+        is_outside = np.zeros(o.n, bool)
         for name, x in self._conditions(o):
             low, high = self._covered.get(name, (-math.inf, math.inf))
-            found |= np.maximum(x - high, low - x) > BEYOND * max(high - low, SMALLEST)
-        return found
+            is_outside |= np.maximum(x - high, low - x) > BEYOND * max(high - low, SMALLEST)
+        return is_outside
 
     def counts(self, data: Measurements) -> Mask:
         """Return which new measurements the machine file does not set aside, (n,).
@@ -248,22 +248,22 @@ class WatchedColumns:
         """
         aside = np.zeros(data.rows, bool)
         for entry in self.rules:
-            found = None
+            counts = None
             file = self.fit.machine.file or self.fit.machine.name
             # a run may be of other rows
             with suppress(UnexpectedError) if entry.run else in_file(file, "[measured], set_aside"):
-                found = entry.of(data, ())
-            if found is not None:
-                aside = aside & ~found if entry.back else aside | found
+                counts = entry.of(data, ())
+            if counts is not None:
+                aside = aside & ~counts if entry.back else aside | counts
         return ~aside
 
     def motion(self, o: Observations) -> Array:
         """Return what a motion that readings share does to them, (n, m, k)."""
         weight = Problem(self._model, o).weight
-        found = frame_motion(
+        motion = frame_motion(
             self._model, o, self._theta, self.fit.solution.frame, weight, middle=self._middle
         )
-        return np.asarray(found * self._scale)
+        return np.asarray(motion * self._scale)
 
     def at(self, o: Observations) -> Array:
         """Return the columns of observations and their weighted residuals, (n, m, d + 1).
@@ -279,8 +279,8 @@ class WatchedColumns:
             residual = problem.residuals(self._theta, frame, weighted=True)
         index = {parameter.key: i for i, parameter in enumerate(self._model.parameters)}
         sensitivities = Sensitivities(self.fit, np.arange(o.n), o, problem.weight, residual, columns, index)
-        found = [unsearched(sensitivities, effect) for effect in self._effects]
-        stacked = self._stacked(sensitivities, [candidate for candidate in found if candidate])
+        candidates = [unsearched(sensitivities, effect) for effect in self._effects]
+        stacked = self._stacked(sensitivities, [candidate for candidate in candidates if candidate])
         finite = np.isfinite(stacked).all(axis=(1, 2))
         if not finite.all():
             row = int(np.argmin(finite))

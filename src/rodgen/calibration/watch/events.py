@@ -133,11 +133,11 @@ class Changed(_Event):
             how = f": readings scatter {self.noise:.2g} times as much"
             if self.noise > LARGE:
                 how = f": readings are {self.noise:.2g} times as far off, in no way that one effect explains"
-        found = f"{self.counted} {self.at}: {what} began {when} (90 %){how}."
+        text = f"{self.counted} {self.at}: {what} began {when} (90 %){how}."
         if others:
             names = joined([f"{one.title} ({percent(one.probability, 1)})" for one in others], most=MOST)
-            found += f" The readings do not tell it apart from {names}."
-        return f"{found} {OUTSIDE}" if self.outside else found
+            text += f" The readings do not tell it apart from {names}."
+        return f"{text} {OUTSIDE}" if self.outside else text
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -133,8 +133,8 @@ def _watched(
 
     name = "standard input" if data == "-" else data
     if _is_table(data):
-        for option, given in (("follow", follow), ("state", state)):
-            if given:
+        for option, argument in (("follow", follow), ("state", state)):
+            if argument:
                 found = f"given with {data}, which is not read as it grows"
                 raise UnfitArgumentError(option, found, "a plain CSV file with it")
         yield from watching.take(_read(data))
@@ -197,9 +197,9 @@ class _Watching:
 
     def begin(self, reference: Measurements) -> None:
         """Begin to watch."""
-        found = fit(self.machine, reference, loss="huber")
-        self.watch = Watch(found, **self.options)
-        for sentence in [*found.observations.on_rows, self.watch.text]:
+        reference_fit = fit(self.machine, reference, loss="huber")
+        self.watch = Watch(reference_fit, **self.options)
+        for sentence in [*reference_fit.observations.on_rows, self.watch.text]:
             self.remark(sentence)
 
     def read(self, lines: Lines, file: str) -> Iterator[Event | BadRow]:

@@ -66,9 +66,9 @@ def frequency(text: str) -> float:
     number, _, unit = text.partition("/")
     try:
         of = parse_unit(unit.strip())
-        found = float(number) / of.factor()
-        if of.dimension == TIME and 0 < found < math.inf:
-            return found
+        rate = float(number) / of.factor()
+        if of.dimension == TIME and 0 < rate < math.inf:
+            return rate
     except (UnitError, ValueError):
         pass
     raise UnexpectedError(shown(text), "a number above 0 per time, such as 100/h or 1/year")
@@ -82,9 +82,9 @@ def per_second(argument: str, value: str | float) -> float:
     UnfitArgumentError
     """
     with contextlib.suppress(TypeError, ValueError):
-        found = frequency(value) if isinstance(value, str) else float(value)
-        if 0 < found < math.inf:
-            return found
+        rate = frequency(value) if isinstance(value, str) else float(value)
+        if 0 < rate < math.inf:
+            return rate
     expected = "a number above 0, per second, or with a time, such as '100/h' or '1/year'"
     raise UnfitArgumentError(argument, repr(value), expected)
 
@@ -203,12 +203,12 @@ class Watch:
     @property
     def _shared(self) -> str:
         """What is said of errors that readings share."""
-        found = self._watched.correlation
-        if found.independent:
+        correlation = self._watched.correlation
+        if correlation.independent:
             return ""
-        text = f" {found.text}" if found.text else " Readings may share errors."
+        text = f" {correlation.text}" if correlation.text else " Readings may share errors."
         text += " That is allowed for."
-        if found.wanders and found.time > self._watched.duration / 2:
+        if correlation.wanders and correlation.time > self._watched.duration / 2:
             text += " How it wanders in a longer time than the reference took is unknown, and may look like a change."
         return text
 
@@ -272,9 +272,9 @@ class Watch:
 
     def _settled(self, at: int) -> Changed:
         """Name a change for good; how things are since is how they should be."""
-        found = what_changed(self.detector, self._watched)
-        event = self._changed(found, at, settled=True)
-        self.detector.go_on(found.before, found.since, found.moved, found.noise)
+        change = what_changed(self.detector, self._watched)
+        event = self._changed(change, at, settled=True)
+        self.detector.go_on(change.before, change.since, change.moved, change.noise)
         return event
 
     def _count(self, whole: Measurements, o: Observations, new: int) -> None:
@@ -303,10 +303,10 @@ class Watch:
         if self.detector.alarm:
             self.alarms += 1
             self._settling = max(SETTLED // self._per_block, 1)
-            found = what_changed(self.detector, self._watched)
-            yield from self._released(lambda block, row: row <= found.first[2])
+            change = what_changed(self.detector, self._watched)
+            yield from self._released(lambda block, row: row <= change.first[2])
             self._outliers = []
-            yield self._changed(found, at, settled=False)
+            yield self._changed(change, at, settled=False)
         elif self.detector.suspected < 0:
             yield from self._released(lambda block, row: block <= blocks - WAITED)
             self._outliers = [one for one in self._outliers if one[2] > blocks - WAITED]
@@ -330,18 +330,18 @@ class Watch:
 
     # what it means -----------------------------------------------------------------------------------------------
 
-    def _changed(self, found: Change, at: int, *, settled: bool) -> Changed:
+    def _changed(self, change: Change, at: int, *, settled: bool) -> Changed:
         marks = self.detector.recent[2]
         return Changed(
             at,
             self._counted,
-            int(found.first[0]),
-            int(found.last[0]),
-            tuple(found.likely),
-            found.noise if found.likely[0].is_noise else 1.0,
+            int(change.first[0]),
+            int(change.last[0]),
+            tuple(change.likely),
+            change.noise if change.likely[0].is_noise else 1.0,
             settled,
             self.evidence,
-            bool(np.mean(marks[marks[:, 2] > found.first[2], 3]) > 0.5),
+            bool(np.mean(marks[marks[:, 2] > change.first[2], 3]) > 0.5),
         )
 
     # kept in a file ----------------------------------------------------------------------------------------------
@@ -426,10 +426,10 @@ def _as_dict(data: Measurements | None) -> dict[str, Any] | None:
     return {"file": data.file, "columns": columns, "numbers": numbers}
 
 
-def _from_dict(kept: Mapping[str, Any] | None) -> Measurements | None:
-    if kept is None:
+def _from_dict(content: Mapping[str, Any] | None) -> Measurements | None:
+    if content is None:
         return None
-    return Measurements.from_frame(kept["columns"], name=kept["file"]).placed(kept["numbers"])
+    return Measurements.from_frame(content["columns"], name=content["file"]).placed(content["numbers"])
 
 
 def _texts(data: Measurements) -> list[str]:

@@ -271,13 +271,13 @@ def _as_arrow(frame: Any, name: str) -> pa.Table:
 
 def _rows_of_dataset(dataset: Any) -> dict[str, Any]:
     """Return the variables and coordinates of a Dataset of xarray, each laid out over all of its dimensions."""
-    found = {}
+    rows_of = {}
     for text, values in dataset.variables.items():
         unit = values.attrs.get("units", "")
         known = unit and isinstance(text, str) and "[" not in text and unit != "1"
         name = f"{text} [{unit}]" if known else text
-        found[name] = values.set_dims(dict(dataset.sizes)).to_numpy().ravel()
-    return found
+        rows_of[name] = values.set_dims(dict(dataset.sizes)).to_numpy().ravel()
+    return rows_of
 
 
 def _array(values: Any, place: str, name: str) -> Any:

@@ -229,12 +229,12 @@ class CsvTable(Table):
         numbers = self._line_numbers(len(columns[0]))
         values, text = [], []
         for match in self.matches:
-            own = _floats(columns[match.index])
-            values.append(in_wanted_unit(values_of(own), match))
+            converted = _floats(columns[match.index])
+            values.append(in_wanted_unit(values_of(converted), match))
             if not self._accepted(values[-1]).all():
                 raise pa.ArrowInvalid("a number that is not finite")
             if self.schema.types[match.index] == pa.float64():
-                columns[match.index] = own
+                columns[match.index] = converted
         for match in self.text:
             text.append(call_function("utf8_trim_whitespace", [columns[match.index]]))
             if match.index in self._needed and not values_of(call_function("utf8_length", text[-1:])).all():
@@ -341,10 +341,10 @@ _WITH_EXPONENT = 100
 
 def _last_digits(cell: bytes) -> int:
     """Return how many digits are after the decimal point, or 100 and those of the exponent; -1 of what is no number."""
-    found = re.fullmatch(rb"[+-]?\d*\.?(\d*)(?:[eE]([+-]?\d*))?", cell)
-    if not found or not cell:
+    match = re.fullmatch(rb"[+-]?\d*\.?(\d*)(?:[eE]([+-]?\d*))?", cell)
+    if not match or not cell:
         return -1
-    return len(found[1]) if found[2] is None else _WITH_EXPONENT + len(found[2])
+    return len(match[1]) if match[2] is None else _WITH_EXPONENT + len(match[2])
 
 
 def _floats(column: pa.ChunkedArray) -> pa.Array:

@@ -126,15 +126,15 @@ def match_columns(
     matches: list[Match] = []
     reference: str | None = None
     for column in columns:
-        found = named.get(column.name, [])
-        if not found:
+        matching = named.get(column.name, [])
+        if not matching:
             error, near = _missing(column, texts, columns, file, place, numbered=numbered)
             if column.optional and not near:
                 continue
             raise error
-        if len(found) > 1:
-            raise _twice(column.name, [texts[i] for i, _ in found[:2]], file, place)
-        index, unit = found[0]
+        if len(matching) > 1:
+            raise _twice(column.name, [texts[i] for i, _ in matching[:2]], file, place)
+        index, unit = matching[0]
         where = f"{place}, column {shown(texts[index])}"
         example = f"{column.name}{_UNITS[column.quantity]}"
         if column.quantity == "number" or column.quantity == "name":
@@ -214,8 +214,8 @@ def bare_name(text: str) -> str:
 
 
 def _split(text: str) -> tuple[str, str | None]:
-    found = _NAME_AND_UNIT.fullmatch(text)
-    return (found["name"].strip(), found["unit"].strip()) if found else (text, None)
+    match = _NAME_AND_UNIT.fullmatch(text)
+    return (match["name"].strip(), match["unit"].strip()) if match else (text, None)
 
 
 def _check_unique(texts: Sequence[str], file: str, place: str) -> None:

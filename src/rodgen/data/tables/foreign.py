@@ -78,7 +78,7 @@ class ForeignTable:
         InputFileError
             At the first cell that is no number.
         """
-        found = []
+        numbers = []
         for place, cell in zip(self.places, column.cells, strict=True):
             try:
                 value = math.nan if cell is None else float(cell)
@@ -88,8 +88,8 @@ class ForeignTable:
                 raise InputFileError(
                     self.file, f"{place}, column {shown(column.header)}", shown(cell), "a number"
                 )
-            found.append(value)
-        return found
+            numbers.append(value)
+        return numbers
 
 
 def read_foreign(path: str | os.PathLike[str]) -> ForeignTable:
@@ -153,10 +153,10 @@ def _of_rtl(file: str, text: str) -> ForeignTable:
         raise InputFileError(file, "file", "no targets and deviations", "a file of a linear measurement")
     name = axis.removesuffix("axis").strip() or "position"
     columns = [ForeignColumn(f"{name} [mm]", name, "mm", tuple(targets))]
-    for run, found in sorted(runs.items()):
-        order = [targets[k] for k in found]
+    for run, readings in sorted(runs.items()):
+        order = [targets[k] for k in readings]
         header = f"{run} {'↓' if order[-1] < order[0] else '↑'}"
-        cells_of = tuple(found.get(k) for k in range(len(targets)))
+        cells_of = tuple(readings.get(k) for k in range(len(targets)))
         columns.append(ForeignColumn(f"{header} [um]", header, "um", cells_of))
     note = (
         f"{os.path.basename(file)}: linear measurement of Renishaw's software, {len(targets)} targets in mm, "
@@ -295,8 +295,8 @@ def _of_mat(file: str) -> ForeignTable:
         axes = "xyz" if len(by_column) == 3 else ""
         for k, cells in enumerate(by_column.astype(float)):
             label = f"{name}_{axes[k] if axes else k + 1}" if len(by_column) > 1 else name
-            plain = tuple(None if math.isnan(x) else float(x) for x in cells)
-            columns.append(ForeignColumn(label, label, "", plain))
+            numbers = tuple(None if math.isnan(x) else float(x) for x in cells)
+            columns.append(ForeignColumn(label, label, "", numbers))
     if rows < 1:
         raise InputFileError(
             file, "file", "no arrays of numbers", "columns of one length, or a matrix of them"

@@ -93,20 +93,20 @@ def map_table(
         table.gaps = any(bare_name(name) == "status" for name in table.schema.names)
         rows = table.read()
         arrays, index = function(rows.values)
-        kept = rows.table if index is None else rows.table.take(pa.array(index))
+        table_used = rows.table if index is None else rows.table.take(pa.array(index))
         names = _given(table.schema.names, {bare_name(writer.text) for writer in writers})
-        made = [writer.column(array) for writer, array in zip(writers, arrays, strict=True)]
-        columns_of = [*kept.columns, *made]
+        new_columns = [writer.column(array) for writer, array in zip(writers, arrays, strict=True)]
+        columns_of = [*table_used.columns, *new_columns]
         write_table(output, pa.table(columns_of, names=[*names, *(writer.text for writer in writers)]))
     status = next((n for n, writer in enumerate(writers) if writer.names), None)
     counts = {}
     if status is not None:
         of_code = np.bincount(np.asarray(arrays[status]), minlength=len(writers[status].names)).tolist()
         counts = {name: n for name, n in zip(writers[status].names, of_code, strict=True) if n}
-    return MapSummary(kept.num_rows, counts)
+    return MapSummary(table_used.num_rows, counts)
 
 
-def _given(names: Sequence[str], made: Collection[str]) -> list[str]:
+def _given(names: Sequence[str], new_names: Collection[str]) -> list[str]:
     """Return the names of columns that are kept, with a "given" before those that results have, and before older ones.
 
     Examples
@@ -116,7 +116,7 @@ def _given(names: Sequence[str], made: Collection[str]) -> list[str]:
     """
     present = {bare_name(name) for name in names}
     renamed = set()
-    for name in made:
+    for name in new_names:
         while name in present:
             renamed.add(name)
             name = f"given {name}"
@@ -171,9 +171,9 @@ def map_files(table: str, output: str | None, map_one: Callable[[str, str], MapS
         files = list(dict.fromkeys(part.path for part in parts))
         outputs = [str(into / f"{k:05d}-{os.path.basename(file)}") for k, file in enumerate(files)]
         pairs = list(zip(files, outputs, strict=True))
-        for _, found in some.each("files", lambda pair: map_one(*pair), pairs):
-            total.rows += found.rows
-            for name, count in found.counts.items():
+        for _, mapped in some.each("files", lambda pair: map_one(*pair), pairs):
+            total.rows += mapped.rows
+            for name, count in mapped.counts.items():
                 total.counts[name] = total.counts.get(name, 0) + count
     return total
 
@@ -234,8 +234,8 @@ def copy_with(
             expected = "a file that stays as it is"
             raise InputFileError(table.file, "file", "another number of rows than before", expected)
         new = {name: _array(values) for name, values in columns.items()}
-        made = {instead.get(name, name): whole[name] for name in whole.column_names} | new
-        write_table(output, pa.table(made))
+        new_columns = {instead.get(name, name): whole[name] for name in whole.column_names} | new
+        write_table(output, pa.table(new_columns))
 
 
 def _keeps_text(output: str | os.PathLike[str] | None) -> bool:

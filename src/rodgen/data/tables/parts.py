@@ -102,11 +102,11 @@ def parts_of(pattern: str) -> tuple[list[Part], list[str]]:
     InputFileError
         When there is no such file, one cannot be read, or has other columns or units than the first.
     """
-    filesystem, found = _files(pattern)
-    if not found:
+    filesystem, files = _files(pattern)
+    if not files:
         what = "a folder without Parquet files" if os.path.isdir(pattern) else "no such file"
         raise InputFileError(pattern, "file", what, "Parquet files")
-    wholes = [Part(0, file, path, filesystem, None, 0) for file, path in found]
+    wholes = [Part(0, file, path, filesystem, None, 0) for file, path in files]
     with ThreadPoolExecutor(OPEN_AT_ONCE) as pool:
         schemas = list(pool.map(_schema, wholes))
     first = schemas[0]
@@ -144,15 +144,15 @@ def _together(sizes: Sequence[int], least: int) -> list[tuple[int, ...]]:
     >>> _together([200_000, 90_000, 90_000, 5, 0], 100_000)
     [(0,), (1, 2), (3, 4)]
     """
-    found: list[list[int]] = []
+    groups: list[list[int]] = []
     rows = least
     for number, size in enumerate(sizes):
         if rows >= least:
-            found.append([])
+            groups.append([])
             rows = 0
-        found[-1].append(number)
+        groups[-1].append(number)
         rows += size
-    return [tuple(numbers) for numbers in found]
+    return [tuple(numbers) for numbers in groups]
 
 
 def _check_same(file: str, schema: _Schema, of: str, first: _Schema) -> None:
@@ -197,8 +197,8 @@ def _remote_files(pattern: str) -> tuple[Any, list[tuple[str, str]]]:
         except pa.ArrowInvalid:  # a scheme that Arrow does not know
             from fsspec.core import url_to_fs
 
-            other, base = url_to_fs(f"{scheme}://{folder}")
-            filesystem = pafs.PyFileSystem(pafs.FSSpecHandler(other))
+            file_system, base = url_to_fs(f"{scheme}://{folder}")
+            filesystem = pafs.PyFileSystem(pafs.FSSpecHandler(file_system))
         wanted = base + rest[len(folder) :]
         if filesystem.get_file_info(base).type == pafs.FileType.File:
             return filesystem, [(pattern, base)]

@@ -104,13 +104,15 @@ class Table(abc.ABC):
         numbered: bool = False,
     ) -> None:
         """Set the places of the wanted columns from the names of all; `words` are the columns that hold words."""
-        found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
+        matches = match_columns(texts, columns, self.file, self.header, numbered=numbered)
         names: tuple[str, ...] = ()
         if isinstance(columns, EveryColumn):
             names = columns.text
-            found = [replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in found]
-        self.matches = [match for match in found if not match.holds_text]
-        self.text = [match for match in found if match.holds_text]
+            matches = [
+                replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in matches
+            ]
+        self.matches = [match for match in matches if not match.holds_text]
+        self.text = [match for match in matches if match.holds_text]
         # a remark may be blank, but not the name of a target
         every = isinstance(columns, EveryColumn)
         self._needed = {match.index for match in self.text if match.name in names or not every}

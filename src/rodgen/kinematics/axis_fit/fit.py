@@ -110,11 +110,11 @@ def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Mask] | None:
     line = best_agreement(pairs.only(used), _CAMP)
     squares = pairs.half_squares(line)
     inside = np.sort(used[np.argsort(squares[used], kind="stable")[:count]])
-    own = max(float(squares[inside].sum()) / (3 * count - pairs.parameters), (4 * pairs.rounding) ** 2)
+    variance = max(float(squares[inside].sum()) / (3 * count - pairs.parameters), (4 * pairs.rounding) ** 2)
     # The factor of the least median of squares, for a variance that was made small by choice.
-    own *= (1 + 5 / (count - pairs.parameters / 3)) ** 2
-    bad = noise.used & (squares > chi_cut(len(used)) ** 2 * own)
-    if noise.variance < _FAR_BETTER**2 * own or bad.sum() < _MANY * len(used):
+    variance *= (1 + 5 / (count - pairs.parameters / 3)) ** 2
+    bad = noise.used & (squares > chi_cut(len(used)) ** 2 * variance)
+    if noise.variance < _FAR_BETTER**2 * variance or bad.sum() < _MANY * len(used):
         return None
     return (line, bad) if _is_axis(pairs, inside, line) else None
 
@@ -330,12 +330,12 @@ def fit_axis(
     ([90.0], [3.0])
     """
     if angle is None or sigma_angle is not None:
-        given = {
+        options = {
             "point": not isinstance(point, str) or point != "free",
             "weights": weights is not None,
             "loss": loss != "linear",
         }
-        if named := [name for name, is_given in given.items() if is_given]:
+        if named := [name for name, is_given in options.items() if is_given]:
             raise RodgenError(f"{joined(named)} without exact angles; expected angle, and no sigma_angle")
         return fit_points(
             rho, rho_prime, move=move, angle=angle, sigma=sigma, sigma_angle=sigma_angle, origin=origin
@@ -355,12 +355,12 @@ def fit_axis(
 
 def _seen_from(fit: AxisFit, origin: Array) -> AxisFit:
     """Return the fit with the points of its axes that are nearest to another origin."""
-    found = [
+    directions = [
         nearest(axis, point, fit.covariance, origin)
         for axis, point in zip(fit.candidate_axes, fit.candidate_points, strict=True)
     ]
-    points = np.array([point for point, _ in found])
-    return replace(fit, point=points[0], covariance=found[0][1], candidate_points=points, origin=origin)
+    points = np.array([point for point, _ in directions])
+    return replace(fit, point=points[0], covariance=directions[0][1], candidate_points=points, origin=origin)
 
 
 def _chance(fit: AxisFit) -> float:

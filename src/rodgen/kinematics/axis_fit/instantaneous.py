@@ -138,19 +138,19 @@ class InstantaneousAxes:
 
     def columns(self, unit: str) -> dict[str, Any]:
         """Return the columns of a table with a row for each instant, by name with unit; lengths are in `unit`."""
-        found: dict[str, Any] = {"t [s]": self.time}
-        found |= {f"axis_{c}": x for c, x in zip("xyz", self.axis.T, strict=True)}
-        found["u_axis [rad]"] = self.axis_uncertainty
-        found |= {f"point_{c} [{unit}]": x for c, x in zip("xyz", self.point.T, strict=True)}
-        found |= {f"u_point_{c} [{unit}]": x for c, x in zip("xyz", self.point_uncertainty.T, strict=True)}
-        found |= {"rate [rad/s]": self.rate, "u_rate [rad/s]": self.rate_uncertainty}
-        found |= {
+        columns: dict[str, Any] = {"t [s]": self.time}
+        columns |= {f"axis_{c}": x for c, x in zip("xyz", self.axis.T, strict=True)}
+        columns["u_axis [rad]"] = self.axis_uncertainty
+        columns |= {f"point_{c} [{unit}]": x for c, x in zip("xyz", self.point.T, strict=True)}
+        columns |= {f"u_point_{c} [{unit}]": x for c, x in zip("xyz", self.point_uncertainty.T, strict=True)}
+        columns |= {"rate [rad/s]": self.rate, "u_rate [rad/s]": self.rate_uncertainty}
+        columns |= {
             f"slide_rate [{unit}/s]": self.slide_rate,
             f"u_slide_rate [{unit}/s]": self.slide_rate_uncertainty,
         }
-        found |= {f"pitch [{unit}/rad]": self.pitch, f"u_pitch [{unit}/rad]": self.pitch_uncertainty}
-        found = {name: np.ma.masked_invalid(values) for name, values in found.items()}
-        return {**found, "status": [ScrewStatus(s).name for s in self.status.tolist()]}
+        columns |= {f"pitch [{unit}/rad]": self.pitch, f"u_pitch [{unit}/rad]": self.pitch_uncertainty}
+        columns = {name: np.ma.masked_invalid(values) for name, values in columns.items()}
+        return {**columns, "status": [ScrewStatus(s).name for s in self.status.tolist()]}
 
     def to_dict(self) -> dict[str, Any]:
         """Return all results as plain Python values for :mod:`json`; numbers that are not finite are None."""
@@ -482,9 +482,9 @@ class _Walk:
         before = _DIFFUSE * np.eye(9)
         for k in range(n):
             gain = np.linalg.solve(before[:3, :3] + np.eye(3), before[:3]).T
-            kept = np.eye(9)
-            kept[:, :3] -= gain
-            here[k] = kept @ before @ kept.T + gain @ gain.T
+            remaining = np.eye(9)
+            remaining[:, :3] -= gain
+            here[k] = remaining @ before @ remaining.T + gain @ gain.T
             if k < n - 1:
                 before = ahead[k] = carried[k] @ here[k] @ carried[k].T + noise[k]
         for k in range(n - 2, -1, -1):

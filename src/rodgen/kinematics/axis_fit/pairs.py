@@ -97,8 +97,8 @@ def maximise_on_sphere(A: Array, b: Array) -> Maxima:
     In the hard case the two are equally good, and `best` is the one along the eigenvector as LAPACK signs it.
     """
     gap, gamma, vectors = _in_eigenbasis(A, b)
-    best, other = _global_root(gap, gamma), _local_root(gap, gamma)
-    return Maxima((vectors @ best[..., None])[..., 0], (vectors @ other[..., None])[..., 0])
+    best, second = _global_root(gap, gamma), _local_root(gap, gamma)
+    return Maxima((vectors @ best[..., None])[..., 0], (vectors @ second[..., None])[..., 0])
 
 
 def global_maximum(A: Array, b: Array) -> Array:
@@ -568,16 +568,16 @@ def _weights(
         # One weight for all, which needs no array of them.
         _, variance, unit, rms = _weights(sigma, np.ones(1), (1,), exponent)
         return np.broadcast_to(1.0, (math.prod(shape),)), variance, unit, rms
-    given = np.ones(shape) if weights is None else _broadcast("weights", weights, shape)
-    if (given < 0).any():
-        row = int(np.argmax(given.ravel() < 0))
+    stated = np.ones(shape) if weights is None else _broadcast("weights", weights, shape)
+    if (stated < 0).any():
+        row = int(np.argmax(stated.ravel() < 0))
         raise RodgenError(f"weights, row {row} (counted from 0) is negative; expected 0 or more")
-    used = given > 0
+    used = stated > 0
     if not used.any():
         raise RodgenError("all weights are zero; at least one pair must count")
     if sigma is None:
-        largest = float(given.max())
-        return (given / largest).ravel(), None, 1 / largest, float("nan")
+        largest = float(stated.max())
+        return (stated / largest).ravel(), None, 1 / largest, float("nan")
     s = _broadcast("sigma", sigma, shape)
     if not (s > 0).all():
         row = int(np.argmin(s.ravel() > 0))
@@ -586,7 +586,7 @@ def _weights(
         )
     scaled = np.ldexp(s, -exponent)
     scaled = np.maximum(scaled, 2.0**-_WIDEST)
-    reach = np.where(used, scaled / np.sqrt(np.where(used, given, 1.0)), np.inf)
+    reach = np.where(used, scaled / np.sqrt(np.where(used, stated, 1.0)), np.inf)
     smallest = float(reach.min())
     rms = smallest * float(np.sqrt(np.mean((scaled[used] / smallest) ** 2)))
     return ((smallest / reach) ** 2).ravel(), smallest**2, float("nan"), float(np.ldexp(rms, exponent))
@@ -785,5 +785,5 @@ class SharedReadings:
         by = np.where(self.before[:, None, None], -back, by)
         total = np.zeros((int(self.reading.max()) + 1, *by.shape[1:]))
         np.add.at(total, self.reading, by)
-        found: Array = np.einsum("njp,njq->pq", total, total) - np.einsum("njp,njq->pq", by, by)
-        return found
+        excess: Array = np.einsum("njp,njq->pq", total, total) - np.einsum("njp,njq->pq", by, by)
+        return excess

@@ -315,8 +315,8 @@ class AxisFit:
         pairwise : bool
             Whether residuals and weights of every row are included.
         """
-        found = plain(self, _KEYS + " residuals weights" * pairwise)
-        return found | {"outliers": np.flatnonzero(self.outliers).tolist()}
+        content = plain(self, _KEYS + " residuals weights" * pairwise)
+        return content | {"outliers": np.flatnonzero(self.outliers).tolist()}
 
 
 def nearest(axis: Array, point: Array, covariance: Array, to: Array) -> tuple[Array, Array]:

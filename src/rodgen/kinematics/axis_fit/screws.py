@@ -174,8 +174,10 @@ def read_points(rho: ArrayLike, rho_prime: ArrayLike, move: Any, angle: Any) -> 
         _one_a_turn(angle, motion, labels), 0, row % N, motion, tuple(map(str, labels)),
         values.reshape(2, N, 3), centre, scale,
     )  # fmt: skip
-    found = [_displacement(values[:N][motion == k], values[N:][motion == k]) for k in range(len(labels))]
-    return readings, np.array([r for r, _ in found]), np.array([s for _, s in found])
+    displacements = [
+        _displacement(values[:N][motion == k], values[N:][motion == k]) for k in range(len(labels))
+    ]
+    return readings, np.array([r for r, _ in displacements]), np.array([s for _, s in displacements])
 
 
 def read_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Readings, Array, Array]:
@@ -252,14 +254,14 @@ def _one_a_turn(angle: Any, motion: Index, labels: Array) -> Array:
         return np.full(len(labels), np.nan)
     angles = np.broadcast_to(real_array("angle", angle), motion.shape)
     demand_finite("angle", angles)
-    found = angles[np.unique(motion, return_index=True)[1]]
-    other = np.flatnonzero(angles != found[motion])
-    if len(other):
+    angle_of = angles[np.unique(motion, return_index=True)[1]]
+    differing = np.flatnonzero(angles != angle_of[motion])
+    if len(differing):
         raise RodgenError(
-            f"angle, row {other[0]} (counted from 0) differs from that of other rows of move "
-            f"{str(labels[motion[other[0]]])!r}; expected one reading of the angle a move"
+            f"angle, row {differing[0]} (counted from 0) differs from that of other rows of move "
+            f"{str(labels[motion[differing[0]]])!r}; expected one reading of the angle a move"
         )
-    return np.asarray(found)
+    return np.asarray(angle_of)
 
 
 def frame_of(points: Array) -> tuple[Array, float]:
@@ -362,8 +364,8 @@ class Equations:
             read = np.flatnonzero(np.isfinite(r.angle))
             ends = self.column[np.stack([r.end[read], r.start[read]])]
             sign, row = np.array([[1.0], [-1.0]]) + 0 * ends, np.arange(len(read)) + 0 * ends
-            kept = ends >= 0
-            turns = coo_array((sign[kept], (row[kept], ends[kept])), (len(read), self.size)).tocsr()
+            is_read = ends >= 0
+            turns = coo_array((sign[is_read], (row[is_read], ends[is_read])), (len(read), self.size)).tocsr()
             normal = normal + self.angle_weight * (turns.T @ turns)
             side = side + self.angle_weight * (turns.T @ self.angle_residual(state)[read])
         return normal.tocsc(), side, d
@@ -460,11 +462,11 @@ def first_guess(readings: Readings, rotations: Array, shifts: Array) -> State:
     front = np.flatnonzero(reached).tolist()
     while front:
         place = front.pop()
-        for other, by, to in ways.get(place, []):
-            if not reached[other]:
-                reached[other] = True
-                angle[other], slide[other] = angle[place] + by, slide[place] + to
-                front.append(other)
+        for neighbour, by, to in ways.get(place, []):
+            if not reached[neighbour]:
+                reached[neighbour] = True
+                angle[neighbour], slide[neighbour] = angle[place] + by, slide[place] + to
+                front.append(neighbour)
     back = _turned_back(readings, line, angle, slide)
     count = np.bincount(readings.part)
     body = np.stack([np.bincount(readings.part, column) / count for column in back.T], axis=1)
@@ -747,8 +749,8 @@ def _motion_spread(equations: Equations, factor: Factorised) -> Array:
         select = np.zeros((equations.size, 2 * count))
         for places, sign in zip(ends, (1.0, -1.0), strict=True):
             for what in (0, 1):
-                kept = np.flatnonzero(places >= 0)
-                select[places[kept] + what, 2 * kept + what] += sign
+                moved = np.flatnonzero(places >= 0)
+                select[places[moved] + what, 2 * moved + what] += sign
         spread[some] = np.sqrt(np.einsum("ij,ij->j", select, factor.solve(select)).reshape(-1, 2))
     return spread
 
@@ -772,8 +774,8 @@ def _outlier(
         rows = (3 * some[:, None] + np.arange(3)).ravel()
         J = jacobian[rows]
         part = J @ factor.solve(J.T.toarray())
-        own = np.arange(len(some))
-        h = weight[some][:, None, None] * part.reshape(len(some), 3, len(some), 3)[own, :, own]
+        diagonal = np.arange(len(some))
+        h = weight[some][:, None, None] * part.reshape(len(some), 3, len(some), 3)[diagonal, :, diagonal]
         size, axes = np.linalg.eigh(np.eye(3) - h)
         along = np.einsum("nij,ni->nj", axes, d[some]) ** 2
         free = size > _FREE

@@ -247,10 +247,10 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
             )
         near, share, iterations, converged = _reweight(counted, loss, *robust_start(counted))
         counted = counted.weighted(share)
-    best, other = _optima(counted, near)
+    best, second = _optima(counted, near)
     everyone = np.zeros(len(used))
     everyone[used] = share
-    return Solution(best, other, everyone, iterations, converged)
+    return Solution(best, second, everyone, iterations, converged)
 
 
 def _optima(pairs: Pairs, near: Line | None) -> tuple[Line, Line | None]:
@@ -323,8 +323,8 @@ def _polish(pairs: Pairs, moments: Moments, axis: Array) -> Line:
             gradient = np.concatenate([gradient, by_point @ basis])
             units = np.concatenate([units, np.ones(2)])
         values, vectors = np.linalg.eigh(moments.hessian(axis, point, basis) * np.outer(units, units))
-        kept = values > max(_LEAST_INFORMATION * values[-1], 0.0)
-        step = -vectors[:, kept] @ ((vectors[:, kept].T @ gradient) / values[kept])
+        is_known = values > max(_LEAST_INFORMATION * values[-1], 0.0)
+        step = -vectors[:, is_known] @ ((vectors[:, is_known].T @ gradient) / values[is_known])
         size = float(np.abs(step).max()) / arm
         if not size < last / 2:
             break
@@ -566,20 +566,20 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
     Two optima that differ by rounding only are put in an order that does not depend on it: the first is the one that is
     greater along the coordinate in which their axes differ most.
     """
-    best, other = solution.best, solution.other
-    if other is None:
+    best, second = solution.best, solution.other
+    if second is None:
         return [best]
     here = float(solution.share @ pairs.half_squares(best))
-    there = float(solution.share @ pairs.half_squares(other))
+    there = float(solution.share @ pairs.half_squares(second))
     weight = pairs.weight * solution.share
     rounding = (8 * pairs.rounding) ** 2 * float(weight.sum())
-    apart = best.axis - other.axis
+    apart = best.axis - second.axis
     if abs(there - here) <= 1e-9 * (there + here) + rounding:
         swap = bool(apart[np.argmax(np.abs(apart))] < 0)
     else:
         swap = there < here
     if swap:
-        best, other, here, there = other, best, there, here
+        best, second, here, there = second, best, there, here
 
     counted = pairs.only(weight > 0)
     freedoms = max(3 * len(counted.angle) - pairs.parameters, 1)
@@ -589,11 +589,11 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
         ratio = freedoms * math.log((there + rounding) / (here + rounding))
     # Of two axes e, f that take the true points to the same places, noise favours one by
     # Σ n′·(R_e - R_f) n / v: this is its standard deviation.
-    cosine = float(best.axis @ other.axis)
+    cosine = float(best.axis @ second.axis)
     by_versine = sum(float((4 * np.sin(block.angle / 2) ** 4).sum()) for _, block in counted.blocks())
     by_sine = sum(float((np.sin(block.angle) ** 2).sum()) for _, block in counted.blocks())
     chance = math.sqrt(max(2 * by_versine * (1 - cosine**2) + 4 * by_sine * (1 - cosine), 0.0))
-    return [best, other] if ratio < _KEEP_BELOW + _KEEP_DEVIATIONS * chance else [best]
+    return [best, second] if ratio < _KEEP_BELOW + _KEEP_DEVIATIONS * chance else [best]
 
 
 def axis_information(information: Array) -> Array:

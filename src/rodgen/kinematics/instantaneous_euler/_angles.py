@@ -262,11 +262,11 @@ def euler_from_quaternion(quaternion: ArrayLike, sequence: str = "ZYX") -> tuple
     """
     known = sequence_of(sequence)
     refuse_masked("quaternion", quaternion)
-    given = np.asarray(quaternion)
-    if given.ndim == 0 or given.shape[-1] != 4:
-        raise ValueError(f"a quaternion has the shape {given.shape}; expected a last axis of 4")
+    q = np.asarray(quaternion)
+    if q.ndim == 0 or q.shape[-1] != 4:
+        raise ValueError(f"a quaternion has the shape {q.shape}; expected a last axis of 4")
     kernel = kernels.chi_zyx_from_quaternion if known.like == "zyx" else kernels.chi_zyz_from_quaternion
-    angles, status = kernel(known.quaternion(given))
+    angles, status = kernel(known.quaternion(q))
     angles = np.asarray(angles)
     if known.sign < 0 and known.like == "zyz":  # the second angle stays from 0 to pi: the others turn by pi
         locked = np.asarray(status)[..., None] == MotionStatus.SINGULAR
@@ -300,7 +300,7 @@ def euler_from_matrix(matrix: ArrayLike, sequence: str = "ZYX") -> tuple[Any, An
     >>> ie.euler_from_matrix(matrix, "XZX")[0].round(12)
     array([0.1, 0.2, 0.3])
     """
-    quaternion, found = call_kernel(kernels.quaternion_from_matrix, (matrix,))
+    quaternion, matrix_status = call_kernel(kernels.quaternion_from_matrix, (matrix,))
     angles, status = euler_from_quaternion(quaternion, sequence)
-    abnormal = (found == RotationStatus.NOT_NORMAL) & (status == MotionStatus.REGULAR)
+    abnormal = (matrix_status == RotationStatus.NOT_NORMAL) & (status == MotionStatus.REGULAR)
     return angles, np.where(abnormal, np.int8(MotionStatus.NOT_NORMAL), status)

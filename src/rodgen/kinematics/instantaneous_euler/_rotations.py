@@ -228,15 +228,15 @@ def choose(
     """
     for name, part in (("x", x), ("y", y), ("z", z)):
         refuse_masked(name, part)
-    given = {i: np.asarray(part, float) for i, part in enumerate((x, y, z)) if part is not None}
-    if not given:
+    parts = {i: np.asarray(part, float) for i, part in enumerate((x, y, z)) if part is not None}
+    if not parts:
         raise RodgenError("choose: no ridge line is given; expected x, y or z")
-    found = rotations(chi, tolerance=tolerance)
-    quaternions = np.asarray(found.quaternions)
+    feasible = rotations(chi, tolerance=tolerance)
+    quaternions = np.asarray(feasible.quaternions)
     worst: NDArray[Any] = np.zeros(quaternions.shape[:-1])
     seen: NDArray[np.bool_] = np.zeros(quaternions.shape[:-2], bool)
     matrices = kernels.matrix_from_quaternion(quaternions)[0]
-    for i, part in given.items():
+    for i, part in parts.items():
         if part.ndim == 0 or part.shape[-1] != 3:
             raise ValueError(
                 f"a ridge line's direction has the shape {part.shape}; expected a last axis of 3"
@@ -264,7 +264,7 @@ def choose(
     chosen = np.take_along_axis(quaternions, best[..., None, None], axis=-2)[..., 0, :]
     code = np.where(left > 1, ChoiceStatus.AMBIGUOUS, ChoiceStatus.CHOSEN)
     code = np.where(solvable, code, ChoiceStatus.INVALID)
-    code = np.where(found.status == RotationsStatus.INFEASIBLE, ChoiceStatus.INFEASIBLE, code)
+    code = np.where(feasible.status == RotationsStatus.INFEASIBLE, ChoiceStatus.INFEASIBLE, code)
     return Choice(
         np.where(solvable[..., None], chosen, np.nan),
         np.where(solvable, least[..., 0], np.nan),

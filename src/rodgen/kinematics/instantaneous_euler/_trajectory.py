@@ -113,17 +113,17 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     array([ 0.48,  1.  ,  0.6 , -0.35, -0.98, -0.71,  0.22])
     """
     refuse_masked("quaternions", quaternions)
-    given = np.asarray(quaternions, float)
-    if given.ndim != 2 or given.shape[1] != 4:
-        raise ValueError(f"quaternions have the shape {given.shape}; expected (n, 4)")
-    chi = np.asarray(angles_from_quaternion(given)[0])
-    matrices = kernels.matrix_from_quaternion(given)[0]
+    q = np.asarray(quaternions, float)
+    if q.ndim != 2 or q.shape[1] != 4:
+        raise ValueError(f"quaternions have the shape {q.shape}; expected (n, 4)")
+    chi = np.asarray(angles_from_quaternion(q)[0])
+    matrices = kernels.matrix_from_quaternion(q)[0]
     signed, status = np.empty_like(chi), np.empty(chi.shape, np.int8)
     for i in range(3):
         signed[:, i], status[:, i] = _followed(ridge_normal(matrices, i), chi[:, i])
     euler, continuous, locks = {}, {}, {}
     for name in sequences:
-        euler[name], locks[name] = euler_from_quaternion(given, name)
+        euler[name], locks[name] = euler_from_quaternion(q, name)
         continuous[name] = _continuous(euler[name], locks[name], sequence_of(name))
     return Trajectory(chi, signed, status, euler, continuous, locks)
 
@@ -158,7 +158,7 @@ def _continuous(euler: Any, status: Any, sequence: Sequence) -> NDArray[Any]:
     angles = sequence.angles(euler)
     three = sequence.like == "zyx"
     full = 2 * math.pi
-    made = np.full_like(angles, np.nan)
+    continuous = np.full_like(angles, np.nan)
     last: tuple[float, ...] | None = None
     # one row depends on the one before: plain floats are five times as fast as small arrays
     for row, (code, (a, b, c)) in enumerate(zip(status.tolist(), angles.tolist(), strict=True)):
@@ -169,13 +169,13 @@ def _continuous(euler: Any, status: Any, sequence: Sequence) -> NDArray[Any]:
                 # the sum or the difference of the outer angles is determined; the third stays as it was
                 low = math.cos(b + math.pi / 2 if three else b) > 0
                 a, c = (a - last[2] if low else a + last[2]), last[2]
-            other = (a + math.pi, math.pi - b if three else -b, c + math.pi)
+            second = (a + math.pi, math.pi - b if three else -b, c + math.pi)
             near = [
                 tuple(x - full * round((x - y) / full) for x, y in zip(triple, last, strict=True))
-                for triple in ((a, b, c), other)
+                for triple in ((a, b, c), second)
             ]
             gaps = [sum((x - y) ** 2 for x, y in zip(triple, last, strict=True)) for triple in near]
             a, b, c = near[gaps[1] < gaps[0]]
         last = (a, b, c)
-        made[row] = last
-    return sequence.angles(made)
+        continuous[row] = last
+    return sequence.angles(continuous)

@@ -37,26 +37,26 @@ class Sequence(NamedTuple):
     def angles(self, angles: ArrayLike) -> NDArray[Any]:
         """Return the angles, or rates, of the base sequence from those of this one; the inverse is the same."""
         refuse_masked("angles", angles)
-        given = np.asarray(angles)
-        if given.dtype.kind == "c":
+        array = np.asarray(angles)
+        if array.dtype.kind == "c":
             raise TypeError("angles are real numbers")
-        if given.ndim == 0 or given.shape[-1] != 3:
-            raise ValueError(f"angles have the shape {given.shape}; expected a last axis of 3")
-        given = given[..., ::-1] if self.backwards else given
-        return given if self.sign > 0 else -given
+        if array.ndim == 0 or array.shape[-1] != 3:
+            raise ValueError(f"angles have the shape {array.shape}; expected a last axis of 3")
+        array = array[..., ::-1] if self.backwards else array
+        return array if self.sign > 0 else -array
 
     def vector(self, vector: NDArray[Any]) -> NDArray[Any]:
         """Return the components of a vector along x, y, z from those along the axes of the base sequence."""
-        found = np.empty_like(vector)
-        found[..., self.axes] = vector
-        return found
+        permuted = np.empty_like(vector)
+        permuted[..., self.axes] = vector
+        return permuted
 
     def matrix(self, matrix: NDArray[Any]) -> NDArray[Any]:
         """Return the rotation matrix in x, y, z from the one in the axes of the base sequence."""
-        found = np.empty_like(matrix)
+        permuted = np.empty_like(matrix)
         rows, columns = np.ix_(self.axes, self.axes)
-        found[..., rows, columns] = matrix
-        return found
+        permuted[..., rows, columns] = matrix
+        return permuted
 
     def quaternion(self, quaternion: NDArray[Any]) -> NDArray[Any]:
         """Return the unit quaternion in the axes of the base sequence from the one in x, y, z."""

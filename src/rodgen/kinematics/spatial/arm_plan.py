@@ -65,19 +65,19 @@ class Arm:
             T[..., :3, 3] *= self.unit
         if self.backwards:
             R = np.swapaxes(T[..., :3, :3], -1, -2)
-            made = np.empty_like(T)
-            made[..., :3, :3] = R
-            made[..., :3, 3] = -(R @ T[..., :3, 3:])[..., 0]
-            made[..., 3, :] = T[..., 3, :]
-            T = made
+            posed = np.empty_like(T)
+            posed[..., :3, :3] = R
+            posed[..., :3, 3] = -(R @ T[..., :3, 3:])[..., 0]
+            posed[..., 3, :] = T[..., 3, :]
+            T = posed
         return T * np.array([1.0, -1.0, -1.0, 1.0]) if self.turned else T
 
     def angles(self, q: Any) -> Any:
         """Return the angles of the given chain for angles (..., 6) of this one."""
         if self._as_given:
             return q
-        found = (q * self.sign)[..., self.order]
-        return np.where(found == -np.pi, np.pi, found)  # the interval is open there
+        angles = (q * self.sign)[..., self.order]
+        return np.where(angles == -np.pi, np.pi, angles)  # the interval is open there
 
     @cached_property
     def _as_given(self) -> bool:
@@ -482,8 +482,8 @@ def _from_parallel_123(arm: Arm, R: Any, P: Any, five: Any, six: Any) -> Branch:
 
     def outwards(v: Any, c: float, s: float, theta: Any, length: float, offset: float) -> Any:
         """Return a point of one link in the frame of the next."""
-        found = back_x(c, s, v - length * X)
-        return back_z(theta, found - offset * Z)
+        moved = back_x(c, s, v - length * X)
+        return back_z(theta, moved - offset * Z)
 
     points = []
     for start in (0 * X, X):

@@ -97,12 +97,12 @@ def _one_by_one(first: Any, second: Any) -> tuple[Any, Any, Any]:
     """Return solutions of an equation (n, 3) in one angle, and then the other (n, 3, 3) in the other angle."""
     theta, there, double, free = _roots(first)
     u = np.stack([np.ones_like(theta), np.cos(theta), np.sin(theta)], axis=-1)
-    other, also, double_2, free_2 = _roots(np.einsum("nki,nij->nkj", u, second))
+    second_root, also, double_2, free_2 = _roots(np.einsum("nki,nij->nkj", u, second))
     status = np.where(double[..., None] | double_2, ReverseStatus.DOUBLE, ReverseStatus.REGULAR)
     status = np.where(free[..., None] | free_2, ReverseStatus.FAMILY, status)
     status = np.where(there[..., None] & also, status, ReverseStatus.NONE)
     n = len(first)
-    return np.repeat(theta, 2, axis=-1), other.reshape(n, 4), status.reshape(n, 4)
+    return np.repeat(theta, 2, axis=-1), second_root.reshape(n, 4), status.reshape(n, 4)
 
 
 def _roots(u: Any) -> Branch:
@@ -158,9 +158,9 @@ def general(mechanism: Mechanism) -> Callable[[Any], tuple[Any, Any, Any]]:
         status = np.full((len(T), SLOTS), ReverseStatus.NONE, np.int8)
         missing = np.zeros(len(T), bool)
         for row, pose in enumerate(T * scale):
-            found = arm.solve(pose, respect_limits=False, enumerate_windings=False, allow_refinement=True)
-            missing[row] = len(found) % 2  # solutions come and go in pairs
-            for slot, solution in enumerate(found[:SLOTS]):
+            solutions = arm.solve(pose, respect_limits=False, enumerate_windings=False, allow_refinement=True)
+            missing[row] = len(solutions) % 2  # solutions come and go in pairs
+            for slot, solution in enumerate(solutions[:SLOTS]):
                 angles[row, slot] = solution.q
                 status[row, slot] = ReverseStatus.REGULAR
         return angles, status, missing
@@ -218,12 +218,12 @@ def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
     """Return the solutions of a kernel; those near a degenerate pose are checked by forward analysis and polished."""
     arm = chosen.arm
     turned, status = _CLOSED[chosen.way](arm.pose(pose), arm.a, arm.cosine, arm.sine, arm.offset)
-    found = np.ascontiguousarray(arm.angles(turned))  # written into, row by row
+    angles = np.ascontiguousarray(arm.angles(turned))  # written into, row by row
     listed = status.tobytes()  # searched in less time than it takes to call NumPy, where there is one pose
     none_first = chosen.way == "parallel" and _NONE in listed[::8]
     if not none_first and _DOUBLE not in listed and _FAMILY not in listed:
-        return Reverse(found, status)
-    flat, codes = found.reshape(-1, 8, 6), status.reshape(-1, 8)
+        return Reverse(angles, status)
+    flat, codes = angles.reshape(-1, 8, 6), status.reshape(-1, 8)
     poses = pose.reshape(-1, 4, 4)
     if none_first:
         _free_first_angle(chosen, poses, flat, codes)
@@ -235,10 +235,10 @@ def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
     codes[row[lost], column[lost]] = ReverseStatus.NONE
     rows = np.unique(row[lost])
     flat[rows], codes[rows] = solutions_first(flat[rows], codes[rows])
-    return Reverse(found, status)
+    return Reverse(angles, status)
 
 
-def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
+def _free_first_angle(chosen: Plan, pose: Any, angle_rows: Any, status: Any) -> None:
     """Try other first angles where any is possible but zero has no solution, for arms with three parallel axes.
 
     The point where axes 5 and 6 meet lies on the first axis then; the pose turned about that axis is such a pose, too.
@@ -261,7 +261,7 @@ def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
         q, codes = kernels.robot_parallel_reverse(back @ T, arm.a, arm.cosine, arm.sine, arm.offset)
         q[..., 0] = principal(q[..., 0] + angle)
         there = codes[:, 0] <= ReverseStatus.FAMILY
-        found[rows[there]], status[rows[there]] = arm.angles(q[there]), codes[there]
+        angle_rows[rows[there]], status[rows[there]] = arm.angles(q[there]), codes[there]
         rows, T = rows[~there], T[~there]
 
 
@@ -272,13 +272,13 @@ def _proved(
     n, m, _ = angles.shape
     there = status <= ReverseStatus.FAMILY
     row, column = np.nonzero(there)
-    found, error = _polished(mechanism, T[row], angles[row, column])
+    polished, error = _polished(mechanism, T[row], angles[row, column])
     good = error <= CLOSES
     missing = missing.copy()
     missing[row[~good & (status[row, column] == ReverseStatus.REGULAR)]] = True
     there[row[~good], column[~good]] = False
     angles = np.full((n, max(m, slots), 6), np.nan)
-    angles[row[good], column[good]] = found[good]
+    angles[row[good], column[good]] = polished[good]
     codes = np.full((n, max(m, slots)), ReverseStatus.NONE, np.int8)
     codes[:, :m] = np.where(there, status, ReverseStatus.NONE)
     codes = np.where(missing[:, None] & (codes == ReverseStatus.NONE), ReverseStatus.INCOMPLETE, codes)
@@ -301,18 +301,18 @@ def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any
         moved = q[rows] + step[..., 0]
         now, better = _off(forward(mechanism, moved), T[rows], size)
         helps = better < error[rows]
-        kept = rows[helps]
-        q[kept], off[kept], error[kept] = moved[helps], now[helps], better[helps]
-        if not len(kept):
+        rows_helped = rows[helps]
+        q[rows_helped], off[rows_helped], error[rows_helped] = moved[helps], now[helps], better[helps]
+        if not len(rows_helped):
             break
     return principal(q), error
 
 
-def _off(found: Any, wanted: Any, size: float) -> tuple[Any, Any]:
+def _off(reached: Any, wanted: Any, size: float) -> tuple[Any, Any]:
     """Return the small displacement (k, 6) from a pose to the one wanted, lengths over `size`, and how large it is."""
-    R, Q = found[..., :3, :3], wanted[..., :3, :3]
+    R, Q = reached[..., :3, :3], wanted[..., :3, :3]
     turn = np.cross(R, Q, axis=-2).sum(axis=-1) / 2
     # opposite axes have no cross product either
     turn_size = np.sqrt(np.square(R - Q).sum(axis=(-2, -1)) / 2)
-    shift = (wanted[..., :3, 3] - found[..., :3, 3]) / size
+    shift = (wanted[..., :3, 3] - reached[..., :3, 3]) / size
     return np.concatenate([turn, shift], axis=-1), np.maximum(turn_size, np.abs(shift).max(axis=-1))

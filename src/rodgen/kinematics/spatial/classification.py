@@ -303,10 +303,10 @@ def equivalent_spherical(mechanism: Mechanism) -> SphericalEquivalent:
         else:  # parallel axes: only the whole turn between them is determined
             shift[i] += np.arctan2(R[1, 0], R[0, 0])
     names = tuple(full.names[j] for j in turning)
-    found = Mechanism(
+    spherical = Mechanism(
         "R" * m, np.zeros(len(twists)), twists, unit=full.unit, name=mechanism.name, names=names
     )
-    return SphericalEquivalent(found, turning, principal(shift))
+    return SphericalEquivalent(spherical, turning, principal(shift))
 
 
 MOST_SOLUTIONS = {1: 2, 2: 8, 3: 16, 4: 16}
@@ -385,11 +385,11 @@ def group(mechanism: Mechanism) -> Group:
 
 def _no_method(mechanism: Mechanism) -> str:
     """Return why the solution process of a group does not apply."""
-    found = mobility(mechanism)
+    freedom = mobility(mechanism)
     if not mechanism.closed:
-        return f"no group's method applies: {found.value} freedoms instead of the 6 of a robot"
-    if found.exception:
-        return f"no group's method applies: the loop moves by its special geometry ({found.exception})"
-    if found.passive:
-        return f"no group's method applies: of {found.value} freedoms {found.passive} are idle spins"
-    return f"no group's method applies: mobility {found.value} instead of 1"
+        return f"no group's method applies: {freedom.value} freedoms instead of the 6 of a robot"
+    if freedom.exception:
+        return f"no group's method applies: the loop moves by its special geometry ({freedom.exception})"
+    if freedom.passive:
+        return f"no group's method applies: of {freedom.value} freedoms {freedom.passive} are idle spins"
+    return f"no group's method applies: mobility {freedom.value} instead of 1"

@@ -160,15 +160,15 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
         return kernels.link_jacobian_6r(*_six(mechanism), q)
     chain = _all(mechanism, q)
     end = (_closing(mechanism, chain[-1]) if mechanism.closed else chain[-1])[..., :3, 3]
-    found = np.zeros((*q.shape[:-1], 6, q.shape[-1]))
+    columns = np.zeros((*q.shape[:-1], 6, q.shape[-1]))
     for column, (j, which) in enumerate(mechanism.variables):
         axis, origin = chain[j][..., :3, 2], chain[j][..., :3, 3]
         if which == "theta":
-            found[..., :3, column] = axis
-            found[..., 3:, column] = np.cross(axis, end - origin) + mechanism.pitch[j] * axis
+            columns[..., :3, column] = axis
+            columns[..., 3:, column] = np.cross(axis, end - origin) + mechanism.pitch[j] * axis
         else:
-            found[..., 3:, column] = axis
-    return found
+            columns[..., 3:, column] = axis
+    return columns
 
 
 def screws(mechanism: Mechanism, chain: NDArray[Any]) -> NDArray[np.float64]:
@@ -211,14 +211,14 @@ def _all(mechanism: Mechanism, q: NDArray[Any]) -> list[NDArray[Any]]:
             offsets[j] = offsets[j] + mechanism.pitch[j] * angles[j]
     cosine, sine = _cosine_and_sine(mechanism.alpha)
     frame = kernels.link_step(np.eye(4), 0.0, 1.0, 0.0, offsets[0], angles[0])
-    found = [frame]
+    each_frame = [frame]
     for j in range(1, len(mechanism.joints)):
         link = mechanism.a[j - 1], cosine[j - 1], sine[j - 1]
         frame = kernels.link_step(frame, *link, offsets[j], angles[j])
-        found.append(frame)
+        each_frame.append(frame)
     # a chain that begins with fixed numbers has single systems there; every system has the batch's shape
     shape = (*q.shape[:-1], 4, 4)
-    return [np.broadcast_to(each, shape) for each in found]
+    return [np.broadcast_to(each, shape) for each in each_frame]
 
 
 def _closing(mechanism: Mechanism, frame: NDArray[Any]) -> Any:
@@ -346,9 +346,9 @@ def close_loop(
     """
     if not 0 <= tolerance < 1:
         raise RodgenError(f"the tolerance is {tolerance}; expected a sine, from 0 to 1")
-    given, length = real_array("the pose", pose, (4, 4)), real_array("a67", a67)
-    twist = _best_twist(given) if alpha67 is None else real_array("alpha67", alpha67)
-    S7, theta7, a71, alpha71, S1, gamma1, status = kernels.hypothetical_link(given, length, twist, tolerance)
+    T, length = real_array("the pose", pose, (4, 4)), real_array("a67", a67)
+    twist = _best_twist(T) if alpha67 is None else real_array("alpha67", alpha67)
+    S7, theta7, a71, alpha71, S1, gamma1, status = kernels.hypothetical_link(T, length, twist, tolerance)
     length, twist, _ = np.broadcast_arrays(length, twist, np.asarray(status))
     return HypotheticalLink(S7, theta7, a71, alpha71, S1, gamma1, length, twist, status)
 

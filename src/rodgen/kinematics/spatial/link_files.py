@@ -75,26 +75,26 @@ def _fields(file: str, place: str, header: Sequence[str]) -> tuple[dict[str, _Fi
     fields: dict[str, _Field] = {}
     unit = ""
     for index, text in enumerate(header):
-        found = re.fullmatch(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?", text)
-        name = found["name"] if found else text
+        match = re.fullmatch(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?", text)
+        name = match["name"] if match else text
         if name not in _COLUMNS:
             what = shown(text) if text else f"column {index + 1} without a name"
             raise InputFileError(file, place, what, f"columns of {_EXAMPLE}")
         where = f"{place}, column {shown(text)}"
         if name in fields:
             raise InputFileError(file, where, f"column {name!r} twice", "it once")
-        given = (found["unit"] or "").strip() if found else ""
+        unit_text = (match["unit"] or "").strip() if match else ""
         example = f"'{name} [{_COLUMNS[name]}]'" if _COLUMNS[name] else f"'{name}'"
-        if bool(given) != bool(_COLUMNS[name]):
-            what = "no unit" if not given else f"the unit {shown(given)}"
+        if bool(unit_text) != bool(_COLUMNS[name]):
+            what = "no unit" if not unit_text else f"the unit {shown(unit_text)}"
             raise InputFileError(file, where, what, example)
         factor = 1.0
         if name in ("S", "a"):
-            unit = unit or given
-            factor = _factor(file, where, given, "length", unit)
+            unit = unit or unit_text
+            factor = _factor(file, where, unit_text, "length", unit)
         elif name in ("theta", "alpha"):
-            factor = _factor(file, where, given, "angle", "rad")
-        fields[name] = _Field(index, text, factor, given == "deg")
+            factor = _factor(file, where, unit_text, "angle", "rad")
+        fields[name] = _Field(index, text, factor, unit_text == "deg")
     for name in _NEEDED:
         if name not in fields:
             raise InputFileError(file, place, f"no column {name!r}", f"a header such as {_EXAMPLE}")
@@ -105,11 +105,11 @@ def _fields(file: str, place: str, header: Sequence[str]) -> tuple[dict[str, _Fi
 
 def _pitch_field(file: str, place: str, field: _Field, unit: str) -> _Field:
     where = f"{place}, column {shown(field.header)}"
-    given = field.header.partition("[")[2].rstrip("] ")
-    length, mark, angle = given.rpartition("/")
+    unit_text = field.header.partition("[")[2].rstrip("] ")
+    length, mark, angle = unit_text.rpartition("/")
     if not mark:
         raise InputFileError(
-            file, where, f"the unit {shown(given)}", "a length per angle, such as 'pitch [mm/rev]'"
+            file, where, f"the unit {shown(unit_text)}", "a length per angle, such as 'pitch [mm/rev]'"
         )
     top = _factor(file, where, length.strip(), "length", unit)
     bottom = _factor(file, where, angle.strip(), "angle", "rad")
@@ -178,10 +178,10 @@ def _mechanism(file: str, table: Sequence[_Row], unit: str) -> Mechanism:
     for row in table if closed else table[:-1]:
         for name, values in (("a", a), ("alpha", alpha)):
             if not row.text(name):
-                other = (
+                expected = (
                     "the other number of the link" if row is last else "a number of the link after the joint"
                 )
-                raise row.error(name, "an empty cell", other)
+                raise row.error(name, "an empty cell", expected)
             values.append(row.number(name))
     kinds = [row.kind for row in table]
     # Which of a joint's numbers vary is known to Mechanism: it puts NaN there.

@@ -55,8 +55,8 @@ def _chain(links: Sequence[Link], theta: Array) -> tuple[Array, list[Array], lis
 
 
 def _apply(R: Array, v: Array) -> Array:
-    found: Array = np.einsum("...ij,...j->...i", R, v)
-    return found
+    turned: Array = np.einsum("...ij,...j->...i", R, v)
+    return turned
 
 
 def offsets(links: Sequence[Link], theta: Array) -> Array:
@@ -70,8 +70,8 @@ def offsets(links: Sequence[Link], theta: Array) -> Array:
     good = np.isfinite(directions).all(axis=(-1, -2)) & np.isfinite(rest).all(axis=-1)
     directions = np.where(good[..., None, None], directions, 0.0)
     inverse = np.linalg.pinv(directions, rcond=RANK)
-    found: Array = -_apply(inverse, np.where(good[..., None], rest, np.nan))
-    return found
+    shifts: Array = -_apply(inverse, np.where(good[..., None], rest, np.nan))
+    return shifts
 
 
 def closure(links: Sequence[Link], theta: Array, slides: Array) -> tuple[Array, Array, Array]:
@@ -170,8 +170,8 @@ def moves(
     ahead = theta + STEP * free[..., :m], slides + STEP * free[..., m:] * size[..., None]
     moved_theta, moved_slides, error, _ = polish(links, *ahead, size, steps=SEARCH_STEPS)
     away = np.concatenate([moved_theta - theta, (moved_slides - slides) / size[..., None]], axis=-1)
-    found: NDArray[np.bool_] = (error <= closes) & (np.abs(away).max(axis=-1) > STEP / 8)
-    return found
+    is_moving: NDArray[np.bool_] = (error <= closes) & (np.abs(away).max(axis=-1) > STEP / 8)
+    return is_moving
 
 
 def search(
@@ -198,8 +198,8 @@ def different(
     """Return which solutions (k, m) are not among the known ones (l, m)."""
     turn = apart(theta[:, None], known_theta[None])
     shift = np.abs(slides[:, None] - known_slides[None]).max(axis=-1) / size
-    found: NDArray[np.bool_] = (np.maximum(turn, shift) > SAME).all(axis=1)
-    return found
+    is_different: NDArray[np.bool_] = (np.maximum(turn, shift) > SAME).all(axis=1)
+    return is_different
 
 
 def repeated(theta: Array, slides: Array, size: Array, singular: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -207,8 +207,8 @@ def repeated(theta: Array, slides: Array, size: Array, singular: NDArray[np.bool
     turn = apart(theta[:, :, None], theta[:, None])
     shift = np.abs(slides[:, :, None] - slides[:, None]).max(axis=-1) / size[:, None, None]
     same = np.maximum(turn, shift) <= np.where(singular[:, :, None] & singular[:, None], SAME, EQUAL)
-    found: NDArray[np.bool_] = np.tril(same, -1).any(axis=-1)
-    return found
+    is_repeated: NDArray[np.bool_] = np.tril(same, -1).any(axis=-1)
+    return is_repeated
 
 
 CLOSES = 1e-11
@@ -340,9 +340,9 @@ def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bo
     both = np.swapaxes(whole, -1, -2) @ np.swapaxes(rest, -1, -2)
     start = np.where(parallel, 0.0, start)
     last = np.where(parallel, np.arctan2(both[..., 1, 0], both[..., 0, 0]), last)
-    found = np.stack([start, middle, last], axis=-1)
-    theta = np.full_like(found, np.nan)
-    np.put_along_axis(theta, np.broadcast_to(order[:, None], found.shape), found, axis=-1)
+    angles = np.stack([start, middle, last], axis=-1)
+    theta = np.full_like(angles, np.nan)
+    np.put_along_axis(theta, np.broadcast_to(order[:, None], angles.shape), angles, axis=-1)
     status = np.full(middle.shape, ReverseStatus.NONE)
     status[kind == TrigStatus.TWO] = ReverseStatus.REGULAR
     status[kind == TrigStatus.DOUBLE, 0] = ReverseStatus.DOUBLE
@@ -366,8 +366,8 @@ def _four_angles(
     sines = np.stack([np.hypot(link.R[:, 0, 2], link.R[:, 1, 2]) for link in links], axis=1)
     possible = []
     for last in range(4):
-        own = (merged.joints[last], "S")
-        if all(mechanism.variables[i] == own for i, _ in links[last].slides):
+        last_slide = (merged.joints[last], "S")
+        if all(mechanism.variables[i] == last_slide for i, _ in links[last].slides):
             possible.append(last)
     worth = np.full(sines.shape, -1.0)
     worth[:, possible] = np.nan_to_num(sines[:, possible])
@@ -385,9 +385,9 @@ def _four_angles(
         moved = tuple((i, ring[2].R[:, :, 2]) for i, _ in ring[3].slides)
         ring[2] = replace(ring[2], slides=ring[2].slides + moved)
         ring[3] = replace(ring[3], slides=())
-        found, kind, strange = _ring(ring)
-        part = np.empty_like(found)
-        part[..., order] = found
+        angles, kind, strange = _ring(ring)
+        part = np.empty_like(angles)
+        part[..., order] = angles
         theta[rows], status[rows] = part, kind
         odd[rows] |= strange
     return theta, status, odd
@@ -397,10 +397,10 @@ def _may_turn(links: list[Link]) -> NDArray[np.bool_]:
     """Return whether the rotation may close: no twist of the four links is larger than the other three together."""
     twists = np.stack([np.arctan2(np.hypot(k.R[:, 0, 2], k.R[:, 1, 2]), k.R[:, 2, 2]) for k in links], axis=1)
     total = twists.sum(axis=1)
-    found: NDArray[np.bool_] = (2 * twists.max(axis=1) <= total + ODD) & (
+    is_possible: NDArray[np.bool_] = (2 * twists.max(axis=1) <= total + ODD) & (
         total - 2 * twists.min(axis=1) <= 2 * np.pi + ODD
     )
-    return found
+    return is_possible
 
 
 def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
@@ -431,9 +431,9 @@ def _pair(ring: list[Link]) -> Array:
     (first, p), (second, q) = slides
     kernel = getattr(kernels, f"loop_pair_{LINKS[first]}_{LINKS[second]}")
     rotations = np.stack([link.R for link in ring], axis=1)
-    found: Array = kernel(rotations, np.stack([link.v for link in ring], axis=1), p, q)
+    angles: Array = kernel(rotations, np.stack([link.v for link in ring], axis=1), p, q)
     # the first equation has numbers of order 1, the second lengths of the order of the whole loop
     scale = np.stack([np.ones(len(p)), sum(np.linalg.norm(link.v, axis=-1) for link in ring)], axis=1)
-    found = np.where(np.abs(found) > NOISE * scale[:, :, None, None], found, 0.0)
-    finite = np.isfinite(found.reshape(len(found), 18)).sum(axis=1) == 18
-    return np.where(finite[:, None, None, None], found, 0.0)
+    angles = np.where(np.abs(angles) > NOISE * scale[:, :, None, None], angles, 0.0)
+    finite = np.isfinite(angles.reshape(len(angles), 18)).sum(axis=1) == 18
+    return np.where(finite[:, None, None, None], angles, 0.0)

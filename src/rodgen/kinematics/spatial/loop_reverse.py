@@ -47,20 +47,20 @@ def closed_form(
     if len(known) != 1 or not mechanism.closed:
         return None
     ((variable, value),) = known.items()
-    given, which = mechanism.variables[variable]
+    number, which = mechanism.variables[variable]
     n = len(mechanism.joints)
     if which != "theta":
         return None
-    ring = [(given + k) % n for k in range(1, n + 1)]
+    ring = [(number + k) % n for k in range(1, n + 1)]
     kinds = "".join(mechanism.joints[j] for j in ring)
     twists, lengths = (np.ascontiguousarray(x[ring]) for x in (mechanism.alpha, mechanism.a))
     offset = mechanism.offset
     if kinds == "CCCR" and (np.abs(np.sin(twists)) >= PLAIN).all():
-        theta, _, status = kernels.loop_rccc(twists, lengths, offset[given], value)
+        theta, _, status = kernels.loop_rccc(twists, lengths, offset[number], value)
         certain = status != RCCCStatus.SINGULAR
         return tuple(ring[:3]), theta, np.isfinite(theta).all(axis=-1), certain
     if kinds == "RRCCR" and abs(np.sin(twists[2])) >= PLAIN:
-        offsets = np.array([offset[ring[0]], offset[ring[1]], offset[given]])
+        offsets = np.array([offset[ring[0]], offset[ring[1]], offset[number]])
         pair = solve_pair(kernels.loop_rrrcc_pair(twists, lengths, offsets, value))
         first, second = pair.theta1, pair.theta2
         rest, _ = kernels.loop_rrrcc_back(twists, lengths, offsets, value[:, None], first, second)
@@ -180,9 +180,9 @@ def _solved(
     unknown = [i for i in range(len(variables)) if i not in known]
     angles = sum(variables[i][1] == "theta" for i in unknown)
     if len(unknown) != 6:
-        given = f"{len(known)} of {len(variables)} variables are given"
+        counts = f"{len(known)} of {len(variables)} variables are given"
         raise RodgenError(
-            f"{len(unknown)} unknowns are left ({given}); expected 6, which is {len(variables) - 6} given"
+            f"{len(unknown)} unknowns are left ({counts}); expected 6, which is {len(variables) - 6} given"
         )
     if angles not in SLOTS:
         if mechanism.joints == ("R",) * 7 and closing is None:
@@ -231,8 +231,8 @@ def _solved(
 
 def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]]) -> Reverse:
     """Return all ways to close a 7R loop with one angle given: the others are an arm posed by that joint."""
-    ((given, value),) = known.items()
-    ring = [(given + k) % 7 for k in range(1, 8)]
+    ((index, value),) = known.items()
+    ring = [(index + k) % 7 for k in range(1, 8)]
     arm = Mechanism(
         "R" * 6,
         mechanism.a[ring[:5]],
@@ -242,16 +242,16 @@ def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]
     )
     good = np.isfinite(value)
     angle = np.where(good, value, 0.0)
-    before, after = mechanism.alpha[ring[5]], mechanism.alpha[given]
+    before, after = mechanism.alpha[ring[5]], mechanism.alpha[index]
     turned = rx(before) @ rz(angle)
     R = turned @ rx(after)
-    v = mechanism.a[ring[5]] * np.array([1.0, 0.0, 0.0]) + mechanism.offset[given] * rx(before)[:, 2]
-    v = v + mechanism.a[given] * turned[..., 0]
+    v = mechanism.a[ring[5]] * np.array([1.0, 0.0, 0.0]) + mechanism.offset[index] * rx(before)[:, 2]
+    v = v + mechanism.a[index] * turned[..., 0]
     pose = transform(np.swapaxes(R, -1, -2), -np.einsum("...ji,...j->...i", R, v))
     solutions, status = solve_arm(arm, pose)
     values = np.empty((*solutions.shape[:-1], 7))
     values[..., ring[:6]] = solutions
-    values[..., given] = value[..., None]
+    values[..., index] = value[..., None]
     status = np.where(good[..., None], status, np.int8(ReverseStatus.INVALID))
     values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
     return Reverse(values, status)
@@ -259,8 +259,8 @@ def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]
 
 def _size(mechanism: Mechanism, merged: Merged, count: int) -> NDArray[np.float64]:
     """Return the unit of length of each loop: its largest known length, and 1 where all vanish."""
-    found = np.zeros(count)
+    sizes = np.zeros(count)
     for link in merged.links:
-        found = np.maximum(found, np.abs(link.v).max(axis=-1))
-    found = np.maximum(found, np.abs(mechanism.a).max(initial=0.0))
-    return np.where(found > 0, found, 1.0)
+        sizes = np.maximum(sizes, np.abs(link.v).max(axis=-1))
+    sizes = np.maximum(sizes, np.abs(mechanism.a).max(initial=0.0))
+    return np.where(sizes > 0, sizes, 1.0)

@@ -292,12 +292,12 @@ def check_mechanism(given: object) -> None:
 
 def _numbers(what: str, values: ArrayLike, joints: int | None = None) -> NDArray[np.float64]:
     """Return a row of numbers, one for each joint where their number is given."""
-    found = real_array(what, values).copy()
-    if found.ndim != 1:
-        raise RodgenError(f"{what} has the shape {found.shape}; expected one row of numbers")
-    if joints not in (None, len(found)):
-        raise RodgenError(f"{what} has {len(found)} numbers for {joints} joints; expected one for each")
-    return found
+    numbers = real_array(what, values).copy()
+    if numbers.ndim != 1:
+        raise RodgenError(f"{what} has the shape {numbers.shape}; expected one row of numbers")
+    if joints not in (None, len(numbers)):
+        raise RodgenError(f"{what} has {len(numbers)} numbers for {joints} joints; expected one for each")
+    return numbers
 
 
 def _constants(
@@ -306,8 +306,8 @@ def _constants(
     varies = np.array([kind in varying for kind in kinds])
     if values is None:
         return np.where(varies, np.nan, 0.0)
-    found = _numbers(what, values, len(kinds))
-    for number, (kind, value, variable) in enumerate(zip(kinds, found, varies, strict=True), 1):
+    constants = _numbers(what, values, len(kinds))
+    for number, (kind, value, variable) in enumerate(zip(kinds, constants, varies, strict=True), 1):
         if variable and not np.isnan(value):
             raise RodgenError(
                 f"{what} of joint {number} is {value:g}; expected NaN, since it is the variable of a joint {kind}"
@@ -316,12 +316,12 @@ def _constants(
             raise RodgenError(
                 f"{what} of joint {number} is {value:g}; expected a number, since a joint {kind} keeps it"
             )
-    return found
+    return constants
 
 
 def _pitches(values: ArrayLike | None, kinds: tuple[str, ...]) -> NDArray[np.float64]:
-    found = np.zeros(len(kinds)) if values is None else _numbers("pitch", values, len(kinds))
-    for number, (kind, value) in enumerate(zip(kinds, found, strict=True), 1):
+    pitches = np.zeros(len(kinds)) if values is None else _numbers("pitch", values, len(kinds))
+    for number, (kind, value) in enumerate(zip(kinds, pitches, strict=True), 1):
         if kind == "H" and not (np.isfinite(value) and value):
             raise RodgenError(
                 f"pitch of joint {number} is {value:g}; expected the length per rad of a screw, not zero"
@@ -330,17 +330,19 @@ def _pitches(values: ArrayLike | None, kinds: tuple[str, ...]) -> NDArray[np.flo
             raise RodgenError(
                 f"pitch of joint {number} is {value:g}; expected 0, since a joint {kind} is not a screw"
             )
-    return found
+    return pitches
 
 
 def _joint_names(names: Iterable[str], kinds: tuple[str, ...]) -> tuple[str, ...]:
-    found = tuple(names) or tuple(f"{kind}{number}" for number, kind in enumerate(kinds, 1))
-    if len(found) != len(kinds):
-        raise RodgenError(f"there are {len(found)} names for {len(kinds)} joints; expected one for each")
-    for name in found:
-        if found.count(name) > 1:
+    joint_names = tuple(names) or tuple(f"{kind}{number}" for number, kind in enumerate(kinds, 1))
+    if len(joint_names) != len(kinds):
+        raise RodgenError(
+            f"there are {len(joint_names)} names for {len(kinds)} joints; expected one for each"
+        )
+    for name in joint_names:
+        if joint_names.count(name) > 1:
             raise RodgenError(f"two joints are called {name!r}; expected a name of its own for each")
-    return found
+    return joint_names
 
 
 PUMA_560 = Mechanism(

@@ -107,9 +107,9 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
     >>> np.degrees(pair.theta1[:4]).round(9), np.degrees(pair.theta2[:4]).round(9) + 0.0
     (array([-90., -90.,  90.,  90.]), array([  0., 180.,   0., 180.]))
     """
-    given = real_array("E", E, (2, 3, 3))
+    matrices = real_array("E", E, (2, 3, 3))
     back = np.linalg.inv(HALF)
-    return np.einsum("jb,ia,...ba->...ij", back, back, given)
+    return np.einsum("jb,ia,...ba->...ij", back, back, matrices)
 
 
 def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester"] = "fast") -> Pair:
@@ -160,14 +160,14 @@ def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester"] = "fast") -
     """
     if method not in ("fast", "sylvester"):
         raise ValueError(f"method is {method!r}; expected 'fast' or 'sylvester'")
-    given = real_array("M", M, (2, 3, 3))
-    flat = given.reshape(-1, 2, 3, 3)
+    matrices = real_array("M", M, (2, 3, 3))
+    flat = matrices.reshape(-1, 2, 3, 3)
     one, two, loss = kernels.pair_prepared(flat[:, 0], flat[:, 1])
     angles = np.full((len(flat), SLOTS, 2), np.nan)
     status = np.full((len(flat), SLOTS), ReverseStatus.INVALID, np.int8)
     valid = np.isfinite(one[:, 0, 0])
     left = np.flatnonzero(valid)
-    shape = (*given.shape[:-3], SLOTS)
+    shape = (*matrices.shape[:-3], SLOTS)
     if method == "fast":
         for exchanged in (False, True):
             if len(left):
@@ -183,14 +183,14 @@ def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any
     a, b = one[rows], two[rows]
     if exchanged:
         a, b = a.swapaxes(-1, -2), b.swapaxes(-1, -2)
-    found, certain = certain_solutions(a, b, loss[rows])
+    solutions, certain = certain_solutions(a, b, loss[rows])
     if exchanged:
-        found = found[..., ::-1]
-        order = np.argsort(found[..., 0], axis=-1, kind="stable")
-        found = np.take_along_axis(found, order[..., None], axis=1)
+        solutions = solutions[..., ::-1]
+        order = np.argsort(solutions[..., 0], axis=-1, kind="stable")
+        solutions = np.take_along_axis(solutions, order[..., None], axis=1)
     done = rows[certain]
-    angles[done] = found[certain]
-    status[done] = np.where(np.isnan(found[certain, :, 0]), ReverseStatus.NONE, ReverseStatus.REGULAR)
+    angles[done] = solutions[certain]
+    status[done] = np.where(np.isnan(solutions[certain, :, 0]), ReverseStatus.NONE, ReverseStatus.REGULAR)
     return rows[~certain]
 
 
@@ -208,8 +208,8 @@ def _by_eigenvalues(M: Any, loss: Any) -> tuple[Any, Any]:
     for row in np.flatnonzero(common):
         # a dependent equation is rounding once the other is taken off, and an equation that is zero determines nothing
         some = M[row, 0] if M[row, 0].any() else M[row, 1]
-        given = np.stack([some, some]) if loss[row] >= DEPENDENT else M[row]
-        angles[row], status[row] = with_common_factor(given)
+        pair = np.stack([some, some]) if loss[row] >= DEPENDENT else M[row]
+        angles[row], status[row] = with_common_factor(pair)
     return angles, status
 
 
@@ -218,8 +218,8 @@ def _from_starts(M: Any, loss: Any, first: Any, alone: Any) -> tuple[Any, Any]:
     angles, status = collected(M, loss, first)
     flawed = np.flatnonzero(~consistent(M, angles, status, alone))
     if len(flawed):
-        other, _, _ = starts(M[flawed].swapaxes(-1, -2))
-        more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
+        transposed, _, _ = starts(M[flawed].swapaxes(-1, -2))
+        more = np.concatenate([first[flawed], transposed[..., ::-1], grid(len(flawed))], axis=1)
         angles[flawed], status[flawed] = collected(M[flawed], loss[flawed], more)
         still = flawed[~consistent(M[flawed], angles[flawed], status[flawed], alone[flawed])]
         status[still] = np.where(status[still] == ReverseStatus.NONE, ReverseStatus.INCOMPLETE, status[still])

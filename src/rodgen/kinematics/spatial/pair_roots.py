@@ -160,14 +160,14 @@ def with_common_factor(M: Any) -> tuple[Any, Any]:
     with np.errstate(invalid="ignore"):
         there = residual <= 4 * ROUNDING
         alone = (residual <= ROUNDING) & (condition <= regular_below(1.0))
-    found: list[tuple[Any, ReverseStatus]] = []
+    solutions: list[tuple[Any, ReverseStatus]] = []
     for k in np.flatnonzero(alone):
-        if all(apart(angles[k], other) > 0.25 / condition[k] for other, _ in found):
-            found.append((angles[k], ReverseStatus.REGULAR))
+        if all(apart(angles[k], known) > 0.25 / condition[k] for known, _ in solutions):
+            solutions.append((angles[k], ReverseStatus.REGULAR))
     family = np.flatnonzero(there & ~alone)
     if len(family):
-        found += _representatives(M, angles[family], residual[family])
-    ordered = sorted(found[-SLOTS:], key=lambda one: (one[0][0], one[0][1]))
+        solutions += _representatives(M, angles[family], residual[family])
+    ordered = sorted(solutions[-SLOTS:], key=lambda one: (one[0][0], one[0][1]))
     for slot, (pair, kind) in enumerate(ordered):
         slots[slot], status[slot] = pair, kind
     return slots, status
@@ -177,15 +177,15 @@ def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, Reve
     """Return, of points (n, 2) of families, one on each line along which one angle is free, and one of other curves."""
     many = np.broadcast_to(M, (len(angles), *M.shape))
     moved, free = on_lines(many, np.full(len(angles), ROUNDING), angles)
-    found: list[tuple[Any, ReverseStatus]] = []
+    solutions: list[tuple[Any, ReverseStatus]] = []
     for which in (1, 2):
         known: list[float] = []
         for pair in moved[free == which]:
             fixed = pair[which - 1]
-            if all(abs(principal(fixed - other)) > NEAR for other in known):
+            if all(abs(principal(fixed - known_angle)) > NEAR for known_angle in known):
                 known.append(fixed)
-                found.append((pair, ReverseStatus.FAMILY))
+                solutions.append((pair, ReverseStatus.FAMILY))
     curve = np.flatnonzero(free == 0)
     if len(curve):
-        found.append((angles[curve[residual[curve].argmin()]], ReverseStatus.FAMILY))
-    return found
+        solutions.append((angles[curve[residual[curve].argmin()]], ReverseStatus.FAMILY))
+    return solutions

@@ -98,16 +98,16 @@ def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
         if not len(active):
             break
         of = active // m
-        at, *found = kernels.pair_polish(M[of, 0], M[of, 1], at)
-        better = found[0] < best
+        at, *quality = kernels.pair_polish(M[of, 0], M[of, 1], at)
+        better = quality[0] < best
         rows = active[better]
         now[rows] = at[better]
-        for result, value in zip(results, found, strict=True):
+        for result, value in zip(results, quality, strict=True):
             result[rows] = value[better]
-        best = np.where(better, found[0], best)
+        best = np.where(better, quality[0], best)
         # done, or no better for long: that is rounding, or the least that the equations have near here
         stuck = np.where(better, 0, stuck + 1)
-        going = (found[0] > EPS / 4) & (stuck < PATIENCE)
+        going = (quality[0] > EPS / 4) & (stuck < PATIENCE)
         active, at, best, stuck = active[going], at[going], best[going], stuck[going]
     # near solutions that meet a step may lead far away; there it is kept so short that it makes the equations less
     astray = results[0][promising] > ROUNDING
@@ -209,7 +209,7 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
     order = np.argsort(np.where(there, kind + residual, 9.0), axis=-1, kind="stable")
     angles = np.take_along_axis(angles, order[..., None], axis=1)
     kind, condition, free = (np.take_along_axis(x, order, axis=1) for x in (kind, condition, free))
-    found = np.full((n, SLOTS, 2), np.nan)
+    solutions = np.full((n, SLOTS, 2), np.nan)
     status, known = np.full((n, SLOTS), ReverseStatus.NONE, np.int8), np.full((n, SLOTS), np.nan)
     lines = np.zeros((n, SLOTS), int)
     count = np.zeros(n, int)
@@ -217,16 +217,16 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
     for k in range(width):
         rows = np.flatnonzero((kind[:, k] != ReverseStatus.NONE) & (count < SLOTS))
         same = _known(
-            M[rows], limit[rows], angles[rows, k], kind[rows, k], found[rows], status[rows], known[rows]
+            M[rows], limit[rows], angles[rows, k], kind[rows, k], solutions[rows], status[rows], known[rows]
         )
-        same |= _line_known(angles[rows, k], free[rows, k], found[rows], lines[rows])
+        same |= _line_known(angles[rows, k], free[rows, k], solutions[rows], lines[rows])
         rows = rows[~same]
         place = rows, count[rows]
-        found[place], status[place], known[place] = angles[rows, k], kind[rows, k], condition[rows, k]
+        solutions[place], status[place], known[place] = angles[rows, k], kind[rows, k], condition[rows, k]
         lines[place] = free[rows, k]
         count[rows] += 1
-    order = np.lexsort((found[..., 1], found[..., 0]), axis=-1)
-    return np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)
+    order = np.lexsort((solutions[..., 1], solutions[..., 0]), axis=-1)
+    return np.take_along_axis(solutions, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)
 
 
 def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
@@ -255,14 +255,14 @@ def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
     return principal(best)
 
 
-def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, ...]:
+def _with_both_sides(M: Any, limit: Any, solutions: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return polished starts, and more on both sides of places between two solutions where Newton's method is stuck."""
-    angles, residual = found[:2]
+    angles, residual = solutions[:2]
     with np.errstate(invalid="ignore"):
         stuck = (residual > limit[:, None]) & (residual <= BETWEEN)
     rows = np.flatnonzero(stuck.any(axis=-1))
     if not len(rows):
-        return found
+        return solutions
     some = M[rows]
     row, column = np.nonzero(stuck[rows])
     along = np.linalg.svd(_derivatives(some[row], angles[rows[row], column]))[2][:, 1]
@@ -272,7 +272,7 @@ def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, .
     around[row, column] = angles[rows[row], column][:, None] + SIDES[:, None] * distance[:, None]
     more = polished(some, around.reshape(len(rows), -1, 2))
     added = []
-    for old, new in zip(found, more, strict=True):
+    for old, new in zip(solutions, more, strict=True):
         padded = np.full((len(old), new.shape[1], *old.shape[2:]), np.nan)
         padded[rows] = new
         added.append(np.concatenate([old, padded], axis=1))
@@ -301,28 +301,28 @@ def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
     return principal(angles), free
 
 
-def _line_known(angles: Any, free: Any, found: Any, lines: Any) -> Any:
+def _line_known(angles: Any, free: Any, solutions: Any, lines: Any) -> Any:
     """Return which candidates (n, 2) are on one of the lines found (n, 8, 2)."""
-    off = np.abs(principal(angles[:, None] - found))
+    off = np.abs(principal(angles[:, None] - solutions))
     with np.errstate(invalid="ignore"):
         on = [(free == which)[:, None] & (lines == which) & (off[..., which - 1] <= NEAR) for which in (1, 2)]
     return (on[0] | on[1]).any(axis=-1)
 
 
-def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, condition: Any) -> Any:
+def _known(M: Any, limit: Any, angles: Any, kind: Any, solutions: Any, status: Any, condition: Any) -> Any:
     """Return which candidates (n, 2) are among those found (n, 8, 2)."""
-    distance = apart(angles[:, None], found)
+    distance = apart(angles[:, None], solutions)
     with np.errstate(invalid="ignore"):
         both = (kind == ReverseStatus.REGULAR)[:, None] & (status == ReverseStatus.REGULAR)
         same = distance <= np.where(both, 0.25 / condition, NEAR)
         rows, slots = np.nonzero(~same & ~both & (distance <= STRETCH))
     if len(rows):
-        turn = principal(angles[rows] - found[rows, slots])
-        half_way = found[rows, slots] + turn / 2
+        turn = principal(angles[rows] - solutions[rows, slots])
+        half_way = solutions[rows, slots] + turn / 2
         for _ in range(2):  # solutions that meet lie along a curve: go across, back to it
             across = np.linalg.pinv(_derivatives(M[rows], half_way), rcond=1e-2)
             half_way = half_way - (across @ _values(M[rows], half_way)[..., None])[..., 0]
-        near = apart(half_way, found[rows, slots]) <= distance[rows, slots]
+        near = apart(half_way, solutions[rows, slots]) <= distance[rows, slots]
         same[rows, slots] = near & (_missed(M[rows], half_way) <= CLUSTER * limit[rows])
     return same.any(axis=-1)
 
@@ -407,9 +407,9 @@ def _block(one: Any, two: Any, loss: Any) -> tuple[Any, Any]:
     for steps in STEPS:
         for _ in range(steps):
             roots, _ = kernels.pair_aberth(octic, roots)
-        found, _, status = kernels.pair_real_roots(octic, size[left], roots)
+        roots_there, _, status = kernels.pair_real_roots(octic, size[left], roots)
         done = status == PairRoots.CERTAIN
-        tangents[left[done]], certain[left[done]] = found[done], True
+        tangents[left[done]], certain[left[done]] = roots_there[done], True
         left, octic, roots = left[~done], octic[~done], roots[~done]
         if not len(left):
             break

@@ -162,11 +162,11 @@ class Placement:
         >>> bool(np.abs(arm.reverse(arm.forward(q)).solutions - q).max(axis=1).min() < 1e-12)
         True
         """
-        given = real_array("the pose", pose, (4, 4))
-        found = reverse(self.mechanism, np.linalg.inv(self.base) @ given @ np.linalg.inv(self.end))
-        moved = found.solutions - self.zero
+        T = real_array("the pose", pose, (4, 4))
+        solutions = reverse(self.mechanism, np.linalg.inv(self.base) @ T @ np.linalg.inv(self.end))
+        moved = solutions.solutions - self.zero
         is_angle = np.array([which == "theta" for _, which in self.mechanism.variables])
-        return Reverse(np.where(is_angle & (self.zero != 0), principal(moved), moved), found.status)
+        return Reverse(np.where(is_angle & (self.zero != 0), principal(moved), moved), solutions.status)
 
     def in_unit(self, unit: str) -> Placement:
         """Return the same robot with its lengths in another unit.

@@ -76,7 +76,7 @@ def links_from_axes(
     count = len(kinds)
     turning = [j for j in range(count) if kinds[j] != "P"]
     size = float(np.abs(points[turning]).max(initial=0.0))
-    own = (
+    point = (
         points[turning[0]] if turning else np.zeros(3)
     )  # the point of this axis that heights are counted from
     here = 0.0  # the height at which the last perpendicular meets it
@@ -88,17 +88,17 @@ def links_from_axes(
         z = directions[j]
         near = here if abs(here) <= FAR * size else 0.0
         if j == count - 1:
-            along, foot, there, own_there = x, near, 0.0, own
+            along, foot, there, own_there = x, near, 0.0, point
         else:
-            own_there = own + near * z if kinds[j + 1] == "P" else points[j + 1]
-            axis, other = (z, own, here), (directions[j + 1], own_there)
-            along, foot, there, a[j], alpha[j] = _perpendicular(axis, other, x, tolerance, size)
+            own_there = point + near * z if kinds[j + 1] == "P" else points[j + 1]
+            axis, next_point = (z, point, here), (directions[j + 1], own_there)
+            along, foot, there, a[j], alpha[j] = _perpendicular(axis, next_point, x, tolerance, size)
         if base is None:
-            base = transform(np.stack([along, np.cross(z, along), z], axis=-1), own + foot * z)
+            base = transform(np.stack([along, np.cross(z, along), z], axis=-1), point + foot * z)
         else:
             offset[j] = 0.0 if abs(foot - here) <= MEETING * size else foot - here
             angle[j] = math.atan2(np.cross(x, along).dot(z), x.dot(along))
-        x, here, own = along, there, own_there
+        x, here, point = along, there, own_there
     assert base is not None
     return Links(a, alpha, offset, angle, base)
 
@@ -111,13 +111,13 @@ def _perpendicular(
     size: float,
 ) -> tuple[NDArray[Any], float, float, float, float]:
     """Return direction, heights of the feet on this axis and on the next, length and twist of the link between them."""
-    (z, own, here), (other_z, other) = axis, other_axis
+    (z, point, here), (other_z, next_point) = axis, other_axis
     normal = np.cross(z, other_z)
     sine = float(np.linalg.norm(normal))
     if sine <= tolerance:
         # at the height of the link before, but not where that is so far away that the axes are apart there
         foot = here if sine * abs(here) <= MEETING * size else 0.0
-        gap = other - (own + foot * z)
+        gap = next_point - (point + foot * z)
         level = gap - gap.dot(z) * z
         length = float(np.linalg.norm(level))
         twist = 0.0 if z.dot(other_z) > 0 else math.pi
@@ -130,7 +130,7 @@ def _perpendicular(
     x = normal / sine
     x -= x.dot(z) * z
     x /= np.linalg.norm(x)
-    gap = other - own
+    gap = next_point - point
     length = float(gap.dot(x))
     if length < 0:
         x, length = -x, -length
@@ -144,16 +144,16 @@ def _perpendicular(
 
 def _level(x: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
     """Return the direction of x, made perpendicular to z."""
-    found = x - x.dot(z) * z
-    length = float(np.linalg.norm(found))
-    return found / length if length > 0.5 else _across(z)
+    level = x - x.dot(z) * z
+    length = float(np.linalg.norm(level))
+    return level / length if length > 0.5 else _across(z)
 
 
 def _across(z: NDArray[Any]) -> NDArray[Any]:
     """Return a direction across z: that of the next of x, y, z after its largest component, made perpendicular."""
     helper = np.eye(3)[(int(np.argmax(np.abs(z))) + 1) % 3]
-    found: NDArray[Any] = helper - helper.dot(z) * z
-    return found / float(np.linalg.norm(found))
+    across: NDArray[Any] = helper - helper.dot(z) * z
+    return across / float(np.linalg.norm(across))
 
 
 UNIT_LENGTH = 1e-6
@@ -269,13 +269,13 @@ def placement_from_axes(
     mechanism, zero = mechanism_at(kinds, links.a, links.alpha, links.offset, links.angle, pitches, **labels)
     # from the chain's own last frame, so that the pose at zero is the given one whatever was rounded on the way
     last = links.base @ frames(mechanism, zero)[-1]
-    made = Placement(mechanism, links.base, inverse_transform(last) @ home, zero)
-    _put_back(made, kinds, directions, points, pitches, home, tolerance)
-    return made
+    placement = Placement(mechanism, links.base, inverse_transform(last) @ home, zero)
+    _put_back(placement, kinds, directions, points, pitches, home, tolerance)
+    return placement
 
 
 def _put_back(
-    made: Placement,
+    placement: Placement,
     kinds: tuple[str, ...],
     directions: NDArray[np.float64],
     points: NDArray[np.float64],
@@ -296,7 +296,7 @@ def _put_back(
             turned = kernels.matrix_from_axis_angle(directions[j], moves[:, j])[0]
             shifted = shifted + points[j] - turned @ points[j]
         wanted = transform(turned, shifted) @ wanted
-    off = np.abs(made.forward(moves) - wanted)
+    off = np.abs(placement.forward(moves) - wanted)
     worst = max(float(off[:, :3, :3].max()), float(off[:, :3, 3].max()) / size)
     allowed = len(kinds) * max(ROUNDED, 10 * tolerance)
     if not worst <= allowed:
@@ -329,6 +329,6 @@ def to_product_of_exponentials(robot: Mechanism | Placement) -> ProductOfExponen
     >>> spatial.to_product_of_exponentials(spatial.PUMA_560).screws[1].round(9) + 0.0
     array([ 0., -1.,  0.,  0.,  0.,  0.])
     """
-    given = placed(robot)
-    chain = given.base @ frames(given.mechanism, given.zero)
-    return ProductOfExponentials(screws(given.mechanism, chain), chain[-1] @ given.end)
+    placement = placed(robot)
+    chain = placement.base @ frames(placement.mechanism, placement.zero)
+    return ProductOfExponentials(screws(placement.mechanism, chain), chain[-1] @ placement.end)

@@ -137,10 +137,10 @@ def _gathered(name: str, alpha: ArrayLike, theta: ArrayLike) -> tuple[Term, Any]
             f"there are {twists.shape[-1:]} links and {joints.shape[-1:]} joints; expected one n for both"
         )
     (n,) = sizes
-    found = _NAME.match(name) if isinstance(name, str) else None
-    if found is None:
+    match = _NAME.match(name) if isinstance(name, str) else None
+    if match is None:
         raise ValueError(f"{name!r} is not a name; expected a name such as X_32, Xb_2, X*_321 or W_21")
-    letter, bar, star, numbers = found.groups()
+    letter, bar, star, numbers = match.groups()
     term = Term(letter, tuple(map(int, numbers)), n, bar=bool(bar), star=bool(star))
     if _steps(term) > 5:
         raise ValueError(f"{name} takes {_steps(term)} steps; a heptagon needs no more than 5")
@@ -233,8 +233,8 @@ def spherical_pentagon(alpha: ArrayLike, theta_4: ArrayLike, theta_5: ArrayLike)
     array([[ -29.1991,  103.4311,   31.9207,   40.    ,   80.    ],
            [ 146.4949, -103.4311,  154.908 ,   40.    ,   80.    ]])
     """
-    given = np.stack(np.broadcast_arrays(theta_4, theta_5), axis=-1)
-    return call_kernel(kernels.polygon_pentagon, (alpha, given))  # type: ignore[no-any-return]
+    angles = np.stack(np.broadcast_arrays(theta_4, theta_5), axis=-1)
+    return call_kernel(kernels.polygon_pentagon, (alpha, angles))  # type: ignore[no-any-return]
 
 
 _NAMES = (
@@ -336,20 +336,20 @@ def _heading(family: str) -> str:
 
 def _grouped(n: int, family: str) -> Iterator[Sequence[Law | HalfTangent]]:
     """Yield the laws of a family, the three of one row of subscripts together."""
-    found = [law for law in laws(n) if law.family == family]
+    members = [law for law in laws(n) if law.family == family]
     size = 1 if family == "half tangent" else 3
-    for start in range(0, len(found), size):
-        yield found[start : start + size]
+    for start in range(0, len(members), size):
+        yield members[start : start + size]
 
 
 def _secondary(n: int) -> Iterator[Sequence[str]]:
     """Yield the three secondary laws of each fundamental row, in plain characters."""
     for group in _grouped(n, "fundamental"):
-        sine, other, cosine = (law for law in group if isinstance(law, Law))
+        sine, sine_cosine, cosine = (law for law in group if isinstance(law, Law))
         assert isinstance(sine.right, Monomial)
         (_, (_, i)), (_, (_, j)) = sine.right.factors
         e = f"{i}{i % n + 1}"
-        first, second, third = (law.left.text().replace("_", "0_") for law in (sine, other, cosine))
+        first, second, third = (law.left.text().replace("_", "0_") for law in (sine, sine_cosine, cosine))
         yield (
             f"{first} = a{e} c{e} s{j} + S{j} s{e} c{j}",
             f"{second} = a{e} c{e} c{j} - S{j} s{e} s{j}",

@@ -46,11 +46,11 @@ def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None
     turned = np.eye(3) if rotation is None else real_array("the rotation", rotation, (3, 3))
     moved = np.zeros(3) if origin is None else real_array("the origin", origin, (3,))
     shape = np.broadcast_shapes(turned.shape[:-2], moved.shape[:-1])
-    found = np.zeros((*shape, 4, 4))
-    found[..., :3, :3] = turned
-    found[..., :3, 3] = moved
-    found[..., 3, 3] = 1.0
-    return found
+    T = np.zeros((*shape, 4, 4))
+    T[..., :3, :3] = turned
+    T[..., :3, 3] = moved
+    T[..., 3, 3] = 1.0
+    return T
 
 
 @documented_by(generated.link_inverse)

@@ -43,22 +43,22 @@ CLEARLY = 1e3
 def starts(legs: Any, geometry: Geometry) -> Any:
     """Return quaternions (n, m, 4) near every mode of the legs (n, 3); NaN where a column is not needed."""
     octic, quartic, phase_sine, size = kernels.sps_octic_scaled(legs, *geometry.lengths)
-    found = [_from_roots(_nearly_real(octic), legs, geometry)]
+    quaternions = [_from_roots(_nearly_real(octic), legs, geometry)]
     rows = np.abs(phase_sine) <= NEARLY_SQUARE
     if rows.any():
         some = np.full((len(legs), 8, 4), np.nan)
         some[rows] = _from_roots(_nearly_real(quartic[rows]), legs[rows], geometry)
-        found.append(some)
+        quaternions.append(some)
     eta = geometry.h / geometry.R
     cos_sum, Z = kernels.sps_invariants(legs, *geometry.lengths)
     Z = Z[..., 0] + 1j * Z[..., 1]
     rows = size <= NEARLY_EQUAL * 4 * abs(eta)
     if rows.any():
         with np.errstate(divide="ignore", invalid="ignore"):  # a pivot at h = 0 has no such modes
-            found.append(np.where(rows[:, None, None], _torsions(cos_sum, Z, eta), np.nan))
+            quaternions.append(np.where(rows[:, None, None], _torsions(cos_sum, Z, eta), np.nan))
     if abs(eta) <= FLAT:
-        found.append(_flat(cos_sum, Z))
-    return np.concatenate(found, axis=1)
+        quaternions.append(_flat(cos_sum, Z))
+    return np.concatenate(quaternions, axis=1)
 
 
 @cache
@@ -78,13 +78,15 @@ def spread() -> Any:
 
 def _nearly_real(coefficients: Any) -> Any:
     """Return the roots of polynomials (n, m + 1) that may be real, (n, m); NaN for the others."""
-    found = roots(coefficients)
-    return np.where(np.abs(found.imag) <= COMPLEX * (1 + np.abs(found.real)), found.real, np.nan)
+    roots_there = roots(coefficients)
+    return np.where(
+        np.abs(roots_there.imag) <= COMPLEX * (1 + np.abs(roots_there.real)), roots_there.real, np.nan
+    )
 
 
-def _from_roots(found: Any, legs: Any, geometry: Geometry) -> Any:
+def _from_roots(tangents: Any, legs: Any, geometry: Geometry) -> Any:
     """Return both rotations of each root (n, m): (n, 2m, 4); only one where the other's legs are clearly worse."""
-    arguments = legs[:, None, None], *geometry.lengths, found[..., None], np.array([1.0, -1.0])
+    arguments = legs[:, None, None], *geometry.lengths, tangents[..., None], np.array([1.0, -1.0])
     quaternions = kernels.sps_mode(*arguments)
     again = kernels.sps_legs_from_quaternion(quaternions, *geometry.lengths)
     wrong = np.abs(np.square(again) - np.square(legs[:, None, None])).max(axis=-1)
@@ -201,14 +203,14 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any, Any]:
     >>> bool(abs(three_sps_s.legs(rotations, machine) - 2.578759391645525).max() < 1e-14)
     True
     """
-    given = real_array("legs", legs, (3,))
-    flat = given.reshape(-1, 3)
+    lengths = real_array("legs", legs, (3,))
+    flat = lengths.reshape(-1, 3)
     quaternions = np.full((len(flat), MODES, 4), np.nan)
     count, status = np.zeros(len(flat), np.int8), np.zeros(len(flat), np.int8)
     for first in range(0, len(flat), CHUNK):
         part = slice(first, first + CHUNK)
         quaternions[part], count[part], status[part] = _modes(flat[part], geometry)
-    shape = given.shape[:-1]
+    shape = lengths.shape[:-1]
     there = np.isfinite(quaternions[..., 0])
     matrices = kernels.matrix_from_quaternion(np.where(there[..., None], quaternions, [1.0, 0, 0, 0]))[0]
     rotations = np.where(there[..., None, None], matrices, np.nan)
@@ -300,12 +302,12 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
     rotations, _, known = direct_all(legs, geometry)
     if rotations.ndim != 4:
         raise ValueError(f"legs has the shape {np.shape(legs)}; expected (n, 3)")
-    found, status = np.empty((len(rotations), 3, 3)), np.empty(len(rotations), np.int8)
+    followed, status = np.empty((len(rotations), 3, 3)), np.empty(len(rotations), np.int8)
     for n, modes in enumerate(rotations):
-        found[n], status[n] = _nearest(modes, known[n], now, geometry)
-        if np.isfinite(found[n, 0, 0]):
-            now = found[n]
-    return found, status
+        followed[n], status[n] = _nearest(modes, known[n], now, geometry)
+        if np.isfinite(followed[n, 0, 0]):
+            now = followed[n]
+    return followed, status
 
 
 def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tuple[Any, Any]:
@@ -318,12 +320,12 @@ def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tup
     order = np.argsort(angle, axis=-1, kind="stable")
     chosen = np.take_along_axis(rotations, order[..., :1, None, None], axis=-3)[..., 0, :, :]
     nearest = np.take_along_axis(angle, order[..., :2], axis=-1)
-    found = np.isfinite(nearest[..., 0])
+    is_known = np.isfinite(nearest[..., 0])
     with np.errstate(invalid="ignore"):
-        tie = found & (nearest[..., 1] - nearest[..., 0] <= SAME)
-    safe = np.where(found[..., None, None], chosen, np.eye(3))
+        tie = is_known & (nearest[..., 1] - nearest[..., 0] <= SAME)
+    safe = np.where(is_known[..., None, None], chosen, np.eye(3))
     determinant = kernels.sps_singularity(safe, geometry.R, geometry.h)
-    known = found & (status != DirectStatus.INCOMPLETE)
+    known = is_known & (status != DirectStatus.INCOMPLETE)
     status = np.where(known, DirectStatus.CONVERGED, status)
     status = np.where(known & tie, DirectStatus.AMBIGUOUS, status)
     status = np.where(known & (np.abs(determinant) <= SINGULAR), DirectStatus.SINGULAR, status)
@@ -362,10 +364,10 @@ def _modes(legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
 def _miss(quaternions: Any, legs: Any, geometry: Geometry) -> Any:
     """Return the error of half the squares of the legs, over the squares of the machine's dimensions."""
     R, r, h = geometry.lengths
-    found = kernels.sps_legs_from_quaternion(quaternions, R, r, h)
+    legs_there = kernels.sps_legs_from_quaternion(quaternions, R, r, h)
     size = R * R + r * r + h * h + np.square(legs).max(axis=-1)
     # divided first: the norm squares what it gets
-    return np.linalg.norm((found - legs) * (found + legs) / size[..., None], axis=-1) / 2
+    return np.linalg.norm((legs_there - legs) * (legs_there + legs) / size[..., None], axis=-1) / 2
 
 
 def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any]:
@@ -404,42 +406,42 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
     safe = np.where(there[..., None], quaternions, [1.0, 0, 0, 0])
     determinant = kernels.sps_singularity(kernels.matrix_from_quaternion(safe)[0], geometry.R, geometry.h)
     double = there & (np.abs(determinant) <= SINGULAR)
-    kept = np.zeros((n, width), bool)
+    is_new = np.zeros((n, width), bool)
     for i in range(width):
         same = np.zeros(n, bool)
         for j in range(i):
-            other = _of_same_sign(safe[:, j], safe[:, i])
-            apart = 2 * np.linalg.norm(safe[:, i] - other, axis=-1)
-            both = kept[:, j] & there[:, i]
+            same_sign = _of_same_sign(safe[:, j], safe[:, i])
+            apart = 2 * np.linalg.norm(safe[:, i] - same_sign, axis=-1)
+            both = is_new[:, j] & there[:, i]
             same |= both & (apart <= SAME)
             rows = np.flatnonzero(both & double[:, i] & double[:, j] & (apart > SAME) & (apart <= NEAR))
             if len(rows):
-                half_way = (safe[rows, i] + other[rows]) / 2
+                half_way = (safe[rows, i] + same_sign[rows]) / 2
                 same[rows] |= _is_mode(half_way, apart[rows] / 4, legs[rows], geometry)
-        kept[:, i] = there[:, i] & ~same
+        is_new[:, i] = there[:, i] & ~same
     w, x, y, z = np.moveaxis(safe, -1, 0)
     positive = np.where(
         (w < 0) | ((w == 0) & ((z < 0) | ((z == 0) & ((x < 0) | ((x == 0) & (y < 0)))))), -1.0, 1.0
     )
     safe = safe * positive[..., None]
     # rounded, so that equal angles are in the order of their torsions, not of their rounding errors
-    keys = np.where(kept[..., None], np.round(safe, 9), -2.0)
+    keys = np.where(is_new[..., None], np.round(safe, 9), -2.0)
     order = np.lexsort((-keys[..., 2], -keys[..., 1], -keys[..., 3], -keys[..., 0]), axis=-1)
     safe = np.take_along_axis(safe, order[..., None], axis=1)
-    kept = np.take_along_axis(kept, order, axis=1)
+    is_new = np.take_along_axis(is_new, order, axis=1)
     modes, determinants = np.full((n, MODES, 4), np.nan), np.full((n, MODES), np.nan)
     width = min(width, MODES)
-    modes[:, :width] = np.where(kept[:, :width, None], safe[:, :width], np.nan)
+    modes[:, :width] = np.where(is_new[:, :width, None], safe[:, :width], np.nan)
     ordered = np.take_along_axis(determinant, order, axis=1)[:, :width]
-    determinants[:, :width] = np.where(kept[:, :width], ordered, np.nan)
-    return modes, kept[:, :width].sum(axis=-1).astype(np.int8), determinants
+    determinants[:, :width] = np.where(is_new[:, :width], ordered, np.nan)
+    return modes, is_new[:, :width].sum(axis=-1).astype(np.int8), determinants
 
 
 def _is_mode(quaternions: Any, within: Any, legs: Any, geometry: Geometry) -> Any:
     """Return whether there is a mode near rotations, not farther off than `within`."""
-    found, _ = kernels.sps_polish(quaternions, within / 4, legs, *geometry.lengths)
-    moved = 2 * np.linalg.norm(found - _of_same_sign(quaternions, found), axis=-1)
-    return (moved <= within) & (_miss(found, legs, geometry) <= ROUNDING)
+    polished, _ = kernels.sps_polish(quaternions, within / 4, legs, *geometry.lengths)
+    moved = 2 * np.linalg.norm(polished - _of_same_sign(quaternions, polished), axis=-1)
+    return (moved <= within) & (_miss(polished, legs, geometry) <= ROUNDING)
 
 
 def _of_same_sign(quaternions: Any, others: Any) -> Any:

@@ -164,9 +164,9 @@ def bounds(
         parts = _influence(enclose(lower, upper, geometry, slopes).A, *chosen) * Jet((weights[:, None],) * 2)
         return reduce(add, (parts[..., n, :] for n in range(len(base))))
 
-    found = certified_extremes(elements, low, high, gap=gap * scale, parts=_parts(low, high))
+    extremes = certified_extremes(elements, low, high, gap=gap * scale, parts=_parts(low, high))
     base_outer, base_inner = np.zeros((6, 2)), np.zeros((6, 2))
-    boxes, complete = found.boxes, found.complete
+    boxes, complete = extremes.boxes, extremes.complete
     if U.any():
         allowed = (gap * scale)[:, None] / (len(base) * np.abs(weights))
         each = certified_extremes(influences, low, high, gap=allowed.ravel(), parts=_parts(low, high))
@@ -175,7 +175,9 @@ def bounds(
             for ends, away in ((each.outer, True), (each.inner, False))
         )
         boxes, complete = boxes + each.boxes, complete and each.complete
-    return Bounds(low, high, found.outer, found.inner, found.points, base_outer, base_inner, boxes, complete)
+    return Bounds(
+        low, high, extremes.outer, extremes.inner, extremes.points, base_outer, base_inner, boxes, complete
+    )
 
 
 def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: float = 1e-6) -> Extremes:
@@ -213,8 +215,8 @@ def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: floa
     _check_regular(low, high, geometry)
 
     def rods(lower: Array, upper: Array, slopes: bool, which: Indices | None = None) -> Jet:
-        found = enclose(lower, upper, geometry, slopes).rods
-        return found if which is None else found[which, np.arange(len(which))]
+        enclosed = enclose(lower, upper, geometry, slopes).rods
+        return enclosed if which is None else enclosed[which, np.arange(len(which))]
 
     return certified_extremes(rods, low, high, gap=np.full(3, float(gap)), parts=_parts(low, high))
 
@@ -260,8 +262,8 @@ def _check_regular(low: Array, high: Array, geometry: Geometry) -> None:
     """Raise an error for boxes in which A35 is not bounded: they reach a singularity or a place without a pose."""
     lower, upper = (corner[:, None] for corner in (low, high))
     for _ in range(6):
-        found = enclose(lower, upper, geometry, False)
-        bad = ~np.isfinite(found.A.value).all(axis=(0, 1, 2))
+        enclosed = enclose(lower, upper, geometry, False)
+        bad = ~np.isfinite(enclosed.A.value).all(axis=(0, 1, 2))
         if not bad.any():
             return
         lower, upper = lower[:, bad], upper[:, bad]

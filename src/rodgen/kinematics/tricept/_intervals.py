@@ -313,8 +313,8 @@ def certified_extremes(
     complete = not queue.size
     for first in range(0, queue.size, _BLOCK):  # no more boxes: what was not looked at is bounded as a whole
         part = slice(first, first + _BLOCK)
-        found = function(queue_low[:, part], queue_high[:, part], False, which[queue[part]])
-        np.maximum.at(bound, queue[part], _signed(found.value, signs[queue[part]])[1])
+        enclosed = function(queue_low[:, part], queue_high[:, part], False, which[queue[part]])
+        np.maximum.at(bound, queue[part], _signed(enclosed.value, signs[queue[part]])[1])
     # a point that was reached by rounding up a little may lie above the bound of all boxes
     outer = np.maximum(bound, best).reshape(2, m).T * [-1.0, 1.0]
     inner = best.reshape(2, m).T * [-1.0, 1.0]
@@ -360,14 +360,14 @@ def _first(
     for start in range(0, count, _FEW):
         part = slice(start, start + _FEW)
         a, b = lower[:, part], upper[:, part]
-        found = function(a, b, True)
-        assert found.slope is not None
+        enclosed = function(a, b, True)
+        assert enclosed.slope is not None
         centre = _centres(a, b)
         value = _signed(function(centre, centre, False).value, sign)
-        slope = np.maximum(np.abs(found.slope[0]), np.abs(found.slope[1]))
+        slope = np.maximum(np.abs(enclosed.slope[0]), np.abs(enclosed.slope[1]))
         slope = np.where(np.isnan(slope), np.inf, slope)
         total = _linear(value[1], np.broadcast_to(slope[:, None], (3, *value[1].shape)), a, b, centre)
-        tops[:, :, part] = np.minimum(total, _signed(found.value, sign)[1])
+        tops[:, :, part] = np.minimum(total, _signed(enclosed.value, sign)[1])
         _keep_greatest(value[0], centre, best, places)
     flat = tops.reshape(2 * m, count)
     left = flat > (best + np.tile(gap, 2))[:, None]
@@ -398,15 +398,15 @@ def _bounded(
 
     With them come the largest possible |derivative| in the remaining directions and the value at one point.
     """
-    found = function(lower, upper, True, which)
-    assert found.slope is not None
-    least, greatest = _signed(found.slope, sign)
+    enclosed = function(lower, upper, True, which)
+    assert enclosed.slope is not None
+    least, greatest = _signed(enclosed.slope, sign)
     rising, falling = least >= 0, greatest <= 0
     lower, upper = np.where(rising, upper, lower), np.where(falling & ~rising, lower, upper)
     centre = _centres(lower, upper)
     value = _signed(function(centre, centre, False, which).value, sign)
     slope = np.where(rising | falling, 0.0, np.maximum(np.abs(least), np.abs(greatest)))
-    whole = _signed(found.value, sign)[1]
+    whole = _signed(enclosed.value, sign)[1]
     return lower, upper, slope, value, np.minimum(_linear(value[1], slope, lower, upper, centre), whole)
 
 

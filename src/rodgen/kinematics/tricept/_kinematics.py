@@ -315,21 +315,21 @@ def _distinct(rows: int, row: NDArray[np.int64], pose: Array, rods: _Rods) -> tu
     place, most = _places(rows, row)
     parts = np.full((rows, most, 5), np.nan)
     parts[row, place] = np.column_stack([np.cos(pose[:, :2]), np.sin(pose[:, :2]), pose[:, 2]])
-    kept = np.isfinite(parts[..., 0])
+    is_real = np.isfinite(parts[..., 0])
     for n in range(1, most):
-        near = (np.abs(parts[:, :n] - parts[:, n, None]) < _SAME).all(axis=2) & kept[:, :n]
-        kept[:, n] &= ~near.any(axis=1)
+        near = (np.abs(parts[:, :n] - parts[:, n, None]) < _SAME).all(axis=2) & is_real[:, :n]
+        is_real[:, n] &= ~near.any(axis=1)
     cosines = parts[..., :2]
-    physical = (cosines > 0).all(axis=2) & kept
-    order = np.lexsort((-np.nan_to_num(parts[..., 4]), ~physical, ~kept), axis=1)
+    physical = (cosines > 0).all(axis=2) & is_real
+    order = np.lexsort((-np.nan_to_num(parts[..., 4]), ~physical, ~is_real), axis=1)
     parts = np.take_along_axis(parts, order[..., None], axis=1)
-    above = np.minimum(kept.sum(axis=1), MOST_POSES // 2)
+    above = np.minimum(is_real.sum(axis=1), MOST_POSES // 2)
     for n in range(min(most, MOST_POSES // 2)):
         there = n < above
         ca, cb, sa, sb, z = parts[there, n].T
-        found = np.column_stack([np.arctan2(sa, ca), np.arctan2(sb, cb), z * rods.unit[there]])
-        poses[there, n] = found
-        poses[np.flatnonzero(there), n + above[there]] = -found
+        distinct = np.column_stack([np.arctan2(sa, ca), np.arctan2(sb, cb), z * rods.unit[there]])
+        poses[there, n] = distinct
+        poses[np.flatnonzero(there), n + above[there]] = -distinct
     return poses, 2 * above
 
 
@@ -485,12 +485,12 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     array([637.318, 689.585, 730.485])
     """
     arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"))
-    found, rods, status = call_kernel(kernels.tricept_pose, arguments)
+    poses, rods, status = call_kernel(kernels.tricept_pose, arguments)
     lost = lost_behind(point, geometry, status)
     if lost is None:
-        return found, rods, status
-    found, rods = (np.where(lost[..., None], np.nan, x) for x in (found, rods))
-    return found, rods, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
+        return poses, rods, status
+    poses, rods = (np.where(lost[..., None], np.nan, x) for x in (poses, rods))
+    return poses, rods, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
 
 
 def lost_behind(point: ArrayLike, geometry: Geometry, status: Any) -> Any:
@@ -553,10 +553,10 @@ def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
     rows = np.broadcast_to(np.asarray(legs), np.shape(pose))[lost]
     poses, count = direct_all(rows, geometry)
     first = poses[:, 0]
-    found = (count > 0) & (np.cos(first[:, :2]) > 0).all(axis=1) & (first[:, 2] > 0)
+    is_reached = (count > 0) & (np.cos(first[:, :2]) > 0).all(axis=1) & (first[:, 2] > 0)
     pose, status = np.array(pose), np.array(status)
-    pose[lost] = np.where(found[:, None], first, np.nan)
-    status[lost] = np.where(found, TriceptStatus.REACHABLE, TriceptStatus.UNREACHABLE)
+    pose[lost] = np.where(is_reached[:, None], first, np.nan)
+    status[lost] = np.where(is_reached, TriceptStatus.REACHABLE, TriceptStatus.UNREACHABLE)
     return pose, status
 
 

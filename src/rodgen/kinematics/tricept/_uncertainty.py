@@ -318,7 +318,7 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
     array([0.6061, 1.0497, 0.3333])
     """
     fixed, moving = joints(geometry)
-    _, _, found, regularity = call_kernel(
+    _, _, sensitivity, regularity = call_kernel(
         kernels.tricept_parameter_sensitivity, (pose, fixed, moving, geometry.q), None
     )
     regularity = np.asarray(regularity)
@@ -327,7 +327,7 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
     status = np.where(
         good, TriceptStatus.REACHABLE, np.where(bad, TriceptStatus.INVALID, TriceptStatus.SINGULAR)
     )
-    return np.where(good[..., None, None], found, np.nan), status.astype(np.int8)
+    return np.where(good[..., None, None], sensitivity, np.nan), status.astype(np.int8)
 
 
 @documented_by(generated.tricept_propagate)
@@ -386,8 +386,8 @@ def propagate(
     matrix = np.asarray(U, float)
     place = real_array("point", point, (3,))
     broadcast_shapes({"point": (place, 1), "U": (matrix, 2)})
-    found, _, status = pose(point, geometry, limits)
-    S, regular = parameter_sensitivity(found, geometry)
+    pose_there, _, status = pose(point, geometry, limits)
+    S, regular = parameter_sensitivity(pose_there, geometry)
     status = np.asarray(status)
     known = np.isin(status, (TriceptStatus.UNREACHABLE, TriceptStatus.INVALID), invert=True)
     good = np.asarray(is_covariance(matrix))

@@ -102,8 +102,8 @@ def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> 
     >>> tricept.reachable([[0, 0, 600], [0, 0, 500]], tricept.PAPER, tricept.LEG_LIMITS)
     array([ True, False])
     """
-    found, _, status = (np.asarray(x) for x in pose(point, geometry, limits))
-    upright = (np.cos(found[..., :2]) > 0).all(axis=-1) & (found[..., 2] > 0)
+    pose_there, _, status = (np.asarray(x) for x in pose(point, geometry, limits))
+    upright = (np.cos(pose_there[..., :2]) > 0).all(axis=-1) & (pose_there[..., 2] > 0)
     return (status == TriceptStatus.REACHABLE) & upright
 
 
@@ -240,8 +240,8 @@ def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Array:
             f"rods between {limits[0]:g} and {limits[1]:g} allow no pose; expected wider limits"
         )
     step = angles[1] - angles[0]
-    found = [angles[np.flatnonzero(np.any(has, axis=other))] for other in (1, 0)]
-    ends: Array = np.array([[x[0] - step, x[-1] + step] for x in found])
+    tilts = [angles[np.flatnonzero(np.any(has, axis=axis))] for axis in (1, 0)]
+    ends: Array = np.array([[x[0] - step, x[-1] + step] for x in tilts])
     return np.clip(ends, -np.pi / 2, np.pi / 2)
 
 
@@ -253,10 +253,10 @@ def _volume(geometry: Geometry, limits: tuple[float, float], box: Array, samples
     _, qy, qz = geometry.q
     total = 0.0
     for alpha in a_low + a_step * (np.arange(samples) + 0.5):
-        found = beams(alpha, beta, geometry, limits)
-        h = qz + found.ends
+        along_beams = beams(alpha, beta, geometry, limits)
+        h = qz + along_beams.ends
         primitive = np.cos(alpha) * h**3 / 3 - qy * np.sin(alpha) * h**2 / 2
-        total += float(np.where(found.inside, np.diff(primitive, axis=-1), 0.0).sum())
+        total += float(np.where(along_beams.inside, np.diff(primitive, axis=-1), 0.0).sum())
     return total * float(a_step * b_step)
 
 
@@ -287,13 +287,13 @@ def _greatest(
         number = _COARSE if look == 0 else _ZOOM
         sides = [np.linspace(low, high, number) for low, high in window]
         alpha, beta = np.meshgrid(*sides, indexing="ij")
-        found = beams(alpha, beta, geometry, limits)
-        z = [found.ends[..., :-1], found.ends[..., 1:]]
+        along_beams = beams(alpha, beta, geometry, limits)
+        z = [along_beams.ends[..., :-1], along_beams.ends[..., 1:]]
         if turning:
-            z += _turns(geometry, alpha, beta, found)
+            z += _turns(geometry, alpha, beta, along_beams)
         with np.errstate(all="ignore"):
             values = np.stack([value(alpha[..., None], beta[..., None], x) for x in z])
-        values = np.where(found.inside, values, -np.inf)
+        values = np.where(along_beams.inside, values, -np.inf)
         values = np.where(np.isfinite(values), values, -np.inf).max(axis=(0, -1))
         place = np.unravel_index(np.argmax(values), values.shape)
         if values[place] > best:
@@ -305,7 +305,7 @@ def _greatest(
     return best
 
 
-def _turns(geometry: Geometry, alpha: Array, beta: Array, found: Beams) -> list[Array]:
+def _turns(geometry: Geometry, alpha: Array, beta: Array, along_beams: Beams) -> list[Array]:
     """Return the z inside the beams where the ratio is stationary along them; an end where it is not."""
     _, c1, c2, c3 = _ratio_terms(geometry, alpha, beta)
     with np.errstate(all="ignore"):
@@ -313,7 +313,7 @@ def _turns(geometry: Geometry, alpha: Array, beta: Array, found: Beams) -> list[
         # 3 c3 y² + 2 c2 y + c1 = 0, by the two forms that do not cancel
         stable = -(c2 + np.where(c2 < 0, -1, 1) * root)
         roots = [3 * c3 / stable, stable / c1]
-    low, high = found.ends[..., :-1], found.ends[..., 1:]
+    low, high = along_beams.ends[..., :-1], along_beams.ends[..., 1:]
     return [np.where((x[..., None] > low) & (x[..., None] < high), x[..., None], low) for x in roots]
 
 

@@ -179,9 +179,9 @@ def constant(node: ast.expr) -> Fraction | float | None:
             value = constant(argument)
             return None if value is None else _checked(node, _called(node, function, value))
         case ast.BinOp(left, symbol, right):
-            found = _power if isinstance(symbol, ast.Pow) else _operation
+            operation = _power if isinstance(symbol, ast.Pow) else _operation
             a, b = constant(left), constant(right)
-            value = found(node, a, b)
+            value = operation(node, a, b)
             if value == 0 and a and b and not isinstance(symbol, ast.Add | ast.Sub):  # too small for a float
                 raise _beyond(node)
             return None if value is None else _checked(node, value)
@@ -373,13 +373,13 @@ def _tokens(text: str) -> list[_Token]:
     tokens = []
     position = 0
     while position < len(text):
-        found = _TOKEN.match(text, position)
-        if found is None:
+        token = _TOKEN.match(text, position)
+        if token is None:
             raise _unknown_character(text, position)
-        kind = str(found.lastgroup)
+        kind = str(token.lastgroup)
         if kind != "blank":
-            tokens.append(_Token(kind, "**" if found[0] == "^" else found[0], position))
-        position = found.end()
+            tokens.append(_Token(kind, "**" if token[0] == "^" else token[0], position))
+        position = token.end()
     return [*tokens, _Token("end", "", len(text))]
 
 

@@ -926,11 +926,11 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
         near = nearest_name(name, [*NAMES, *TERMS])
         hint = f"{near!r}, perhaps; " if near else "a name of the catalogue; "
         raise UnknownEffectError(f"no effect {shown(name)}", f"{hint}'rodgen effects' lists all")
-    found = tuple(definition for definition in named if at is None or at in definition.at)
-    if not found:
+    those = tuple(definition for definition in named if at is None or at in definition.at)
+    if not those:
         places = " or ".join(sorted(place for definition in named for place in definition.at))
         raise UnknownEffectError(f"{name} at a place of type {shown(at)}", f"{places}, where it can be")
-    return found
+    return those
 
 
 def as_table(rows: Iterable[EffectDefinition] = CATALOGUE) -> list[tuple[str, str, str, str, str]]:

@@ -192,17 +192,24 @@ class _Check:
         known |= self.columns or {}
         known |= dict.fromkeys(SKY, ANGLE) if self.measurand.is_direction else {}
         known |= {joint: coordinate_dimension(kind) for joint, kind in self.joints.items()}
-        own = coordinate_dimension(self.at)
-        known |= {"t": TIME, "F": FORCE, "q": own, "s": ONE, "v": own / TIME, "T": TEMPERATURE}
+        of_coordinate = coordinate_dimension(self.at)
+        known |= {
+            "t": TIME,
+            "F": FORCE,
+            "q": of_coordinate,
+            "s": ONE,
+            "v": of_coordinate / TIME,
+            "T": TEMPERATURE,
+        }
         known |= {name: parse_unit(unit).dimension for name, unit in parameters.items()}
         try:
-            found = formula.dimension(known)
+            dimension = formula.dimension(known)
         except FormulaError as error:
             raise self.error(key, error.found, error.expected) from None
         bare = formula.names <= {"pi"}
-        if found is not None and not bare and not found.fits(wanted):
+        if dimension is not None and not bare and not dimension.fits(wanted):
             raise self.error(
                 key,
-                f"a value in {found}",
+                f"a value in {dimension}",
                 f"{wanted} for component {component!r}; check the parameters' units",
             )

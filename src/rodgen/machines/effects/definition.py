@@ -226,8 +226,8 @@ class EffectDefinition:
             }
             return replace(self, formula=self.poses.slope, parameters=turned, directions=None)
         if measurand.has_zero and self.component in {"target", "remounting"}:
-            found = dict.fromkeys(measurand.freedoms, "arcsec")
-            return replace(self, formula=self.formula, parameters=found, directions=None)
+            units = dict.fromkeys(measurand.freedoms, "arcsec")
+            return replace(self, formula=self.formula, parameters=units, directions=None)
         return self.directions or self
 
     @property
@@ -242,17 +242,20 @@ class EffectDefinition:
         """
         formula = f"{self.formula.text} + k_NAME*M_NAME + …" if self.later_joints else self.formula.text
         slope = self.slope.text if self.slope is not None else ""
-        said = COMPONENTS[self.component]
+        template = COMPONENTS[self.component]
         if self.component in _TURNED and "{length}" not in self.parameters.values():
-            said = _TURNED[self.component]
-        elif slope and "{slope}" not in said:
-            said += " and turned by the rotation vector {slope}"
+            template = _TURNED[self.component]
+        elif slope and "{slope}" not in template:
+            template += " and turned by the rotation vector {slope}"
         if self.component == "reading" and re.fullmatch(r"-[^ ]+", formula):
-            said, formula = "reading -= {formula}", formula[1:]
+            template, formula = "reading -= {formula}", formula[1:]
         if self.component == "lift" and formula.startswith("-"):
-            said, formula = "direction lowered towards g by {formula}", formula[1:]
-        more = [COMPONENTS[component].format(formula=other.text) for component, other in self.others]
-        return "; ".join([said.format(formula=formula, slope=slope), *more])
+            template, formula = "direction lowered towards g by {formula}", formula[1:]
+        more = [
+            COMPONENTS[component].format(formula=formula_there.text)
+            for component, formula_there in self.others
+        ]
+        return "; ".join([template.format(formula=formula, slope=slope), *more])
 
     def units(self, length: str = "length", measurand: Measurand = POINT) -> dict[str, str]:
         """Return the unit of each parameter.

@@ -62,19 +62,19 @@ def symbols(name: str) -> tuple[Symbol, ...]:
 
 
 def _of_iso(text: str) -> Iterator[Symbol]:
-    found = _ISO.fullmatch(text)
-    if found is None or not (text.startswith("E") or found["location"]):
+    match = _ISO.fullmatch(text)
+    if match is None or not (text.startswith("E") or match["location"]):
         return
-    slides = found["axis"] in _ALONG
-    axis = (_ALONG if slides else _ABOUT).index(found["axis"])
-    along = found["error"] in _ALONG
+    slides = match["axis"] in _ALONG
+    axis = (_ALONG if slides else _ABOUT).index(match["axis"])
+    along = match["error"] in _ALONG
     # 0 is the axis' own direction; 1 and 2 are those of u and v, which complete it
-    direction = ((_ALONG if along else _ABOUT).index(found["error"]) - axis) % 3
+    direction = ((_ALONG if along else _ABOUT).index(match["error"]) - axis) % 3
     place = "prismatic" if slides else "revolute"
-    parts = _location if found["location"] else _motion
-    for effect, parameters in parts(slides, along, direction, found["error"]):
+    parts = _location if match["location"] else _motion
+    for effect, parameters in parts(slides, along, direction, match["error"]):
         (definition,) = definitions(effect, place)
-        yield Symbol(text, "ISO 230", definition, f"{parameters} at {found['axis']}", found["axis"])
+        yield Symbol(text, "ISO 230", definition, f"{parameters} at {match['axis']}", match["axis"])
 
 
 def _location(slides: bool, along: bool, direction: int, _: str) -> Iterator[tuple[str, str]]:
@@ -201,13 +201,13 @@ def own_term(name: str, level: Level = EAST_AND_NORTH) -> OwnTerm | None:
     if text == "FLOP":
         meaning = "What is seen is displaced vertically, by the same amount everywhere."
         return _vertical(text, meaning, "a", level)
-    if found := _HARMONIC.fullmatch(text) or _POLYNOMIAL.fullmatch(text):
-        factors = re.findall(r"([SC]?)([HDAEZ])(\d*)", found["factors"])
-    elif found := _OLD_HARMONIC.fullmatch(text):
-        factors = [(found["function"], found["of"], found["times"])]
+    if term := _HARMONIC.fullmatch(text) or _POLYNOMIAL.fullmatch(text):
+        factors = re.findall(r"([SC]?)([HDAEZ])(\d*)", term["factors"])
+    elif term := _OLD_HARMONIC.fullmatch(text):
+        factors = [(term["function"], term["of"], term["times"])]
     else:
         return None
-    result = found["result"]
+    result = term["result"]
     joint = _JOINTS.get(result)
     waves, negative = [], result in "ASVZ"
     for function, of, times in factors:

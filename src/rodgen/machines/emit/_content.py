@@ -67,8 +67,8 @@ class Reference:
     @classmethod
     def of(cls, machine: Machine, scope: Scope, travel: Any = None) -> Reference:
         """Return that of a fitted machine, of which the scope leaves out effects that belong to no part of it."""
-        own = tuple(e for e in machine.effects if e.place is not None or e in scope.machine.effects)
-        return cls(replace(machine, effects=own), travel)
+        effects = tuple(e for e in machine.effects if e.place is not None or e in scope.machine.effects)
+        return cls(replace(machine, effects=effects), travel)
 
     def nominal(self) -> Reference:
         """Return that of the nominal machine, with targets as they are mounted: directions as in the file."""
@@ -113,8 +113,8 @@ class Reference:
         g = self.model.geometries(self.theta, Frame.identity(), [(target, 0) for target in targets])
         e = self.model.parameters_of_effects(self.theta)
         e = np.broadcast_to(e, (len(q), len(e)))
-        found: Array = self.model.kernels["place"].in_sets(rows, [1] * len(q), g, e)[0]
-        return found
+        places: Array = self.model.kernels["place"].in_sets(rows, [1] * len(q), g, e)[0]
+        return places
 
 
 SAMPLES = 20
@@ -238,8 +238,8 @@ class Content:
     @property
     def at_rest(self) -> list[str]:
         """What forms that follow the coordinates alone say of the other conditions."""
-        said = "Without load, at rest, at the reference temperature and time 0, between both directions of approach."
-        return [said] if self.fields else []
+        text = "Without load, at rest, at the reference temperature and time 0, between both directions of approach."
+        return [text] if self.fields else []
 
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
@@ -250,10 +250,12 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     ideal = machine_kernels(Model(ideal_of(scope.machine, scope.model)), "ideal", "ideal_")
     measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
-    limits = [own or (-np.inf, np.inf) for own in machine.limits]
+    limits = [limits_of or (-np.inf, np.inf) for limits_of in machine.limits]
     usual = [2 * np.pi if joint.revolute else size for joint in joints]
     ranges = [high - low for low, high in limits]
-    weight = [way if 0 < way < np.inf else other for way, other in zip(ranges, usual, strict=True)]
+    weight = [
+        way if 0 < way < np.inf else usual_range for way, usual_range in zip(ranges, usual, strict=True)
+    ]
     reference = Reference.of(machine, scope, travel)
     nominal = reference.nominal()
     fields = tuple(_fields(scope.machine, fitted))
@@ -381,15 +383,15 @@ def _fields(machine: Machine, kernels: MachineKernels) -> Iterator[Field]:
 def effect_words(scope: Scope) -> list[tuple[str, str]]:
     """Return the effects that are emitted, each with the values of its parameters."""
     model, start = scope.model, scope.model.start()
-    found = []
+    words = []
     for effect in scope.machine.effects:
         keys = {name: effect.key(name) for name in effect.units(scope.machine)}
         values = []
         for name, index in ((name, model.keys[key]) for name, key in keys.items() if key in model.keys):
             parameter = model.parameters[index]
             values.append(f"{name} = {_shown_value(parameter, start[index], '.6g')}")
-        found.append((shown(effect.title), ", ".join(values)))
-    return found
+        words.append((shown(effect.title), ", ".join(values)))
+    return words
 
 
 def _shown_value(parameter: Parameter, value: float, form: str) -> str:
@@ -467,11 +469,13 @@ def _samples(
     ]
     slopes = np.sum(quotients, axis=0)
     for n, target in enumerate(targets):
-        own = {field.name: [0.0] * max(field.length, 1) for field in fields}
+        values_of = {field.name: [0.0] * max(field.length, 1) for field in fields}
         for column, (port, i) in fitted.conditions.items():
-            own[port][i] = float(values[column][n])
+            values_of[port][i] = float(values[column][n])
         of_target = (tuple(x[n].tolist()) for x in (places, ideal, along, slopes))
-        yield Sample(tuple(q[n].tolist()), {port: tuple(x) for port, x in own.items()}, target, *of_target)
+        yield Sample(
+            tuple(q[n].tolist()), {port: tuple(x) for port, x in values_of.items()}, target, *of_target
+        )
 
 
 def levers(scope: Scope, size: float) -> Array:

@@ -179,9 +179,11 @@ def _text(geometries: Sequence[Geometry], rows: Sequence[_Rows], convention: str
         lines += ["", "[[joint]]", f"name = {toml_string(joint.name)}", f'type = "{kind}"']
         for key, (values, u) in columns.items():
             if key != "beta" or fifth[j]:
-                said = uncertain_number(float(values[j]), float(u[j]), machine.length_unit)[1]
+                uncertainty = uncertain_number(float(values[j]), float(u[j]), machine.length_unit)[1]
                 star = "*" * (j == 0 and key in choices)
-                lines.append(f"{key} = {_number(values[j])}" + f"  # U = {said}{star}" * bool(said))
+                lines.append(
+                    f"{key} = {_number(values[j])}" + f"  # U = {uncertainty}{star}" * bool(uncertainty)
+                )
         if joint.travel:
             scale = math.degrees(1.0) if joint.revolute else 1.0
             lines.append(f"travel = {_listed([x * scale for x in joint.travel])}")

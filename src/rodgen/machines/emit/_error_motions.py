@@ -91,7 +91,7 @@ class _Axis:
         of: dict[str, tuple[Any, Any]] = {"translation": (shift, 1.0), "rotation": (turn, 1.0)}
         of["reading"] = (turn if self.joint.revolute else shift, axis)
         of |= {f"{kind}{x}": ([3 * n + k], 1.0) for n, kind in enumerate("tr") for k, x in enumerate("xyz")}
-        found = np.zeros((len(q), 6))
+        errors = np.zeros((len(q), 6))
         for effect, values in self.effects:
             # a joint may be called P1
             words = {self.joint.name: q[:, None]} if effect.definition.own else catalogue
@@ -99,13 +99,13 @@ class _Axis:
             for component, formula in _changes(effect):
                 part, along = of[component]
                 with np.errstate(all="ignore"):
-                    found[:, part] += np.asarray(formula.evaluate(names, ARRAY_FUNCTIONS, float)) * along
-            if not np.isfinite(found).all():
-                worst = q[~np.isfinite(found).all(axis=1)][0] / self.size
+                    errors[:, part] += np.asarray(formula.evaluate(names, ARRAY_FUNCTIONS, float)) * along
+            if not np.isfinite(errors).all():
+                worst = q[~np.isfinite(errors).all(axis=1)][0] / self.size
                 place = f"{effect.title}, formula"
                 at_position = f"no finite value where {self.joint.name} is at {worst:.6g} {self.unit}"
                 raise InputFileError(self.file, place, at_position, "one over the whole travel")
-        return found
+        return errors
 
     def positions(self, most: int = MOST_POINTS) -> tuple[Array, float]:
         """Return the positions of a table, and the largest error of linear interpolation, part of the errors' range."""
@@ -143,7 +143,7 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
         for effect in row_effects(machine):
             if effect.place != joint.name or (effect.name in CONSTANT and not effect.definition.own):
                 continue
-            own = {x: effect.hold.get(x, values.get(effect.key(x), 0.0)) for x in effect.units(machine)}
+            sizes = {x: effect.hold.get(x, values.get(effect.key(x), 0.0)) for x in effect.units(machine)}
             known = {"q", "s", "pi"} | ({joint.name} if effect.definition.own else catalogue)
             components = {component for component, _ in _changes(effect)}
             names = {name for formula in effect.definition.formulas for name in formula.names}
@@ -151,8 +151,8 @@ def _axes(machine: Machine, travel: Any) -> Iterator[_Axis]:
                 left_out.append(
                     f"{effect.title}: it follows {joint.reading}, not the position of {joint.name}"
                 )
-            elif names <= known | own.keys() and components <= _MOTIONS:
-                taken.append((effect, own))
+            elif names <= known | sizes.keys() and components <= _MOTIONS:
+                taken.append((effect, sizes))
             else:
                 left_out.append(f"{effect.title}: it depends on more than the position of {joint.name}")
         low, high = joint.travel or model.reach[j]
@@ -193,12 +193,12 @@ def iso_texts(
         columns = {f"{label} [{axis.unit}]": q / axis.size}
         uncertain = {}
         for sign, approach in ((1.0, "+"), (-1.0, "-")):
-            found = [each.errors(q, sign) for each in axes]
-            expanded = K * standard(found)
+            errors = [each.errors(q, sign) for each in axes]
+            expanded = K * standard(errors)
             for k, error in enumerate("XYZABC"):
                 of = "um" if k < 3 else "arcsec"
                 header = f"E{error}{label}{approach} [{of}]"
-                columns[header], uncertain[header] = found[0][:, k] / sizes[of], expanded[:, k] / sizes[of]
+                columns[header], uncertain[header] = errors[0][:, k] / sizes[of], expanded[:, k] / sizes[of]
         files[f"{name}_{label}.csv"] = csv_text(columns, uncertain)
         p = ", ".join(number(x, machine.length_unit) for x in axis.joint.point)
         page.append(f"- `{name}_{label}.csv`: {len(q)} positions; between them linear interpolation is off by at most "
@@ -209,9 +209,9 @@ def iso_texts(
     fitted = len(machines) > 1
     lines = ["symbol,value,unit" + f",U (k = {K:g}),note" * fitted]
     for (symbol, value, unit), u in zip(rows[0], expanded.tolist(), strict=True):
-        shown, of_it = uncertain_number(value / sizes[unit], u / sizes[unit], unit)
+        value_text, of_it = uncertain_number(value / sizes[unit], u / sizes[unit], unit)
         how = "" if of_it else "not estimated"
-        lines.append(f"{symbol},{shown},{unit}" + f",{of_it},{how}" * fitted)
+        lines.append(f"{symbol},{value_text},{unit}" + f",{of_it},{how}" * fitted)
     files[f"{name}_location.csv"] = "\n".join(lines) + "\n"
     return files | {f"{name}_errors.md": "\n".join(page) + "\n"}
 
@@ -221,8 +221,8 @@ def _locations(machine: Machine, travel: Any) -> Iterator[tuple[str, float, str]
 
     Each with the unit that it is shown in; and zeros.
     """
-    own = scope_of(machine, travel).machine
-    for joint, axis, point, zero in zip(own.joints, *located(own), strict=True):
+    corrected = scope_of(machine, travel).machine
+    for joint, axis, point, zero in zip(corrected.joints, *located(corrected), strict=True):
         nominal = _along_machine_axis(np.array(joint.axis, float))
         turn = np.cross(nominal, axis)
         shift = point - np.array(joint.point, float)
@@ -270,7 +270,7 @@ def screw_texts(
         largest = K * float(standard([np.array(each) for each in both]).max())
         u = uncertain_number(largest, largest, unit)[1]
         head = f"{title_of(machine)}, axis {label}. {note}"
-        said = [
+        head_lines = [
             *([f"Expanded uncertainty of an error, k = {K:g}: at most {u} {unit}."] if u else []),
             *([f"Not in it: the zero of {label}, {zeros[label]}."] if label in zeros else []),
             *(f"Not in it: {what}." for what in axis.left_out),
@@ -285,7 +285,7 @@ def screw_texts(
         }
         mean = numbers((forward + reverse) / 2, unit)
         files[f"{name}_{label}_eec.ini"] = _sinumerik(
-            label, mean, [head, _said_of_points(q, part, unit), *said], gap_said, of_table
+            label, mean, [head, _said_of_points(q, part, unit), *head_lines], gap_said, of_table
         )
         q, part = axis.positions(MOST_OF_LINUXCNC)
         actual = [numbers((q + axis.errors(q, s) @ along) / scale, unit) for s in (1.0, -1.0)]
@@ -293,7 +293,7 @@ def screw_texts(
         # LinuxCNC reads up to the first line that is not three numbers
         files[f"{name}_{label}.comp"] = "".join(
             f"{' '.join(row)}\n"
-            for row in (*rows, *(["#", x] for x in (head, _said_of_points(q, part, unit), *said)))
+            for row in (*rows, *(["#", x] for x in (head, _said_of_points(q, part, unit), *head_lines)))
         )
     if not files:
         found, expected = "no error of position", "an effect such as scale or backlash at a joint"
@@ -324,9 +324,9 @@ def _said_of_points(q: Array, part: float, unit: str) -> str:
 
 
 def _sinumerik(
-    label: str, errors: Sequence[str], said: Sequence[str], gap: str, of_table: Mapping[str, str]
+    label: str, errors: Sequence[str], head_lines: Sequence[str], gap: str, of_table: Mapping[str, str]
 ) -> str:
-    lines = [f"; {line}" for line in said]
+    lines = [f"; {line}" for line in head_lines]
     lines += [
         f"; Needs MD38000 MM_ENC_COMP_MAX_POINTS[0] >= {len(errors)}; acts with MD32700 ENC_COMP_ENABLE[0] = 1.",
         "; A positive value is an error by which the axis is too far: the control moves it back by as much.",

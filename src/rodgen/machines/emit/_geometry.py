@@ -59,16 +59,16 @@ def geometry_of(machine: Machine, travel: Any = None) -> Geometry:
         raise InputFileError(machine.file or machine.name, "family", "a machine on legs", "a chain of joints")
     scope = scope_of(machine, travel)
     left_out = [f"{what}: {why}" for what, why in scope.left_out]
-    own = replace(
+    corrected = replace(
         scope.machine,
         effects=tuple(e for e in scope.machine.effects if e.name in CONSTANT and not e.definition.own),
     )
     left_out += [
         f"{effect.title}: it depends on where the machine is, and how it came there"
         for effect in scope.machine.effects
-        if effect not in own.effects
+        if effect not in corrected.effects
     ]
-    fixed, lines = fixed_machine(own), located(own)
+    fixed, lines = fixed_machine(corrected), located(corrected)
     axes, points, zeros = lines
     targets = [np.array(target.point, float) for target in fixed.targets]
     attitudes = [rotation_matrix(target.attitude) for target in fixed.targets]
@@ -161,7 +161,7 @@ def located(machine: Machine) -> tuple[list[Array], list[Array], list[float]]:
 
 
 def _held(fixed: Machine) -> dict[str, dict[str, dict[str, float]]]:
-    found: dict[str, dict[str, dict[str, float]]] = {}
+    held: dict[str, dict[str, dict[str, float]]] = {}
     for effect in fixed.effects:
-        found.setdefault(str(effect.place), {})[effect.name] = dict(effect.hold)
-    return found
+        held.setdefault(str(effect.place), {})[effect.name] = dict(effect.hold)
+    return held

@@ -111,9 +111,9 @@ class MachineKernels:
 class _Builder(TapeBuilder):
     """Makes a part of a program whose inputs stand already for numbers, constants, and what differs from row to row."""
 
-    def __init__(self, on: Tape, given: Mapping[str, Sequence[Any]], prefix: str = "") -> None:
+    def __init__(self, on: Tape, inputs: Mapping[str, Sequence[Any]], prefix: str = "") -> None:
         super().__init__(on)
-        self.given, self.prefix = given, prefix
+        self.given, self.prefix = inputs, prefix
 
     def input(self, name: str, shape: tuple[int, ...], *, unit: str, doc: str) -> Any:
         """Return what stands for an input."""
@@ -156,12 +156,12 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         for kind, of in structure.columns
     ]
     freedoms = [0] * len(structure.slots)  # the change of a freedom is in the geometry already
-    given = {"rows": rows, "g": numbers.geometry, "e": numbers.effects or [0], "freedom": freedoms}
-    steps = _Builder(tape, given).steps(structure)
+    arguments = {"rows": rows, "g": numbers.geometry, "e": numbers.effects or [0], "freedom": freedoms}
+    steps = _Builder(tape, arguments).steps(structure)
     place = [x + numbers.known for x in model_kernel(steps).outputs["place"]]
-    further = _Builder(tape, given).steps(structure)
+    further = _Builder(tape, arguments).steps(structure)
     further.further_steps = 1
-    found = _pose(model, structure, numbers, q, start) if start else {}
+    pose_programs = _pose(model, structure, numbers, q, start) if start else {}
 
     shapes["seen"] = (numbers.seen.shape[1],)
     constants: dict[str, tuple[int, ...]] = {constant.name: () for constant in numbers.constants}
@@ -170,7 +170,10 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     ports = {"begin": begin, "nearer": begin | {"start": (len(start),)}}
     programs = [
         tape.program(name, shapes | constants, outputs),
-        *(tape.program(f"{name}_{port}", ports[port], {port: ((len(x),), x)}) for port, x in found.items()),
+        *(
+            tape.program(f"{name}_{port}", ports[port], {port: ((len(x),), x)})
+            for port, x in pose_programs.items()
+        ),
     ]
     of_ports = {tuple(args) for program in programs for op, *args in program.operations if op == "input"}
     read = {"q", "seen", *(port for port, _ in of_ports)} | ({"start"} if start else set())
@@ -205,7 +208,7 @@ def _pose(
     bare = replace(structure, terms=(), shift=False, frame=False)
     kinematics = model.machine.kinematics
     begins = kinematics.begins
-    given = {
+    inputs = {
         "rows": [
             {"q": q, "start": start}[kind][int(of)] if kind in {"q", "start"} else np.nan
             for kind, of in bare.columns
@@ -219,7 +222,7 @@ def _pose(
             for name, value in zip(kinematics.begin_of, begin, strict=True)
         ],
     }
-    builder: Any = pose_from_afar(_Builder(numbers.tape, given, "pose_").steps(bare), begins.shape)
+    builder: Any = pose_from_afar(_Builder(numbers.tape, inputs, "pose_").steps(bare), begins.shape)
     return {port: list(x) for port, x in builder.outputs.items()}
 
 
@@ -273,8 +276,8 @@ class _Numbers:
         if value == 0.0 and not term.own and name not in definition.searched:
             return 0
         is_ours = not term.own and name in definition.parameters
-        plain = name if is_ours else f"p{term.parameters.index(name)}"
-        return self._named(f"effect{number}_{plain}", value, ("effect", number, name))
+        short_name = name if is_ours else f"p{term.parameters.index(name)}"
+        return self._named(f"effect{number}_{short_name}", value, ("effect", number, name))
 
     def _slot_name(self, part: str, number: int, component: str) -> str:
         part, _ = self.words.get(part, (part, ""))

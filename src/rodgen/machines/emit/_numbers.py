@@ -34,30 +34,30 @@ Covariance: TypeAlias = tuple[Sequence[str], Any]
 
 def varied(machine: Machine, covariance: Covariance | None) -> list[Machine]:
     """Return the machine, and it moved a step along each principal axis of a covariance."""
-    found = [machine]
+    machines = [machine]
     if covariance is None or not np.isfinite(covariance[1]).all():
-        return found
+        return machines
     keys, matrix = covariance
     values, vectors = np.linalg.eigh(matrix)
     for value, vector in zip(values, vectors.T, strict=True):
         if value > 0:
             step = dict(zip(keys, STEP * math.sqrt(value) * vector, strict=True))
             moved = {key: machine.values.get(key, 0.0) + change for key, change in step.items()}
-            found.append(replace(machine, values={**machine.values, **moved}))
-    return found
+            machines.append(replace(machine, values={**machine.values, **moved}))
+    return machines
 
 
-def standard(found: Sequence[Array], turn: float = math.inf) -> Array:
+def standard(variants: Sequence[Array], turn: float = math.inf) -> Array:
     """Return standard uncertainties of what is found on the first of varied machines, to first order.
 
     Changes are those within half a `turn`, for angles. What does not vary has 0, but for rounding.
     """
-    first, *others = found
+    first, *others = variants
     total, largest = np.zeros(np.shape(first)), np.abs(first)
-    for other in others:
-        change = other - first
+    for variant in others:
+        change = variant - first
         change = change - turn * np.round(change / turn) if math.isfinite(turn) else change
-        total, largest = total + change**2, np.maximum(largest, np.abs(other))
+        total, largest = total + change**2, np.maximum(largest, np.abs(variant))
     u = np.sqrt(total)
     return np.where(u > ROUNDING * largest, u / STEP, 0.0)
 

@@ -49,16 +49,16 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
             reasons.insert(0, (line, "how the instrument stood"))
     elif measured.frame == "free":
         reasons.insert(0, ("the free frame", "where the instrument stood"))
-    own = replace(
+    corrected = replace(
         machine,
         measured=replace(measured, kind=seen.kind, frame="machine", correlation=None),
         estimate=estimate,
         effects=tuple(e for e in machine.effects if e not in left_out),
     )
-    model = Model(own, travel)
+    model = Model(corrected, travel)
     _check_values(model, model.parameters)
     _check_travel(model)
-    return Scope(own, model, tuple(reasons))
+    return Scope(corrected, model, tuple(reasons))
 
 
 def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
@@ -93,13 +93,13 @@ def _check_values(model: Model, parameters: Iterable[Parameter]) -> None:
     machine, start = model.machine, model.start()
     for parameter in parameters:
         value = start[model.keys[parameter.key]]
-        given = parameter.hold is not None or parameter.key in machine.values or parameter.optional
-        if given and np.isfinite(value):
+        has_value = parameter.hold is not None or parameter.key in machine.values or parameter.optional
+        if has_value and np.isfinite(value):
             continue
         raise InputFileError(
             machine.file or machine.name,
             parameter.key,
-            f"{value}" if given else "no value yet",
+            f"{value}" if has_value else "no value yet",
             "a fitted machine: fit it to measurements first, or hold this parameter",
         )
 

@@ -95,15 +95,15 @@ def _mimic(machine: Machine, joint: Joint) -> dict[str, str]:
         return {}
     ((name, factor),) = stated.factors
     metre = parse_unit(machine.length_unit).factor("m")
-    for number, other in enumerate(machine.joints):
+    for number, driver in enumerate(machine.joints):
         # a reading is the coordinate of its joint where nothing else is said
-        if name == other.name or (
-            name == other.column and couplings is not None and not couplings.of[number]
+        if name == driver.name or (
+            name == driver.column and couplings is not None and not couplings.of[number]
         ):
-            own, of = (1.0 if x.revolute else metre for x in (joint, other))
-            scaled = float(factor) * own / of, float(stated.constant) * own
+            unit, of = (1.0 if x.revolute else metre for x in (joint, driver))
+            scaled = float(factor) * unit / of, float(stated.constant) * unit
             multiplier, offset = (repr(round(x, 15) + 0.0) for x in scaled)
-            return {"joint": other.name, "multiplier": multiplier, "offset": offset}
+            return {"joint": driver.name, "multiplier": multiplier, "offset": offset}
     return {}
 
 
@@ -189,7 +189,7 @@ def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any =
         )
         frame, link = zeroed @ _aligned(joint, start, axis, point), joint.child
         origins[joint.name] = np.linalg.inv(parent) @ frame
-    said = []
+    remarks = []
     for target in fixed_machine(machine).targets:
         place = np.array([*target.point, float(machine.measurand.moving)]) * [metre, metre, metre, 1]
         fixed = next(
@@ -201,14 +201,16 @@ def corrected_urdf(machine: Machine, path: str | os.PathLike[str], travel: Any =
         else:
             what = "is at" if machine.measurand.moving else "points along"
             x = (np.linalg.inv(frame) @ zeroed @ place)[:3]
-            said.append(f"target {target.name} {what} {numbers_text(x.round(9))} in the frame of link {link}")
+            remarks.append(
+                f"target {target.name} {what} {numbers_text(x.round(9))} in the frame of link {link}"
+            )
     by_name = {joint.name: joint for joint in joints.values()}
     changed = {
         name: pose for name, pose in origins.items() if np.abs(pose - by_name[name].pose).max() > _SAME
     }
-    said = [f"{CORRECTED}: {', '.join(changed) or 'none, as none differs'}", *said]
-    said += [f"not in it: {what}" for what in left_out]
-    comment = "\n     ".join(line.replace("--", "- -") for line in said)
+    remarks = [f"{CORRECTED}: {', '.join(changed) or 'none, as none differs'}", *remarks]
+    remarks += [f"not in it: {what}" for what in left_out]
+    comment = "\n     ".join(line.replace("--", "- -") for line in remarks)
     end = "" if text.endswith("\n") else "\n"
     return f"{_edited(file, text.encode(), changed).decode()}{end}<!-- {comment} -->\n"
 
@@ -272,7 +274,7 @@ def _placed(
 
     It is the one above the first joint in which the axes of the file are nearest to those of the machine.
     """
-    found: list[tuple[float, int, str, list[Array]]] = []
+    placings: list[tuple[float, int, str, list[Array]]] = []
     for above in _upwards(joints, chain[0]):
         if above is not chain[0] and above.type != "fixed":
             break
@@ -289,8 +291,8 @@ def _placed(
             )
             off.append(max(tilt / _LARGEST_TILT, float(shift) / (_LARGEST_SHIFT * size)))
         worst = int(np.argmax(off))
-        found.append((off[worst], worst, above.parent, frames))
-    least, worst, base, frames = min(found, key=lambda each: each[0])
+        placings.append((off[worst], worst, above.parent, frames))
+    least, worst, base, frames = min(placings, key=lambda each: each[0])
     if least > 1:
         what = f"an axis that is not where {machine.file or machine.name} has it"
         raise InputFileError(
@@ -346,18 +348,18 @@ def _edited(file: str, content: bytes, origins: Mapping[str, Array]) -> bytes:
     edits: list[tuple[int, int, bytes]] = []
     for name, pose in origins.items():
         joint, origin = starts[name]
-        found = _TAG.match(content, joint if origin is None else origin)
-        if found is None:
+        match = _TAG.match(content, joint if origin is None else origin)
+        if match is None:
             raise InputFileError(
                 file, f"joint {name}", "an origin in an entity", "elements of joints as they are"
             )
         numbers = {b"xyz": numbers_text(pose[:3, 3]), b"rpy": numbers_text(roll_pitch_yaw(pose[:3, :3]))}
         if origin is None:
-            space = re.match(rb"\s*", content[found.end() :])
+            space = re.match(rb"\s*", content[match.end() :])
             tag = (space[0] if space else b"") + b"<origin/>"
-            edits.append((found.end(), found.end(), _with(tag, numbers)))
+            edits.append((match.end(), match.end(), _with(tag, numbers)))
         else:
-            edits.append((found.start(), found.end(), _with(found[0], numbers)))
+            edits.append((match.start(), match.end(), _with(match[0], numbers)))
     for start, end, text in sorted(edits, reverse=True):
         content = content[:start] + text + content[end:]
     return content
@@ -366,7 +368,7 @@ def _edited(file: str, content: bytes, origins: Mapping[str, Array]) -> bytes:
 def _with(tag: bytes, numbers: Mapping[bytes, str]) -> bytes:
     """Return a tag with other values of attributes."""
     new = {key: b'%s="%s"' % (key, value.encode()) for key, value in numbers.items()}
-    tag = _ATTRIBUTE.sub(lambda found: new.pop(found[1], found[0]), tag)
+    tag = _ATTRIBUTE.sub(lambda attribute: new.pop(attribute[1], attribute[0]), tag)
     return re.sub(rb"(?=\s*/?>$)", b"".join(b" " + each for each in new.values()), tag, count=1)
 
 
@@ -374,7 +376,7 @@ def _tags(content: bytes) -> dict[str, tuple[int, int | None]]:
     """Return where the tag of each joint of the robot begins, and that of its origin; None where it has none."""
     parser = xml.parsers.expat.ParserCreate()
     path: list[str] = []
-    found: dict[str, tuple[int, int | None]] = {}
+    tags: dict[str, tuple[int, int | None]] = {}
     names: list[str] = []
     begun = content.lstrip()  # as `joints_of` reads it
     blank = len(content) - len(begun)
@@ -383,9 +385,9 @@ def _tags(content: bytes) -> dict[str, tuple[int, int | None]]:
         at = blank + parser.CurrentByteIndex
         if path == ["robot"] and tag == "joint":
             names.append(attributes["name"])
-            found[names[-1]] = at, None
-        elif path == ["robot", "joint"] and tag == "origin" and found[names[-1]][1] is None:
-            found[names[-1]] = found[names[-1]][0], at
+            tags[names[-1]] = at, None
+        elif path == ["robot", "joint"] and tag == "origin" and tags[names[-1]][1] is None:
+            tags[names[-1]] = tags[names[-1]][0], at
         path.append(tag)
 
     def end(_: str) -> None:
@@ -393,4 +395,4 @@ def _tags(content: bytes) -> dict[str, tuple[int, int | None]]:
 
     parser.StartElementHandler, parser.EndElementHandler = begin, end
     parser.Parse(begun, True)
-    return found
+    return tags

@@ -75,7 +75,7 @@ def location_errors(
 
     listed = list(_locations(machine, travel))
     factors = np.array([sizes[unit] for _, _, unit in listed])
-    found, expanded = with_uncertainty(machine, covariance, values)
+    variants, expanded = with_uncertainty(machine, covariance, values)
     chosen = np.zeros(len(listed), bool)
     for null in open_:
         step = 1e-4 * null / np.max(np.abs(null))
@@ -86,9 +86,9 @@ def location_errors(
                 **{k: machine.values.get(k, 0.0) + float(x) for k, x in zip(keys, step, strict=True)},
             },
         )
-        change = np.abs(values(moved) - found)
+        change = np.abs(values(moved) - variants)
         for unit in sizes:
-            of_unit = np.array([other == unit for _, _, other in listed])
+            of_unit = np.array([unit_of == unit for _, _, unit_of in listed])
             most = float(np.max(change[of_unit], initial=0.0))
             if most > ROUNDING:
                 chosen |= of_unit & (change > CHOICE * most)
@@ -98,7 +98,7 @@ def location_errors(
             f"E{symbol}", joint.name, _meaning(symbol, joint), float(value), float(u), unit, bool(choice)
         )
         for (symbol, _, unit), joint, value, u, choice in zip(
-            listed, joints, found / factors, expanded / factors, chosen, strict=True
+            listed, joints, variants / factors, expanded / factors, chosen, strict=True
         )
         if value or u
     ]
@@ -108,8 +108,8 @@ def with_uncertainty(
     machine: Machine, covariance: Covariance, of: Callable[[Machine], Array]
 ) -> tuple[Array, Array]:
     """Return what a function says of a machine, and its expanded uncertainty, k = 2; 0 where the noise is not known."""
-    found = [of(each) for each in varied(machine, covariance)]
-    return found[0], K * standard(found)
+    variants = [of(each) for each in varied(machine, covariance)]
+    return variants[0], K * standard(variants)
 
 
 def _meaning(symbol: str, joint: Any) -> str:
@@ -130,4 +130,4 @@ def _is_along(axis: Array) -> bool:
 
 def is_of_set_up(machine: Machine, effect: Effect) -> bool:
     """Return whether an effect is of the instrument or its set-up, and not of the machine."""
-    return any(other == effect for other, _ in _left_out(machine))
+    return any(left_out == effect for left_out, _ in _left_out(machine))

@@ -48,9 +48,9 @@ def pointing_terms(
     gx, _, gz = machine.gravity
     latitude = math.atan2(-gz, -gx) if mount.name == "equatorial" else math.nan
     machines = [_with_its_frame(each) for each in varied(machine, covariance)]
-    found = [terms_of(each, mount, latitude, others=others) for each in machines]
-    sigma = standard([np.array([each.get(term, 0.0) for term in found[0]]) for each in found])
-    return {term: (value, u) for (term, value), u in zip(found[0].items(), sigma.tolist(), strict=True)}
+    variants = [terms_of(each, mount, latitude, others=others) for each in machines]
+    sigma = standard([np.array([each.get(term, 0.0) for term in variants[0]]) for each in variants])
+    return {term: (value, u) for (term, value), u in zip(variants[0].items(), sigma.tolist(), strict=True)}
 
 
 def _with_its_frame(machine: Machine) -> Machine:

@@ -210,7 +210,7 @@ class OnThreeLegs(OnLegs):
 
 def rotation_vectors(turns: Array, middle: Array) -> Array:
     """Return the rotation vectors, (n, 3), from a rotation to others, (n, 9), NaN where these are."""
-    found = np.full((len(turns), 3), np.nan)
+    vectors = np.full((len(turns), 3), np.nan)
     closing = np.isfinite(turns).all(axis=1)
-    found[closing] = rotation_vector(turns[closing].reshape(-1, 3, 3) @ middle.T)
-    return found
+    vectors[closing] = rotation_vector(turns[closing].reshape(-1, 3, 3) @ middle.T)
+    return vectors

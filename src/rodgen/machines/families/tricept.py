@@ -48,8 +48,8 @@ class Tricept(OnThreeLegs):
         """Return the least singular value, from W33 d(pose) + W35 d(rods, radii) = 0."""
         from rodgen.kinematics import tricept
 
-        found = tricept.matrices(poses, self._geometry())
-        slopes = np.linalg.solve(found.W35[..., :3], -found.W33) / np.array([self.R, self.R, 1.0])
+        blocks = tricept.matrices(poses, self._geometry())
+        slopes = np.linalg.solve(blocks.W35[..., :3], -blocks.W33) / np.array([self.R, self.R, 1.0])
         good = np.asarray(np.isfinite(slopes).all(axis=(1, 2)))
         gains = np.linalg.svd(np.where(good[:, None, None], slopes, 0.0), compute_uv=False)
         return np.where(good, gains[:, -1], np.nan)

@@ -105,7 +105,7 @@ def _without_rest_of_effects(before: Machine, machine: Machine, file: str) -> Ma
     there = {effect.identity for effect in machine.effects}
     for gone in (effect for effect in before.effects if effect.identity not in there):
         for key, tie in machine.ties.items():
-            if any(gone.owns(other) for other, _ in tie.factors):
+            if any(gone.owns(key_of) for key_of, _ in tie.factors):
                 found, expected = f"a tie to {shown(gone.title)}, which is to be removed", "no such tie"
                 raise InputFileError(file, f"[ties], {key}", found, expected)
         known = {k: x for k, x in machine.known.items() if not gone.owns(k) and k != gone.key("")}
@@ -229,7 +229,7 @@ def _parts(
     text: str, start: int, stop: int, begins: re.Pattern[str]
 ) -> Iterator[tuple[int, int, dict[str, Any]]]:
     """Yield the stretches of a text that begin where a line matches, if each is TOML by itself, and what it says."""
-    for end in [*(found.start() for found in begins.finditer(text, start, stop)), stop]:
+    for end in [*(header_match.start() for header_match in begins.finditer(text, start, stop)), stop]:
         try:
             content = tomllib.loads(text[start:end].removeprefix("\ufeff"))
         except tomllib.TOMLDecodeError:  # the line is within a value
@@ -245,8 +245,8 @@ def _statements(text: str) -> Iterator[tuple[str, dict[str, Any] | None, slice]]
     """
     for start, stop, _ in _parts(text, 0, len(text), _HEADER):
         header, opened = "", start
-        if found := _HEADER.match(text, start, stop):
-            header, opened = re.sub(r"[\s\"']", "", found[1]), found.end()
+        if match := _HEADER.match(text, start, stop):
+            header, opened = re.sub(r"[\s\"']", "", match[1]), match.end()
             yield header, None, slice(start, opened)
         for begin, end, content in _parts(text, opened, stop, _KEY):
             lines = text[begin:end].splitlines(keepends=True)
@@ -303,7 +303,9 @@ def _entry_key(table: str, content: dict[str, Any]) -> tuple[str, Any]:
     return str(name), value
 
 
-def _entry(text: str, content: dict[str, Any], says: Any, place: slice, other: _Entry | None) -> _Entry:
+def _entry(
+    text: str, content: dict[str, Any], says: Any, place: slice, entry_before: _Entry | None
+) -> _Entry:
     key = _KEY.match(text, place.start, place.stop)
     start = key.end() if key else place.start
     value = text[start : place.stop].rstrip()
@@ -315,7 +317,7 @@ def _entry(text: str, content: dict[str, Any], says: Any, place: slice, other: _
     is_whole = False
     with contextlib.suppress(tomllib.TOMLDecodeError):  # the sign = is within the key
         is_whole = tomllib.loads(f"value = {value}") == {"value": says}
-    before = (*other.before, other.place) if other else ()
+    before = (*entry_before.before, entry_before.place) if entry_before else ()
     return _Entry(place, slice(start, start + len(value)), value, is_whole, before)
 
 

@@ -79,12 +79,12 @@ def column_source(text: str) -> ColumnSource:
     >>> column_source("-A axis [deg] + 90")
     ColumnSource(name='A axis', unit='deg', sign=-1.0, offset=90.0)
     """
-    found = _SOURCE.fullmatch(text.strip())
-    if found is None:
+    match = _SOURCE.fullmatch(text.strip())
+    if match is None:
         raise UnexpectedError(shown(text), f"a column of a table, such as {EXAMPLE}")
-    offset = float(found["offset"] or 0) * (-1 if found["op"] == "-" else 1)
-    sign = -1.0 if found["sign"] == "-" else 1.0
-    return ColumnSource(found["name"], (found["unit"] or "").strip(), sign, offset)
+    offset = float(match["offset"] or 0) * (-1 if match["op"] == "-" else 1)
+    sign = -1.0 if match["sign"] == "-" else 1.0
+    return ColumnSource(match["name"], (match["unit"] or "").strip(), sign, offset)
 
 
 def stated_columns(file: str, content: Mapping[str, Any]) -> dict[str, ColumnSource]:
@@ -94,11 +94,11 @@ def stated_columns(file: str, content: Mapping[str, Any]) -> dict[str, ColumnSou
     ------
     InputFileError
     """
-    found = {}
+    columns = {}
     for name, entry in content.items():
         if isinstance(entry, str):
             with in_file(file, f"[columns], {shown(name)[1:-1]}"):
-                found[name] = column_source(entry)
+                columns[name] = column_source(entry)
             continue
         if not isinstance(entry, dict):
             raise InputFileError(
@@ -108,10 +108,10 @@ def stated_columns(file: str, content: Mapping[str, Any]) -> dict[str, ColumnSou
         sign = table.get("sign", NUMBER, 1.0)
         if abs(sign) != 1.0 or not math.isfinite(sign):
             raise table.error("sign", f"{sign:g}", "1 or -1")
-        found[name] = ColumnSource(
+        columns[name] = ColumnSource(
             table.get("from", TEXT), table.get("unit", TEXT, ""), sign, table.get("offset", NUMBER, 0.0)
         )
-    return found
+    return columns
 
 
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
@@ -279,16 +279,16 @@ def _measured(top: Table, length: str, per_radian: float) -> Measured:
     measurand = MEASURANDS[kind]
     if "instrument" in table and not branches:
         raise table.error("instrument", "given without [[branch]]", "it with blocks [[branch]] only")
-    said = schema.read_keys(
+    keys = schema.read_keys(
         table, schema.measured_keys(measurand, length, per_radian, branches=branches), kind
     )
     noises = ("noise", "attitude_noise")
-    missing = [name for name in noises if said[name] is None]
+    missing = [name for name in noises if keys[name] is None]
     if measurand.is_pose and len(missing) == 1:
-        given = noises[1 - noises.index(missing[0])]
-        raise table.error(missing[0], f"missing, while {given} is stated", "both of them, or neither")
-    said["set_aside"] = entries_of(said["set_aside"], table.file, f"{table.place}, set_aside")
-    return Measured(**said)
+        stated = noises[1 - noises.index(missing[0])]
+        raise table.error(missing[0], f"missing, while {stated} is stated", "both of them, or neither")
+    keys["set_aside"] = entries_of(keys["set_aside"], table.file, f"{table.place}, set_aside")
+    return Measured(**keys)
 
 
 def entries_of(contents: Sequence[dict[str, Any]], file: str, place: str) -> tuple[SetAside, ...]:
@@ -298,17 +298,17 @@ def entries_of(contents: Sequence[dict[str, Any]], file: str, place: str) -> tup
     ------
     InputFileError
     """
-    found = []
+    entries = []
     for number, content in enumerate(contents, 1):
         entry = Table(file, f"{place} {number}", content, tuple(SetAside.__dataclass_fields__))
-        said = {
+        keys = {
             key: entry.get(key, schema.WORD if key in {"rows", "run"} else TEXT)
             for key in content
             if key != "back"
         }
         with in_file(entry.file, entry.place):
-            found.append(SetAside(**said, back=entry.get("back", schema.YES_OR_NO, False)))
-    return tuple(found)
+            entries.append(SetAside(**keys, back=entry.get("back", schema.YES_OR_NO, False)))
+    return tuple(entries)
 
 
 def _joints(top: Table, per_radian: float) -> list[Joint]:
@@ -334,46 +334,46 @@ def _of_branches(top: Table, joints: list[Joint], instrument: str) -> tuple[Join
     if "branch" not in top:
         return tuple(joints)
     at = {joint.name: joint for joint in joints}
-    found: dict[str, list[Joint]] = {}
+    branches: dict[str, list[Joint]] = {}
     for number, block in enumerate(top.blocks("branch", len(BRANCHES)), start=1):
         table = Table(top.file, f"[[branch]] {number}", block, ("name", "joints"))
         branch = table.get("name", one_of(BRANCHES))
-        if branch in found:
+        if branch in branches:
             raise table.error("name", f"{shown(branch)} twice", "it once")
-        found[branch] = []
+        branches[branch] = []
         for name in table.get("joints", schema.JOINTS):
             if name not in at:
                 elsewhere = any(joint.name == name for joint in joints)
                 what = f"{shown(name)} twice" if elsewhere else f"no joint {shown(name)}"
                 raise table.error("joints", what, "it once" if elsewhere else suggestion(name, list(at)))
-            found[branch].append(replace(at.pop(name), branch=branch))
+            branches[branch].append(replace(at.pop(name), branch=branch))
     if at:
         left = listed(list(at))
         raise InputFileError(
             top.file, "[[branch]]", f"none with {left}", "each joint in the joints of a branch"
         )
-    inner = found.pop(instrument, [])
-    return (*reversed(inner), *(joint for outer in found.values() for joint in outer))
+    inner = branches.pop(instrument, [])
+    return (*reversed(inner), *(joint for outer in branches.values() for joint in outer))
 
 
 def _on_legs(top: Table, per_radian: float) -> OnLegs:
     family = FAMILIES[top.get("family", one_of(tuple(FAMILIES)))]
     table = top.sub("geometry", family.keys, missing=_MISSING["geometry"])
     length = POSITIVE.then(schema.squarable, f"a positive number below {limits.NUMBER:g}")
-    found: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     for name, components in family.numbers.items():
         if len(components) == 1:
-            found[name] = table.get(name, length)
+            numbers[name] = table.get(name, length)
         else:
-            found[name] = table.get(name, schema.POINT, *([schema.ORIGIN] if hasattr(family, name) else []))
+            numbers[name] = table.get(name, schema.POINT, *([schema.ORIGIN] if hasattr(family, name) else []))
     if "home" in family.keys:
-        found["home"] = table.get("home", schema.POINT)
+        numbers["home"] = table.get("home", schema.POINT)
     if "start" in family.keys:
-        found["start"] = table.get("start", VECTOR.then(schema.scaled(per_radian)), None)
-    made = family(**found)
-    if made.fault:
-        raise table.error(*made.fault)
-    return made
+        numbers["start"] = table.get("start", VECTOR.then(schema.scaled(per_radian)), None)
+    kinematics = family(**numbers)
+    if kinematics.fault:
+        raise table.error(*kinematics.fault)
+    return kinematics
 
 
 def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
@@ -422,9 +422,9 @@ def _check_names(machine: Machine) -> None:
         place = f"[[target]] {number - len(joints)}, name"
         raise InputFileError(str(machine.file), place, f"{shown(twice)}, the name of a leg", "another name")
     place = f"[[joint]] {number}" if number <= len(joints) else f"[[target]] {number - len(joints)}"
-    other = "joint" if twice in joints else "target"
+    kind_there = "joint" if twice in joints else "target"
     raise InputFileError(
-        str(machine.file), f"{place}, name", f"{shown(twice)}, as another {other}", "a name of its own"
+        str(machine.file), f"{place}, name", f"{shown(twice)}, as another {kind_there}", "a name of its own"
     )
 
 
@@ -457,14 +457,14 @@ def _known(
         inner = {x for x, value in entry.items() if isinstance(value, dict)}
         if inner:
             yield from _known(file, machine, {x: entry[x] for x in inner}, f"{key}.")
-        own = {x: value for x, value in entry.items() if x not in inner}
-        if not own and inner:
+        entry_of_all = {x: value for x, value in entry.items() if x not in inner}
+        if not entry_of_all and inner:
             continue
-        for x in own:
+        for x in entry_of_all:
             if x not in {"prior", "bounds"}:
                 raise table.error(x, "unknown key", "prior or bounds")
         with in_file(table.file, table.place):
-            known = read_known(machine, key, own)
+            known = read_known(machine, key, entry_of_all)
         yield key, known
 
 
@@ -509,15 +509,17 @@ def effect_of(machine: Machine, block: Mapping[str, Any], file: str, where: str)
         key: table.convert(f"hold.{key}", value, NUMBER)
         for key, value in table.get("hold", TABLE, {}).items()
     }
-    own = next((key for key in _OWN if key in table), None)
+    key_of_formula = next((key for key in _OWN if key in table), None)
     with in_file(file, where):
         if name in NAMES:
-            if own is not None:
+            if key_of_formula is not None:
                 raise table.error(
-                    own, f"given for {shown(name)}, which the catalogue has", f"another name, or no {own}"
+                    key_of_formula,
+                    f"given for {shown(name)}, which the catalogue has",
+                    f"another name, or no {key_of_formula}",
                 )
             effect = catalogue_effect(machine, name, place, hold)
-        elif own is None:
+        elif key_of_formula is None:
             raise unknown_name(name)
         else:
             effect = _own_effect(table, machine, place)
@@ -576,10 +578,12 @@ def _plausible(
     for name, entry in content.items():
         tables = isinstance(entry, dict) and entry and all(isinstance(x, dict) for x in entry.values())
         inner = entry if tables or (name in places and isinstance(entry, dict)) else None
-        for key, own in [(name, entry)] if inner is None else [(f"{name}.{x}", inner[x]) for x in inner]:
-            if not isinstance(own, dict):
+        for key, stated_entry in (
+            [(name, entry)] if inner is None else [(f"{name}.{x}", inner[x]) for x in inner]
+        ):
+            if not isinstance(stated_entry, dict):
                 place, expected = f"[plausibility], {shown(key)[1:-1]}", f"one such as {_PLAUSIBLE}"
                 raise InputFileError(file, place, "no table", expected)
             with in_file(file, f"[plausibility], {shown(key)[1:-1]}"):
-                stated = stated_plausibility(machine, key, own)
+                stated = stated_plausibility(machine, key, stated_entry)
             yield key, stated

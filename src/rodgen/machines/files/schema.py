@@ -85,17 +85,17 @@ def squarable(number: float) -> float:
     return number
 
 
-def noise_in(dimension: Dimension, length: str, own: float) -> Kind[float]:
-    """Return the kind of a noise: a number in the file's unit, whose internal value is `own`, or a text with a unit."""
+def noise_in(dimension: Dimension, length: str, unit: float) -> Kind[float]:
+    """Return the kind of a noise: a number, whose internal value is `unit`, or a text with a unit."""
 
     def read(value: Any) -> float:
         if isinstance(value, str):
             try:
-                number = typed_quantity(value, dimension, length, own)
+                number = typed_quantity(value, dimension, length, unit)
             except UnitError:
                 raise UnfitError from None
         else:
-            number = NUMBER.read(value) * own
+            number = NUMBER.read(value) * unit
         if not 1e-100 <= number <= 1e100:  # beyond, its square or the inverse of its square is no number
             raise UnfitError
         return number
@@ -303,12 +303,12 @@ def read_keys(table: Table, keys: Sequence[Key], kind: str = "") -> dict[str, An
     ------
     InputFileError
     """
-    found = {}
+    values = {}
     for key in keys:
         if key.refused and key.name in table:
             raise table.error(key.name, f"given together with kind = {kind!r}", key.refused)
-        found[key.attribute or key.name] = table.get(key.name, key.kind, key.default)
-    return found
+        values[key.attribute or key.name] = table.get(key.name, key.kind, key.default)
+    return values
 
 
 def written_keys(thing: Any, keys: Sequence[Key]) -> Iterator[str]:
@@ -357,18 +357,18 @@ def target_keys(measurand: Measurand, per_radian: float) -> tuple[Key, ...]:
 
 def measured_keys(measurand: Measurand, length: str, per_radian: float, *, branches: bool) -> tuple[Key, ...]:
     """Return the keys of what is measured."""
-    own = per_radian if measurand.dimension == ANGLE else 1.0
+    unit = per_radian if measurand.dimension == ANGLE else 1.0
     origin = "" if measurand.has_origin else "it with kind = 'distance' only"
     about = "" if measurand.line == "about" else "it with kind = 'angle' only"
     attitude = "" if measurand.is_pose else "it with kind = 'pose' only"
     correlation = "it with another kind" if measurand.is_direction else ""
-    noise, attitude_noise = noise_in(measurand.dimension, length, own), noise_in(ANGLE, length, per_radian)
+    noise, attitude_noise = noise_in(measurand.dimension, length, unit), noise_in(ANGLE, length, per_radian)
     return (
         Key("kind", one_of(tuple(MEASURANDS))),
         Key("frame", one_of(("machine", "free"))),
         Key("from", POINT, None if origin else REQUIRED, attribute="origin", refused=origin),
         Key("about", DIRECTION, None if about else REQUIRED, refused=about),
-        Key("noise", noise, None, own),
+        Key("noise", noise, None, unit),
         Key("attitude_noise", attitude_noise, None, per_radian, refused=attitude),
         Key("correlation", correlation_of(len(measurand.components)), None, refused=correlation),
         Key("instrument", one_of(BRANCHES), BRANCHES[0], always=branches),

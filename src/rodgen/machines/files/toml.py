@@ -72,14 +72,14 @@ def _depth(value: Any) -> int:
 
 
 def _syntax_error(message: str, text: str, file: str) -> InputFileError:
-    found = re.fullmatch(
+    place = re.fullmatch(
         r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|.*)\)", message, re.S
     )
-    what = found["what"] if found else message
+    what = place["what"] if place else message
     what = re.sub(r"\('(.*?)',?\)", lambda m: f"'{m[1]}'", what)  # tomllib writes a key as a tuple
     what = what[:1].lower() + what[1:]
-    if found and found["line"]:
-        return InputFileError(file, f"line {found['line']}", f"{what}, at column {found['column']}", _TOML)
+    if place and place["line"]:
+        return InputFileError(file, f"line {place['line']}", f"{what}, at column {place['column']}", _TOML)
     return InputFileError(file, f"line {text.rstrip().count(chr(10)) + 1}", f"{what}, at the end", _TOML)
 
 

@@ -213,9 +213,9 @@ def _of_csv(file: str) -> tuple[str, list[_Row]]:
     for k in range(table.rows):
         numbers = {name: float(table.columns[name].values[k]) * factors[name] for name in factors}
         kind, sign = text("type", k, "R").upper(), text("sign", k, "1").removeprefix("+")
-        for name, given, options in (("type", kind, ("R", "P")), ("sign", sign, ("1", "-1"))):
-            if given not in options:
-                raise InputFileError(file, f"{table.place(k)}, column {name}", shown(given), listed(options))
+        for name, stated, options in (("type", kind, ("R", "P")), ("sign", sign, ("1", "-1"))):
+            if stated not in options:
+                raise InputFileError(file, f"{table.place(k)}, column {name}", shown(stated), listed(options))
         travel = (numbers.pop("low"), numbers.pop("high")) if both else None
         if travel and (kind == "P" or not travel[0] < travel[1]):
             found = (
@@ -242,14 +242,14 @@ def _factor(table: Measurements, name: str, quantity: Quantity, unit: str) -> fl
 
 def _of_toml(file: str, convention: str | None) -> tuple[str, str, str, list[_Row], Any]:
     top = Table(file, "", parse(read_text(file), file), ("name", "convention", "units", "joint", "tool"))
-    said = top.get("convention", one_of(tuple(CONVENTIONS)))
-    if convention not in (None, said):
-        raise InputFileError(file, "convention", shown(said), f"{convention}, as --convention says")
+    stated = top.get("convention", one_of(tuple(CONVENTIONS)))
+    if convention not in (None, stated):
+        raise InputFileError(file, "convention", shown(stated), f"{convention}, as --convention says")
     units = top.sub("units", ("length", "angle"))
     length = units.get("length", unit_of(LENGTH, "mm"), "mm")
     angle = units.get("angle", unit_of(ANGLE, "deg"), "deg")
     rows = list(_toml_rows(top, conversion_factor(angle, "angle", "rad")))
-    return top.get("name", TEXT, "Robot"), said, length, rows, top.get("tool", VECTOR, (0.0, 0.0, 0.0))
+    return top.get("name", TEXT, "Robot"), stated, length, rows, top.get("tool", VECTOR, (0.0, 0.0, 0.0))
 
 
 def _toml_rows(top: Table, per_angle: float) -> Iterator[_Row]:

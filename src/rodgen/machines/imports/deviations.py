@@ -73,13 +73,13 @@ def as_distances(machine: Machine, table: ForeignTable, units: Sequence[str] = (
     commanded = _numbers(table, position, "angle" if joint.revolute else "length", machine, units)
     rows = np.arange(len(commanded))
     orders, offs, runs, ways = [], [], list[str](), list[float]()
-    for column, found in passes:
+    for column, readings in passes:
         off = _numbers(table, column, "length", machine, units[2:])
         order = rows
-        if found is not None:
-            up = found["way"].lower() in _UP
+        if readings is not None:
+            up = readings["way"].lower() in _UP
             order = np.argsort(commanded if up else -commanded, kind="stable")
-            runs += [found["run"]] * len(rows)
+            runs += [readings["run"]] * len(rows)
             ways += [1.0 if up else -1.0] * len(rows)
         orders.append(order)
         offs.append(off[order])

@@ -121,42 +121,42 @@ def import_files(
         file = kinds[alone[0]][0]
         raise InputFileError(file, "file", f"{alone[0]} together with {min(others)}", "one of the two")
     if alone == [_URDF]:
-        made = machine_from_urdf(kinds[_URDF][0], base, tip)
+        imported = machine_from_urdf(kinds[_URDF][0], base, tip)
     elif alone == [_TABLE]:
-        made = machine_from_table(kinds[_TABLE][0], convention)
+        imported = machine_from_table(kinds[_TABLE][0], convention)
     elif alone == [_MACHINE]:
-        made = Imported(read_machine(kinds[_MACHINE][0]), (), is_given=True)
+        imported = Imported(read_machine(kinds[_MACHINE][0]), (), is_given=True)
     elif alone == [_PRINTER]:
-        made = machine_from_klipper(kinds[_PRINTER][0])
+        imported = machine_from_klipper(kinds[_PRINTER][0])
     elif _RUN in kinds or _MODEL in kinds:
         run, model = (kinds.get(kind, [None])[0] for kind in (_RUN, _MODEL))
-        made = machine_from_tpoint(run, model, latitude=angle, azimuth=azimuth, form=format)
+        imported = machine_from_tpoint(run, model, latitude=angle, azimuth=azimuth, form=format)
     else:
         file = kinds.get(_READINGS, kinds.get(_LOG, [""]))[0]
         raise InputFileError(file, "file", _UNKNOWN, "a machine file, too: 'rodgen new' makes one")
     if _LOG in kinds:
-        made = with_probe_log(made, kinds[_LOG][0], *kinds.get(_PRINTER, ()))
+        imported = with_probe_log(imported, kinds[_LOG][0], *kinds.get(_PRINTER, ()))
     is_robot = alone in ([_URDF], [_TABLE])
     if estimate == "geometry":
         if not is_robot:
             found = "'geometry', and neither a URDF nor a Denavit-Hartenberg table"
             raise UnfitArgumentError("estimate", found, "[estimate] in the machine file")
-        made = _with_geometry(made)
+        imported = _with_geometry(imported)
     elif is_robot:
         note = "Axes and points of joints are taken as they are; --estimate geometry calibrates them, too."
-        made = replace(made, notes=(*made.notes, note))
+        imported = replace(imported, notes=(*imported.notes, note))
     if _READINGS not in kinds:
-        return made
+        return imported
     tables = kinds[_READINGS]
-    if made.columns:
+    if imported.columns:
         raise InputFileError(tables[0], "file", "a table, and a pointing run", "one of the two")
-    stated = _stated(made, columns or {}, joints)
+    stated = _stated(imported, columns or {}, joints)
     if is_robot and not {"x", "y", "z"} & stated.keys():
-        made = replace(made, machine=with_targets(made.machine, tables[0]))
+        imported = replace(imported, machine=with_targets(imported.machine, tables[0]))
     of_urdf = _URDF in kinds and not lengths
-    made = _with_readings(made, tables, stated, ("m", "rad") if of_urdf else lengths, circle)
+    imported = _with_readings(imported, tables, stated, ("m", "rad") if of_urdf else lengths, circle)
     note = "Columns without a unit are in m and rad, as the URDF is; --units says otherwise."
-    return replace(made, notes=(*made.notes, note)) if of_urdf else made
+    return replace(imported, notes=(*imported.notes, note)) if of_urdf else imported
 
 
 def _pairs(columns: Mapping[str, str] | None) -> list[tuple[str, str]]:
@@ -191,25 +191,31 @@ def _kind(source: str) -> str:
     return next((name for name, fits in tests.items() if fits), _READINGS)
 
 
-def _with_geometry(made: Imported) -> Imported:
+def _with_geometry(imported: Imported) -> Imported:
     """Return what was imported with axes and points to be estimated; those of the first joint are the base."""
     parts = {"revolute": ("axis", "point"), "prismatic": ("axis",)}
-    first, *carried = made.machine.joints
+    first, *carried = imported.machine.joints
     estimate = tuple(f"{joint.name}.{part}" for joint in carried for part in parts[joint.type])
-    machine = replace(made.machine, estimate=estimate + made.machine.estimate)
+    machine = replace(imported.machine, estimate=estimate + imported.machine.estimate)
     note = (
         f"Axes and points of all joints but the first, {first.name}, are estimated: a rough geometry will do."
     )
-    return replace(made, machine=machine, notes=(*made.notes, note))
+    return replace(imported, machine=machine, notes=(*imported.notes, note))
 
 
-def _stated(made: Imported, columns: Mapping[str, str], joints: str | None) -> dict[str, ColumnSource]:
+def _stated(imported: Imported, columns: Mapping[str, str], joints: str | None) -> dict[str, ColumnSource]:
     """Return which columns are what, as the machine file and the arguments say."""
-    stated, argument = dict(made.machine.column_sources), "joints"
+    stated, argument = dict(imported.machine.column_sources), "joints"
     try:
         if joints:
-            own = [joint.column for joint in made.machine.joints if joint.is_read]
-            stated |= dict(zip(own, map(ColumnSource, numbered(joints, len(own))), strict=True))
+            columns_of_joints = [joint.column for joint in imported.machine.joints if joint.is_read]
+            stated |= dict(
+                zip(
+                    columns_of_joints,
+                    map(ColumnSource, numbered(joints, len(columns_of_joints))),
+                    strict=True,
+                )
+            )
         argument = "column"
         stated |= {name.strip(): column_source(theirs) for name, theirs in columns.items()}
     except UnexpectedError as error:
@@ -218,14 +224,14 @@ def _stated(made: Imported, columns: Mapping[str, str], joints: str | None) -> d
 
 
 def _with_readings(
-    made: Imported,
+    imported: Imported,
     files: Sequence[str],
     stated: Mapping[str, ColumnSource],
     units: tuple[str, ...] | None,
     circle: tuple[str, str] | None,
 ) -> Imported:
     """Return what was imported with the readings of tables."""
-    machine, fresh, ballbar = made.machine, not made.is_given, None
+    machine, fresh, ballbar = imported.machine, not imported.is_given, None
     if circle:
         plane, size = circle
         ballbar = plane, _quantity("ballbar", size, LENGTH, "a length", "150mm", machine.length_unit)
@@ -234,10 +240,10 @@ def _with_readings(
     if fresh and any(names >= set(notation) for notation in NOTATIONS.values()):
         machine = replace(machine, measured=replace(machine.measured, kind="pose"))
     return replace(
-        made,
+        imported,
         machine=machine,
         columns=columns,
-        notes=(*made.notes, *notes),
+        notes=(*imported.notes, *notes),
         source=", ".join(files),
         places=places if len(files) == 1 else (),
     )

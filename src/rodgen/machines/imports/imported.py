@@ -107,12 +107,12 @@ def machine_name(text: str, others: Collection[str] = (), *, joint: bool = False
     ('arm_elbow_1', 'load_joint', 'J1_2')
     """
     kind = JOINT_NAME if joint else PLACE_NAME
-    plain = re.sub(r"[^\w+-]", "_", text).lstrip("_+-")[:50] or "unnamed"
+    base = re.sub(r"[^\w+-]", "_", text).lstrip("_+-")[:50] or "unnamed"
     try:
-        name = kind.read(plain)
+        name = kind.read(base)
     except UnfitError:  # the name of an effect or of a column
-        name = f"{plain}_{'joint' if joint else 'target'}"
+        name = f"{base}_{'joint' if joint else 'target'}"
     number = 2
     while name in others:
-        name, number = f"{plain}_{number}", number + 1
+        name, number = f"{base}_{number}", number + 1
     return str(name)

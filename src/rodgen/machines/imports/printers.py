@@ -117,12 +117,12 @@ def machine_from_klipper(file: str | os.PathLike[str]) -> Imported:
     return Imported(machine, tuple(notes), columns | {"d [mm]": found[:, 3]}, name)
 
 
-def with_probe_log(made: Imported, file: str | os.PathLike[str], printer: str | None = None) -> Imported:
+def with_probe_log(imported: Imported, file: str | os.PathLike[str], printer: str | None = None) -> Imported:
     """Return a machine with the readings of a probe log.
 
     Parameters
     ----------
-    made : Imported
+    imported : Imported
         A linear delta whose heights are measured.
     file : str or os.PathLike
     printer : str, optional
@@ -133,7 +133,7 @@ def with_probe_log(made: Imported, file: str | os.PathLike[str], printer: str | 
     InputFileError
         When the machine is none, the log has no touch, or one is out of reach.
     """
-    name, machine = os.fspath(file), made.machine
+    name, machine = os.fspath(file), imported.machine
     kinematics, unit = machine.kinematics, machine.length_unit
     if not isinstance(kinematics, LinearDelta | RotaryDelta) or machine.measured.kind != "height":
         found = "a probe log, but the machine is no delta whose kind of reading is 'height'"
@@ -167,8 +167,10 @@ def with_probe_log(made: Imported, file: str | os.PathLike[str], printer: str | 
         "The offset of a probe is common to all rows, as one of all endstops is."
     )
     lines = [f"line {touch.line}" for touch in touches]
-    notes = made.notes[:-1] if made.columns else made.notes  # the last one is of heights in printer.cfg
-    return replace(made, notes=(*notes, note), columns=columns, source=name, places=lines)
+    notes = (
+        imported.notes[:-1] if imported.columns else imported.notes
+    )  # the last one is of heights in printer.cfg
+    return replace(imported, notes=(*notes, note), columns=columns, source=name, places=lines)
 
 
 # Klipper's file ------------------------------------------------------------------------------------------------------
@@ -179,16 +181,16 @@ def _read(name: str) -> Mapping[str, Mapping[str, str]]:
     lines = decoded(read_input(name, _EXPECTED), name).splitlines()
     saved = [line.removeprefix(_SAVED).removeprefix(" ") for line in lines if line.startswith(_SAVED)]
     mark = next((k for k, line in enumerate(saved) if line.startswith("[")), len(saved))
-    own = [line for line in lines if not line.startswith(_SAVED)]
-    found = configparser.RawConfigParser(
+    lines_of_file = [line for line in lines if not line.startswith(_SAVED)]
+    parser = configparser.RawConfigParser(
         strict=False, delimiters=(":", "="), inline_comment_prefixes=("#", ";"), interpolation=None
     )
     try:
-        found.read_string("\n".join(own), name)
-        found.read_string("\n".join(saved[mark:]), name)
+        parser.read_string("\n".join(lines_of_file), name)
+        parser.read_string("\n".join(saved[mark:]), name)
     except configparser.Error as error:
         raise InputFileError(name, "file", str(error).splitlines()[0], _EXPECTED) from None
-    return {section: dict(found.items(section)) for section in found.sections()}
+    return {section: dict(parser.items(section)) for section in parser.sections()}
 
 
 def _number(
@@ -347,8 +349,8 @@ def _touches(name: str) -> Iterator[Touch]:
         return
     for number, line in enumerate(text.splitlines(), 1):
         for pattern in _LINES:
-            if found := pattern.search(line):
-                x, y, z = map(float, found.groups())
+            if touch := pattern.search(line):
+                x, y, z = map(float, touch.groups())
                 yield Touch(number, x, y, z)
 
 

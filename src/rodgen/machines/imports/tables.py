@@ -119,7 +119,7 @@ def measurements_of(
                 joints = {joint.name for joint in machine.joints}
                 table, here = distances, {n: source for n, source in stated.items() if n not in joints}
         turns = attitudes or machine.measurand.has_attitude
-        columns, said, where = _of_table(machine, table, here, units, turns, is_target=stem in targets)
+        columns, remarks, where = _of_table(machine, table, here, units, turns, is_target=stem in targets)
         places += where
         rows = len(next(iter(columns.values())))
         if "target" not in columns and (stem in targets or len(targets) == 1 < len(files)):
@@ -130,7 +130,7 @@ def measurements_of(
             found = f"columns {joined(columns)}"
             raise InputFileError(file, "file", found, f"those of {files[0]}: {joined(parts[0])}")
         parts.append(columns)
-        notes += [note for note in said if note not in notes]
+        notes += [note for note in remarks if note not in notes]
     if len(files) > 1:
         what = "target" if set(stems) <= set(targets) else "run"
         notes.append(f"Each of the {len(files)} files is a {what}, by its name.")
@@ -174,20 +174,24 @@ def _paired(
     for column in readings.columns:
         if column.name in theirs:
             at = {str(cell): k for k, cell in enumerate(theirs[column.name].cells)}
-            found = [at.get(str(cell), -1) for cell in column.cells]
-            if len(at) == len(commands.places) and len({*found}) == len(found) and min(found) >= 0:
-                rows, how = found, f"by {shown(column.header)}"
+            matched_rows = [at.get(str(cell), -1) for cell in column.cells]
+            if (
+                len(at) == len(commands.places)
+                and len({*matched_rows}) == len(matched_rows)
+                and min(matched_rows) >= 0
+            ):
+                rows, how = matched_rows, f"by {shown(column.header)}"
                 break
     else:
         if len(commands.places) != len(readings.places):
             what = f"{len(readings.places)} rows, and {len(commands.places)} of commands in {commands.file}"
             expected = "a row for each command, or a column in both that says which row is which"
             raise InputFileError(readings.file, "file", what, expected)
-    own = {column.name for column in readings.columns}
+    taken_names = {column.name for column in readings.columns}
     columns = [
         replace(column, cells=tuple(column.cells[k] for k in rows))
         for column in commands.columns
-        if column.name not in own
+        if column.name not in taken_names
     ]
     note = f"Rows of {os.path.basename(commands.file)}, with the commands, belong to those of "
     note += f"{os.path.basename(readings.file)} {how}."
@@ -250,8 +254,8 @@ def _of_table(
         columns.notes += _perhaps_attitudes(left)
     keep, why = _kept_rows(columns)
     columns.notes += why
-    made, rows = _converted(columns, machine, keep, wide, units)
-    return made, columns.notes, [table.places[k] for k in rows]
+    table_of_machine, rows = _converted(columns, machine, keep, wide, units)
+    return table_of_machine, columns.notes, [table.places[k] for k in rows]
 
 
 # what is what ------------------------------------------------------------------------------------------
@@ -338,11 +342,11 @@ def _take_target(columns: _Columns, machine: Machine, *, is_stated: bool, is_tar
         each = [*dict.fromkeys(labels)]
         pairs = {(label, commands[k]) for label, k in zip(labels, rows, strict=True)}
         poses = len(pairs) == len(each) == len({commands[k] for k in rows}) and not is_stated
-        if each and (found := _targets(each, names, only_by_name=poses)):
-            columns.targets = found
+        if each and (targets_of := _targets(each, names, only_by_name=poses)):
+            columns.targets = targets_of
             columns.found["target"] = column, ColumnSource(column.name)
-            other = [f"{label} is {name}" for label, name in found.items() if label != name]
-            how = f": {joined(other)}" if other else ""
+            alternatives = [f"{label} is {name}" for label, name in targets_of.items() if label != name]
+            how = f": {joined(alternatives)}" if alternatives else ""
             how = how or ("" if column in called else ", which has names of targets")
             columns.notes.append(f"target is {shown(column.header)}{how}.")
             return
@@ -392,16 +396,16 @@ def _take_attitude(columns: _Columns, machine: Machine) -> None:
         for words, notation in NOTATIONS.items():
             theirs = [f"{name}{ending}" for name in notation]
             if set(theirs) <= names and not (ending and f"{notation[0]}{ending[:-1]}2" in names):
-                for name, other in zip(notation, theirs, strict=True):
-                    _take_named(columns, name, (other,), machine)
+                for name, column_name in zip(notation, theirs, strict=True):
+                    _take_named(columns, name, (column_name,), machine)
                 columns.notes.append(f"{', '.join(notation)} are attitudes: {words}.")
                 return
 
 
 def _perhaps_attitudes(headers: Sequence[str]) -> Iterator[str]:
     """Yield how columns that were not taken, three of a name with x, y and z, are taken for an attitude."""
-    for found in filter(None, (re.fullmatch(r"(.*)x(\d*)", header) for header in headers)):
-        three = [f"{found[1]}{x}{found[2]}" for x in "xyz"]
+    for match in filter(None, (re.fullmatch(r"(.*)x(\d*)", header) for header in headers)):
+        three = [f"{match[1]}{x}{match[2]}" for x in "xyz"]
         if {*three} <= {*headers}:
             ways = []
             for words in ("roll, pitch and yaw", "rotation vector"):
@@ -498,8 +502,10 @@ def _named_targets(
                 columns.table.file, columns.table.header, found, f"those of the machine: {joined(targets)}"
             )
         wide = dict(zip(targets, wide.values(), strict=True))
-    said = [f"{target} is {' '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()]
-    columns.notes.append(f"Readings of {counted(len(wide), 'target')} in a row: {joined(said)}.")
+    assignments = [
+        f"{target} is {' '.join(shown(axes[x].header) for x in 'xyz')}" for target, axes in wide.items()
+    ]
+    columns.notes.append(f"Readings of {counted(len(wide), 'target')} in a row: {joined(assignments)}.")
     return wide
 
 
@@ -552,12 +558,12 @@ def numbered(first: str, count: int) -> list[str]:
     UnexpectedError
         Where the first has no number.
     """
-    found = re.fullmatch(r"(.*?)(\d+)(\D*)", first)
-    if found is None:
+    match = re.fullmatch(r"(.*?)(\d+)(\D*)", first)
+    if match is None:
         raise UnexpectedError(
             shown(first), "the name of the first joint's column, with its number, such as q1"
         )
-    before, number, after = found.groups()
+    before, number, after = match.groups()
     return [f"{before}{int(number) + k}{after}" for k in range(count)]
 
 
@@ -632,12 +638,14 @@ def _converted(
     out = len(keep) * len(targets) - len(chosen)
     if out:
         columns.notes.append(f"Rows or targets with a blank cell stay out: {out}.")
-    made: dict[str, list[Any]] = {name: [values[k] for k, _, _ in chosen] for name, values in numbers.items()}
-    made |= {name: [seen[name][k] for k, _, seen in chosen] for name in targets[0][1]}
+    converted: dict[str, list[Any]] = {
+        name: [values[k] for k, _, _ in chosen] for name, values in numbers.items()
+    }
+    converted |= {name: [seen[name][k] for k, _, seen in chosen] for name in targets[0][1]}
     if len(machine.targets) > 1 and wide:
-        made["target"] = [target for _, target, _ in chosen]
-    made |= {name: [texts[k] for k, _, _ in chosen] for name, texts in words.items()}
-    return made, [k for k, _, _ in chosen]
+        converted["target"] = [target for _, target, _ in chosen]
+    converted |= {name: [texts[k] for k, _, _ in chosen] for name, texts in words.items()}
+    return converted, [k for k, _, _ in chosen]
 
 
 def _unit(

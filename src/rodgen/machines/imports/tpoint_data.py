@@ -256,18 +256,18 @@ def _record(file: str, number: int, line: str, before: Sequence[_Record]) -> _Re
     return _Record(number, tuple(values))
 
 
-def _form(file: str, records: Sequence[_Record], given: int | None) -> tuple[int, list[str]]:
+def _form(file: str, records: Sequence[_Record], stated: int | None) -> tuple[int, list[str]]:
     """Return the format of observations, and notes on it."""
     count, line = len(records[0].values), f"line {records[0].line}"
     fits = [form for form, least in _COUNTS.items() if 0 <= count - least <= _AUXILIARY]
-    if not fits or (given and given not in fits):
-        of = [_COUNTS[given]] if given else _COUNTS.values()
+    if not fits or (stated and stated not in fits):
+        of = [_COUNTS[stated]] if stated else _COUNTS.values()
         expected = f"{joined([str(n) for n in of], 'or')}, and up to {_AUXILIARY} auxiliary readings"
         raise InputFileError(file, line, f"{count} numbers of an observation", expected)
     can_be = [form for form in fits if all(_can_be(form, record.values) for record in records)]
-    form = given or (can_be or fits)[0]
+    form = stated or (can_be or fits)[0]
     notes = [f"Observations are of format {form}: {_WORDS[form]}."]
-    if len(fits) > 1 and not given:
+    if len(fits) > 1 and not stated:
         others = joined([str(each) for each in fits if each != form], "or")
         notes.append(
             f"Their {count} numbers a line could be of format {others}, too: --format says otherwise."
@@ -390,30 +390,30 @@ def _elapsed(sidereal: Array) -> Array:
 
 def _of_log(file: str, lines: Sequence[tuple[int, str]]) -> Pointings:
     """Return the run of a log: of each star RAA, elevation and azimuth of the encoders, TAA, of the star, and LST."""
-    found: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
+    columns_of: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
     stars: list[str] = []
     for number, line in lines:
         key, _, rest = line.partition(":")
         if key == "CAT" and rest.strip():
             stars.append(rest.split()[0])
-        if key in found:
+        if key in columns_of:
             values = _numbers(file, number, rest.replace(":", " "))
             if len(values) != (3 if key == "LST" else 2):
                 raise InputFileError(
                     file, f"line {number}", shown(line), f"{key}: elevation and azimuth in degrees"
                 )
             if key == "RAA":
-                for other in ("TAA", "LST"):
-                    if len(found[other]) not in (0, len(found["RAA"])):
+                for name in ("TAA", "LST"):
+                    if len(columns_of[name]) not in (0, len(columns_of["RAA"])):
                         raise InputFileError(
-                            file, f"line {number}", f"a star before it without {other}", "one of each"
+                            file, f"line {number}", f"a star before it without {name}", "one of each"
                         )
-            found[key].append(values)
-    if len(found["RAA"]) != len(found["TAA"]):
-        count = f"{len(found['RAA'])} lines RAA and {len(found['TAA'])} lines TAA"
+            columns_of[key].append(values)
+    if len(columns_of["RAA"]) != len(columns_of["TAA"]):
+        count = f"{len(columns_of['RAA'])} lines RAA and {len(columns_of['TAA'])} lines TAA"
         raise InputFileError(file, "file", count, "one of each for each star")
-    raw, true = (np.radians(found[key])[:, ::-1] for key in ("RAA", "TAA"))
-    times = np.array(found["LST"])
+    raw, true = (np.radians(columns_of[key])[:, ::-1] for key in ("RAA", "TAA"))
+    times = np.array(columns_of["LST"])
     time = _elapsed(times @ [1, 1 / 60, 1 / 3600]) if len(times) == len(raw) else None
     notes = [
         "Log of the MMT's mount: RAA is what the encoders read, TAA where the star is; elevation, then azimuth."

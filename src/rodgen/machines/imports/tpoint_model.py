@@ -79,19 +79,19 @@ def _is_of(term: str, mount: str) -> bool:
     if term in TERMS:
         relation = relation_of(term, TERMS[term], MOUNTS[mount])
         return relation is not None and relation.place is not None
-    own = own_term(term)
-    return own is not None and own.joint in MOUNTS[mount].joints
+    parsed = own_term(term)
+    return parsed is not None and parsed.joint in MOUNTS[mount].joints
 
 
 def _is_term_for(term: str, mount: Mount) -> bool:
     """Return whether a term of the catalogue is one of this mount, or of both."""
-    return _is_of(term, mount.name) or not any(_is_of(term, other) for other in MOUNTS)
+    return _is_of(term, mount.name) or not any(_is_of(term, mount_name) for mount_name in MOUNTS)
 
 
 def is_model(start: bytes) -> bool:
     """Return whether the first bytes of a file are those of a model: END, and a term that is known."""
     lines = [line.partition("!")[0].strip() for line in start.decode("utf-8", "replace").splitlines()]
-    terms = [found["name"] for line in lines[2:] if (found := _LINE.fullmatch(line))]
+    terms = [match["name"] for line in lines[2:] if (match := _LINE.fullmatch(line))]
     return "END" in lines and any(term in TERMS or own_term(term) is not None for term in terms)
 
 
@@ -111,20 +111,20 @@ def read_model(path: str | os.PathLike[str]) -> TpointModel:
         text = line.partition("!")[0].strip()
         if text.upper() == "END":
             break
-        found = _LINE.fullmatch(text)
+        match = _LINE.fullmatch(text)
         if not text:
             continue
         try:
-            value = float(found["value"]) if found else math.nan
+            value = float(match["value"]) if match else math.nan
         except ValueError:
             value = math.nan
-        if found is None or not abs(value) < 1e7:
+        if match is None or not abs(value) < 1e7:
             raise InputFileError(
                 file, f"line {number}", shown(line), "a term, its value and its sigma in arcsec, or END"
             )
-        if found["name"] in terms:
-            raise InputFileError(file, f"line {number}", f"a second {found['name']}", "each term once")
-        terms[found["name"]], where[found["name"]] = value, number
+        if match["name"] in terms:
+            raise InputFileError(file, f"line {number}", f"a second {match['name']}", "each term once")
+        terms[match["name"]], where[match["name"]] = value, number
     if not terms:
         raise InputFileError(
             file, "file", "no terms", f"{_EXPECTED}: a caption, a line of the fit, then a term a line"
@@ -158,7 +158,7 @@ def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: flo
         held = holds.setdefault((name, place), {})
         held[parameter] = held.get(parameter, 0.0) + value
 
-    own = [(term, value) for term, value in model.terms.items() if term not in TERMS]
+    harmonics = [(term, value) for term, value in model.terms.items() if term not in TERMS]
     for term in model.terms:
         if term in TERMS and not _is_term_for(term, mount):
             line, expected = f"line {model.lines[term]}", f"terms of an {mount.words}"
@@ -181,7 +181,7 @@ def with_terms(machine: Machine, mount: Mount, model: TpointModel, latitude: flo
     for (effect, where), held in holds.items():
         full = {x: held.get(x, 0.0) / 3600 for x in machine.effect(effect, where).units(machine)}
         machine = machine.with_effect(machine.effect(effect, where, hold=full))
-    for term, value in own:
+    for term, value in harmonics:
         machine = machine.with_effect(_own(machine, term, value, f"line {model.lines[term]}", file))
     return machine
 
@@ -218,12 +218,12 @@ def _is_own_term(machine: Machine, effect: Effect) -> bool:
 
 
 def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Effect:
-    own = _own_term(machine, term)
+    term_parsed = _own_term(machine, term)
     names = [*TERMS, "FLOP", "DNP", "HDSH5", "X2HC"]
-    if own is None and re.fullmatch(r"P[HDXAESZ](?:[HDAEZ][1-9]?){1,2}", term):
+    if term_parsed is None and re.fullmatch(r"P[HDXAESZ](?:[HDAEZ][1-9]?){1,2}", term):
         found, expected = f"{term}, a polynomial of azimuths", "harmonics of azimuths, such as HACA or HASA2"
         raise InputFileError(file, place, found, expected)
-    if own is None:
+    if term_parsed is None:
         near = nearest_name(term, names)
         expected = (
             f"{near!r}, perhaps, or one that 'rodgen effects TERM' knows"
@@ -231,9 +231,9 @@ def _own(machine: Machine, term: str, value: float, place: str, file: str) -> Ef
             else "one that 'rodgen effects TERM' knows"
         )
         raise InputFileError(file, place, f"the term {shown(term)}, which is not known", expected)
-    if own.joint is not None and own.joint not in {joint.name for joint in machine.joints}:
-        raise InputFileError(file, place, f"{term}, at an axis {own.joint}", "a term of this mount")
-    block = tomllib.loads(own.block)["effect"][0] | {"hold": {"a": value / 3600}}
+    if term_parsed.joint is not None and term_parsed.joint not in {joint.name for joint in machine.joints}:
+        raise InputFileError(file, place, f"{term}, at an axis {term_parsed.joint}", "a term of this mount")
+    block = tomllib.loads(term_parsed.block)["effect"][0] | {"hold": {"a": value / 3600}}
     return effect_of(machine, block, file, place)
 
 
@@ -281,7 +281,7 @@ def terms_of(machine: Machine, mount: Mount, latitude: float, *, others: bool = 
         When it has an effect that is no term of TPOINT.
     """
     numbers = _numbers_of(machine)
-    found = {
+    terms = {
         effect.name.upper(): numbers.pop((effect.name, effect.place, "a"), 0.0)
         for effect in machine.effects
         if _is_own_term(machine, effect)
@@ -311,8 +311,8 @@ def terms_of(machine: Machine, mount: Mount, latitude: float, *, others: bool = 
         raise RodgenError(
             f"{joined(sorted(set(left)))}: no term of TPOINT; expected effects that 'rodgen effects' lists with one"
         )
-    found = dict(zip(units, of_units.tolist(), strict=False)) | found
-    return {term: value for term, value in found.items() if abs(value) > 1e-9}
+    terms = dict(zip(units, of_units.tolist(), strict=False)) | terms
+    return {term: value for term, value in terms.items() if abs(value) > 1e-9}
 
 
 def _changing_nothing(mount: Mount) -> Iterator[dict[_Key, float]]:
@@ -328,22 +328,24 @@ def _changing_nothing(mount: Mount) -> Iterator[dict[_Key, float]]:
 
 def _numbers_of(machine: Machine) -> dict[_Key, float]:
     """Return the numbers of effects and of a base fit, in arcsec, by effect, place and parameter."""
-    found: dict[_Key, float] = {}
+    numbers: dict[_Key, float] = {}
     joints = {joint.name for joint in machine.joints}
     for effect in machine.effects:
         for x in effect.units(machine):
             value = effect.hold.get(x, machine.values.get(effect.key(x), 0.0))
             place = effect.place if effect.place in joints else effect.place and BORESIGHT
-            found[effect.name, place, x] = value / ARCSEC
+            numbers[effect.name, place, x] = value / ARCSEC
     for joint in machine.joints:
         for x in "ab":
             key = ("axis_tilt", joint.name, x)
-            found[key] = found.get(key, 0.0) + machine.values.get(f"{joint.name}.axis.{x}", 0.0) / ARCSEC
+            numbers[key] = numbers.get(key, 0.0) + machine.values.get(f"{joint.name}.axis.{x}", 0.0) / ARCSEC
     for target in machine.targets:
         for x in "ab":
             key = ("target_offset", BORESIGHT, x)
-            found[key] = found.get(key, 0.0) + machine.values.get(f"target.{target.name}.{x}", 0.0) / ARCSEC
-    return found
+            numbers[key] = (
+                numbers.get(key, 0.0) + machine.values.get(f"target.{target.name}.{x}", 0.0) / ARCSEC
+            )
+    return numbers
 
 
 def model_text(
@@ -441,11 +443,11 @@ def _on_model(file: str, terms: TpointModel) -> str:
 
 def _columns(pointings: Pointings) -> dict[str, Any]:
     commanded = np.degrees(pointings.commanded).round(10)
-    found: dict[str, Any] = {
+    columns: dict[str, Any] = {
         f"{name} [deg]": column for name, column in zip(pointings.mount.joints, commanded.T, strict=True)
     }
-    found |= dict(zip(("ux", "uy", "uz"), pointings.seen.T.round(12), strict=True))
+    columns |= dict(zip(("ux", "uy", "uz"), pointings.seen.T.round(12), strict=True))
     if pointings.time is not None:
-        found["t [s]"] = pointings.time.round(3)
-    found |= {f"aux_{k}": column for k, column in enumerate(pointings.auxiliary.T, start=1)}
-    return found
+        columns["t [s]"] = pointings.time.round(3)
+    columns |= {f"aux_{k}": column for k, column in enumerate(pointings.auxiliary.T, start=1)}
+    return columns

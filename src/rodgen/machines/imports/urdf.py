@@ -149,8 +149,8 @@ def _joints(file: str, robot: ElementTree.Element) -> Iterator[UrdfJoint]:
         place = f"joint {joint.name}"
         if joint.name in names:
             raise InputFileError(file, place, "a second joint of this name", "a name of its own for each")
-        if other := children.get(joint.child):
-            found = f"child {shown(joint.child)}, which is the child of joint {other}, too"
+        if joint_there := children.get(joint.child):
+            found = f"child {shown(joint.child)}, which is the child of joint {joint_there}, too"
             raise InputFileError(file, place, found, "one joint that carries a link")
         for what, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
@@ -173,16 +173,16 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
         return None if inner is None else inner.get(key)
 
     def numbers(tag: str, key: str, default: tuple[float, ...]) -> Array:
-        given = text(tag, key)
-        if given is None:
+        written = text(tag, key)
+        if written is None:
             return np.array(default)
         try:
-            values = np.array([float(x) for x in given.split()])
+            values = np.array([float(x) for x in written.split()])
         except ValueError:
             values = np.array([math.nan])
         if values.shape != (len(default),) or not np.isfinite(values).all() or np.abs(values).max() > 1e9:
             wanted = "a number" if len(default) == 1 else "three numbers"
-            raise InputFileError(file, f"{place}, {tag} {key}", shown(given), wanted)
+            raise InputFileError(file, f"{place}, {tag} {key}", shown(written), wanted)
         return values
 
     axis = numbers("axis", "xyz", (1.0, 0.0, 0.0))
@@ -221,12 +221,14 @@ def _joint(file: str, element: ElementTree.Element, number: int) -> UrdfJoint:
 # the chain -----------------------------------------------------------------------------------------------------------
 
 
-def _link(file: str, option: str, given: str | None, links: list[str], natural: list[str], words: str) -> str:
+def _link(
+    file: str, option: str, stated: str | None, links: list[str], natural: list[str], words: str
+) -> str:
     """Return the link that is given, or the only one that it may be."""
-    if given is not None:
-        if given in links:
-            return given
-        raise InputFileError(file, option, f"no link {shown(given)}", suggestion(given, links))
+    if stated is not None:
+        if stated in links:
+            return stated
+        raise InputFileError(file, option, f"no link {shown(stated)}", suggestion(stated, links))
     if not natural:
         found = "links in a circle" if links else "no links"
         raise InputFileError(file, "link", found, "a robot whose links hang on one of them")
@@ -290,14 +292,14 @@ def _machine(
     ]
     followers = {names[joint.name]: joint.mimic for joint in chain if joint.mimic and joint.name in names}
     joint_of, inside = {joint.name: joint for joint in every.values()}, {*names}
-    for k, own in enumerate(joints):
-        followed, factor, _ = followers.get(own.name) or ("", 0.0, 0.0)
+    for k, joint_of_chain in enumerate(joints):
+        followed, factor, _ = followers.get(joint_of_chain.name) or ("", 0.0, 0.0)
         outside = joint_of.get(followed) if factor and followed not in names else None
-        if outside is not None and MOVING.get(outside.type) == own.type:
+        if outside is not None and MOVING.get(outside.type) == joint_of_chain.type:
             # that joint is not of this chain: its reading is the first follower's
-            _check_way(file, own.name, followed, joint_of, inside)
+            _check_way(file, joint_of_chain.name, followed, joint_of, inside)
             names[followed] = machine_name(followed, [each.name for each in joints], joint=True)
-            joints[k] = replace(own, reading=names[followed], coordinate=names[followed])
+            joints[k] = replace(joint_of_chain, reading=names[followed], coordinate=names[followed])
     joints = [_following(joint, followers.get(joint.name), names, joints, notes) for joint in joints]
     notes += _on_fixed_and_limits(chain)
     target = Target(machine_name(tip, [joint.name for joint in joints]), clean(_MM * frame[:3, 3], 9))
@@ -358,12 +360,12 @@ def _following(
         return joint
     name = names[followed]
     read = next(x for x in joints if name in (x.name, x.reading))
-    own, other = ("rad" if x.revolute else "m" for x in (joint, read))
-    unit = "" if own == other else f" {own}/{other}"
+    unit_of, unit_read = ("rad" if x.revolute else "m" for x in (joint, read))
+    unit = "" if unit_of == unit_read else f" {unit_of}/{unit_read}"
     text = f"{factor!r}{unit} * {name}"
     text = {1.0: name, -1.0: f"-{name}"}.get(factor, text) if not unit else text
     if offset:
-        text += f" {'-' if offset < 0 else '+'} {abs(offset)!r} {own}"
+        text += f" {'-' if offset < 0 else '+'} {abs(offset)!r} {unit_of}"
     column = f"its column is {joint.reading}" if joint.reading else "it has no column"
     notes.append(f"Joint {joint.name} follows, {rule}: {column}, and its coordinate is {text}.")
     return replace(joint, coordinate=text)

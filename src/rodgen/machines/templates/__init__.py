@@ -104,8 +104,8 @@ def machine_template(
     text = resources.files(__name__).joinpath(f"{kind}.toml").read_text(encoding="utf-8")
     if kind.startswith("equatorial"):
         if latitude is None or not abs(latitude) <= math.pi / 2:
-            found = "no latitude" if latitude is None else f"the latitude {math.degrees(latitude):g} deg"
-            raise UnexpectedError(f"{found} of an equatorial mount", "--latitude, such as 31.7deg")
+            site = "no latitude" if latitude is None else f"the latitude {math.degrees(latitude):g} deg"
+            raise UnexpectedError(f"{site} of an equatorial mount", "--latitude, such as 31.7deg")
         gravity = ", ".join(decimal(round(x, 9)) for x in EQUATORIAL.gravity(latitude))
         text = text.replace("{gravity}", f"[{gravity}]")
         text = text.replace("{latitude}", decimal(round(math.degrees(latitude), 6)))

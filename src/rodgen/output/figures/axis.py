@@ -79,7 +79,7 @@ def axis_fit(fit: AxisFit, pairs: Pairs | Poses) -> go.Figure:
     bad = int(fit.outliers.sum())
     outliers = f", {counted(bad, 'outlier')}" if bad else ""
     rows = "poses" if hasattr(pairs, "position") else "pairs"
-    shown = (
+    parts_drawn = (
         ""
         if len(chosen) == fit.pairs
         else f" {len(chosen)} of {fit.pairs} {rows} are drawn in the two views."
@@ -88,7 +88,7 @@ def axis_fit(fit: AxisFit, pairs: Pairs | Poses) -> go.Figure:
         figure,
         "axis_fit",
         f"Axis ({e}) {known}",
-        note=f"{fit.pairs} {rows}, residuals rms {fit.rms:.3g} {pairs.unit}{outliers}.{shown}",
+        note=f"{fit.pairs} {rows}, residuals rms {fit.rms:.3g} {pairs.unit}{outliers}.{parts_drawn}",
     )
 
 

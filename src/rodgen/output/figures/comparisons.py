@@ -35,9 +35,9 @@ def comparison(comparison: Comparison) -> Iterator[go.Figure]:
     comparison : rodgen.calibration.compare.Comparison
     """
     yield residuals_in_order(comparison)
-    found = residual_map(comparison.fit)
-    if found is not None:
-        yield found
+    figure = residual_map(comparison.fit)
+    if figure is not None:
+        yield figure
     yield distribution_of_residuals(comparison.fit)
     rows, used = DrawnRows(comparison.fit), set[str]()
     for covariate in comparison.covariates:
@@ -111,13 +111,13 @@ def _curve(figure: go.Figure, number: int, pose: Index, covariate: Driver, y: Ar
 def _means(figure: go.Figure, number: int, pose: Index, covariate: Driver, y: Array, unit: str) -> None:
     ones = np.ones((len(y), 1))
     codes = np.unique(covariate.values)[:MOST_RUNS]
-    found = []
+    means_of = []
     for code in codes:
         inside = np.flatnonzero((covariate.values == code) & np.isfinite(y))
         if len(inside):
             mean, error = _fitted(ones[inside], y[inside], pose[inside], ones[:1])
-            found.append((code, float(mean[0]), 2 * float(error[0])))
-    at, means, errors = np.array(found).T
+            means_of.append((code, float(mean[0]), 2 * float(error[0])))
+    at, means, errors = np.array(means_of).T
     beside = 0.3 if covariate.categories or covariate.kind == "approach" else 0.0
     add_trace(
         figure, number, "mean", x=at + beside, y=means, error_y={"array": errors, "color": INK, "thickness": 1.5},

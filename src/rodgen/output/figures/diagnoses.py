@@ -42,23 +42,25 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
     plan : rodgen.calibration.plan.Plan, optional
         What to measure next.
     """
-    shown = unit_of(diagnosis)
-    rows = DrawnRows(diagnosis.base, diagnosis.final_with_forms, shown)
+    unit_drawn = unit_of(diagnosis)
+    rows = DrawnRows(diagnosis.base, diagnosis.final_with_forms, unit_drawn)
     models = [model._replace(odds="") for model in rungs(diagnosis)]  # a telephone has no room for them
-    yield error_ladder(models, shown, diagnosis.final.noise, "The error, model by model")
+    yield error_ladder(models, unit_drawn, diagnosis.final.noise, "The error, model by model")
     drawn = drivers(diagnosis, rows)
     for against in drawn:
         yield residuals_by(diagnosis, rows, against)
     places = map_of(rows, _measured(diagnosis, rows))
     if places is not None:
         yield places
-    found = {step.effect.place for step in diagnosis.steps}
-    for name in sorted(joints_that_go_round(rows.base), key=lambda name: name not in found)[:MOST_POLAR]:
+    places_named = {step.effect.place for step in diagnosis.steps}
+    for name in sorted(joints_that_go_round(rows.base), key=lambda name: name not in places_named)[
+        :MOST_POLAR
+    ]:
         yield polar_of(rows, name)
     before = rows.base if rows.two else None
     yield quantiles_of_residuals(rows.final, before=before)
     yield autocorrelation_of_residuals(rows.final, before=before)
-    brief = DrawnRows(rows.base, rows.final, shown, most=MOST_MARKS // 2, brief=True)
+    brief = DrawnRows(rows.base, rows.final, unit_drawn, most=MOST_MARKS // 2, brief=True)
     yield from covariates(diagnosis, brief, {against.driver.name for against in drawn})
     if diagnosis.ranking:
         yield candidates(diagnosis)
@@ -122,13 +124,13 @@ class Against:
 
 def drivers(diagnosis: Diagnosis, rows: DrawnRows, most: int = 2) -> list[Against]:
     """Return what the effects that were found depend on, in their order; then the joints that moved."""
-    found: list[Against] = []
+    against: list[Against] = []
     for one in _called_for(diagnosis, rows):
-        if len(found) == most:
+        if len(against) == most:
             break
-        if not any(_same(one.driver, other.driver) for other in found):
-            found.append(one)
-    return found
+        if not any(_same(one.driver, drawn.driver) for drawn in against):
+            against.append(one)
+    return against
 
 
 def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
@@ -138,14 +140,14 @@ def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
     for step in diagnosis.steps:
         place, definition = step.effect.place, step.effect.definition
         names = definition.formula.names
-        own = joints.get(str(place))
-        if own is not None and own.number is not None:
-            reading = own.number if definition.component == "reading" else None
-            by = {"T": f"T_{own.name}", "F": "load", "v": f"v_{own.name}", "acc": f"a_{own.name}"}
+        joint = joints.get(str(place))
+        if joint is not None and joint.number is not None:
+            reading = joint.number if definition.component == "reading" else None
+            by = {"T": f"T_{joint.name}", "F": "load", "v": f"v_{joint.name}", "acc": f"a_{joint.name}"}
             for name, column in by.items():
                 if name in names and column in known:
                     yield Against(known[column], reading)
-            yield Against(own, reading, rows.o.s[:, own.number] if "s" in names else None)
+            yield Against(joint, reading, rows.o.s[:, joint.number] if "s" in names else None)
         elif definition.component == "lift" and "altitude" in known:
             yield Against(known["altitude"])
         elif definition.component in {"frame", "frame_shift"} and "t" in known:
@@ -165,10 +167,10 @@ def _called_for(diagnosis: Diagnosis, rows: DrawnRows) -> Iterator[Against]:
         yield Against(order)
 
 
-def _same(one: Driver, other: Driver) -> bool:
-    if one.name == other.name:
+def _same(one: Driver, second: Driver) -> bool:
+    if one.name == second.name:
         return True
-    a, b = one.noted - one.noted.mean(), other.noted - other.noted.mean()
+    a, b = one.noted - one.noted.mean(), second.noted - second.noted.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return size > 0 and abs(float(a @ b)) > SAME * size
 
@@ -191,17 +193,19 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
                     marker={"color": colour, "line": {"width": 0}}, hoverinfo="skip",
                 )
             )  # fmt: skip
-    said = [percent(r.explains) + (", no better than nothing" if r.log10_odds < 0 else "") for r in best]
+    explained = [percent(r.explains) + (", no better than nothing" if r.log10_odds < 0 else "") for r in best]
     for i, r in enumerate(best):
         figure.add_annotation(
-            x=0, y=i, text=f"<b>{label(plain(r.effect.title, 40))}</b>  {label(said[i])}", xanchor="left",
+            x=0, y=i, text=f"<b>{label(plain(r.effect.title, 40))}</b>  {label(explained[i])}", xanchor="left",
             yanchor="bottom", yshift=7, showarrow=False, font={"size": 12},
             bgcolor=figure.layout.template.layout.paper_bgcolor, borderpad=0,
         )  # fmt: skip
     figure.update_xaxes(range=[0, 108], showgrid=False)
     figure.update_yaxes(range=[len(best) - 0.5, -0.8], visible=False)
     figure.update_layout(barmode="overlay", margin_l=20)
-    listed = "; ".join(f"{plain(r.effect.title)} {part}" for r, part in zip(best[:5], said, strict=False))
+    listed = "; ".join(
+        f"{plain(r.effect.title)} {part}" for r, part in zip(best[:5], explained, strict=False)
+    )
     return describe(
         figure,
         "ranking",

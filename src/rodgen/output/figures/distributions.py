@@ -202,12 +202,12 @@ def autocorrelation_of_residuals(fit: Fit, *, before: Fit | None = None, against
     figure = column(
         [Panel(f"correlation, {label(name)}", PANEL, what * (name is names[-1])) for name in names]
     )
-    found = []
+    correlations = []
     for side, of in sides:
         means = np.add.reduceat(np.asarray(of.residuals)[rows], starts, axis=0) / sizes[:, None]
-        found.append((side, *autocorrelation(means, o.run[first].astype(np.intp), most)))
+        correlations.append((side, *autocorrelation(means, o.run[first].astype(np.intp), most)))
     for number in range(len(names)):
-        for side, correlation, pairs in found:
+        for side, correlation, pairs in correlations:
             bound = LIKELY / np.sqrt(np.maximum(pairs, 1))
             if side != "before":
                 for sign in (1, -1):
@@ -266,11 +266,13 @@ def autocorrelation(values: Array, part: NDArray[np.intp], most: int) -> tuple[A
     """
     e = values - values.mean(axis=0)
     square = np.mean(e**2, axis=0)
-    found, pairs = np.full((most, values.shape[1]), np.nan), np.zeros(most, np.intp)
+    correlations, pairs = np.full((most, values.shape[1]), np.nan), np.zeros(most, np.intp)
     for k in range(1, min(most, len(e) - 1) + 1):
         same = part[k:] == part[:-k]
         pairs[k - 1] = np.count_nonzero(same)
         if pairs[k - 1]:
             product = np.mean((e[k:] * e[:-k])[same], axis=0)
-            found[k - 1] = np.divide(product, square, out=np.full(len(square), np.nan), where=square > 0)
-    return found, pairs
+            correlations[k - 1] = np.divide(
+                product, square, out=np.full(len(square), np.nan), where=square > 0
+            )
+    return correlations, pairs

@@ -106,14 +106,14 @@ class DrawnRows:
         return evenly(self.total, self.most)
 
     def _chosen(self, wanted: Collection[int]) -> Index:
-        kept = [self._evenly(), np.asarray([*wanted], np.intp)]
+        rows = [self._evenly(), np.asarray([*wanted], np.intp)]
         if self.total <= self.most:
-            return kept[0]
+            return rows[0]
         for _, fit in self.sides:
             size = np.where(self.outlier[:, None] | ~np.isfinite(fit.residuals), -1.0, np.abs(fit.residuals))
-            kept += [np.argpartition(column, -EXTREMES)[-EXTREMES:] for column in size.T]
-        kept.append(np.flatnonzero(self.outlier)[:EXTREMES])
-        return np.unique(np.concatenate(kept))
+            rows += [np.argpartition(column, -EXTREMES)[-EXTREMES:] for column in size.T]
+        rows.append(np.flatnonzero(self.outlier)[:EXTREMES])
+        return np.unique(np.concatenate(rows))
 
     @property
     def units(self) -> list[str]:
@@ -123,8 +123,8 @@ class DrawnRows:
     @property
     def factors(self) -> Array:
         """What brings components of residuals to `units`, (m,)."""
-        own = np.array([unit == self.base.unit for unit in self.base.units])
-        return np.where(own, self.shown.factor, self.base.in_units)
+        is_base = np.array([unit == self.base.unit for unit in self.base.units])
+        return np.where(is_base, self.shown.factor, self.base.in_units)
 
     def residuals(self, fit: Fit) -> Array:
         """Return residuals, (chosen, m), in the unit shown."""
@@ -156,7 +156,7 @@ class DrawnRows:
         targets = [plain(target.name, 24) for target in machine.targets]
         joints = [plain(joint.column, 16) for joint in machine.joints]
         commanded = np.transpose([o.q[:, j] / coordinate(o, j)[1] for j in range(len(joints))]).tolist()
-        found = []
+        tips = []
         for number, target, bad, row in zip(
             numbers, o.target.tolist(), self.bad.tolist(), commanded, strict=True
         ):
@@ -164,11 +164,11 @@ class DrawnRows:
             if len(targets) > 1:
                 first += f", {targets[target]}"
             if self.brief:
-                found.append(label(first))
+                tips.append(label(first))
                 continue
             where = ", ".join(f"{name} {value:.6g}" for name, value in zip(joints, row, strict=True))
-            found.append(label(f"{first}\n{minus(where)}").replace("\n", "<br>"))
-        return tuple(found)
+            tips.append(label(f"{first}\n{minus(where)}").replace("\n", "<br>"))
+        return tuple(tips)
 
     def tips_with_residuals(self, some: Index) -> list[str]:
         """Return the hover texts of some of the rows with their residuals, before and after."""
@@ -308,13 +308,13 @@ class PlannedRows:
         every = [*self.o.drivers()]
         if driver.kind == "place":
             every += drivers_of_place(self.fit.machine, self.places)
-        own = next((d for d in every if d.name == driver.name), None)
-        if own is None or own.unit != driver.unit:
+        driver_there = next((d for d in every if d.name == driver.name), None)
+        if driver_there is None or driver_there.unit != driver.unit:
             return None
         if driver.categories:
-            names = [own.categories[int(code)] for code in own.values]
+            names = [driver_there.categories[int(code)] for code in driver_there.values]
             return np.array([driver.categories.index(x) if x in driver.categories else np.nan for x in names])
-        return np.asarray(own.noted, float)
+        return np.asarray(driver_there.noted, float)
 
 
 def planned_rows(fit: Fit, plan: Plan | None) -> PlannedRows | None:

@@ -145,8 +145,8 @@ def browser() -> str | None:
     """Return the path of the Chrome or Chromium that draws images, or None where there is neither."""
     from choreographer.browsers.chromium import Chromium
 
-    found = Chromium.find_browser(skip_local=False)
-    return str(found) if found else None
+    path = Chromium.find_browser(skip_local=False)
+    return str(path) if path else None
 
 
 def _no_browser(path: str | os.PathLike[str]) -> InputFileError:
@@ -201,19 +201,19 @@ def _images(jobs: list[tuple[go.Figure, str]], path: str) -> list[bytes]:
 
 def _named_traces(figure: go.Figure) -> dict[str, Any]:
     """Return a figure as data whose traces have names of their own: plotly.js would make up random ones."""
-    found: dict[str, Any] = figure.to_dict()
-    for number, trace in enumerate(found["data"]):
+    content: dict[str, Any] = figure.to_dict()
+    for number, trace in enumerate(content["data"]):
         trace["uid"] = f"t{number:05d}"
-    return found
+    return content
 
 
 def _fixed(content: bytes, kind: str) -> bytes:
     """Return an image without what differs from one drawing to the next."""
     if kind == "svg":
         # plotly.js names its clip paths and gradients by six random digits
-        found = re.search(rb'id="(?:clip|topdefs-|defs-)([0-9a-f]{6})', content)
-        if found:
-            content = content.replace(found[1], b"rodgen")
+        match = re.search(rb'id="(?:clip|topdefs-|defs-)([0-9a-f]{6})', content)
+        if match:
+            content = content.replace(match[1], b"rodgen")
     if kind == "pdf":
         content = re.sub(rb"D:\d{14}", b"D:20000101000000", content)
     return content

@@ -69,10 +69,10 @@ def fleet_parameter(parameter: FleetParameter) -> go.Figure:
         ("given the others", p.shrunk, "circle", BLUE, ~p.odd),
         ("odd", parameter.values, "x", PURPLE, p.odd),
     ):
-        shown = np.flatnonzero(some[order])
-        if not len(shown):
+        drawn = np.flatnonzero(some[order])
+        if not len(drawn):
             continue
-        chosen = order[shown]
+        chosen = order[drawn]
         bars: dict[str, Any] = {}
         if words != "given the others" and n <= WITH_BARS:
             bars = {
@@ -84,9 +84,9 @@ def fleet_parameter(parameter: FleetParameter) -> go.Figure:
                 }
             }
         add_trace(
-            figure, 0, words, x=values[chosen] * factor, y=y[shown], mode="markers",
+            figure, 0, words, x=values[chosen] * factor, y=y[drawn], mode="markers",
             marker={"symbol": symbol, "size": 6, "color": colour},
-            text=[label(names[i]) for i in shown],
+            text=[label(names[i]) for i in drawn],
             hovertemplate=f"{hover} {unit}, {words}<extra></extra>", **bars,
         )  # fmt: skip
     figure.update_yaxes(visible=False, range=[-1, n])

@@ -49,10 +49,10 @@ def ladder(ladder: Ladder, *, most: int = MOST_ROWS) -> go.Figure:
     models = ladder.models
     drawn = [0, *range(max(1, len(models) - most + 1), len(models))]
     values = [value for model in models for value in (model.rms, model.rms_held_out)]
-    shown = shown_unit(ladder.rungs[0].fit.unit, [*values, ladder.noise.value])
+    unit_drawn = shown_unit(ladder.rungs[0].fit.unit, [*values, ladder.noise.value])
     title = ladder.rungs[0].fit.machine.name
     return error_ladder(
-        [models[i] for i in drawn], shown, ladder.noise, title, drawn, len(models) - len(drawn)
+        [models[i] for i in drawn], unit_drawn, ladder.noise, title, drawn, len(models) - len(drawn)
     )
 
 
@@ -87,8 +87,8 @@ def error_ladder(
     fitted = [model.rms * shown.factor for model in models]
     held_out, further = sizes(m.rms_held_out for m in models), sizes(m.rms_test for m in models)
     (floor,) = sizes([noise.value])
-    found = noise.replicates if noise.source == "replicates" else None
-    interval = None if found is None else (found.low * shown.factor, found.high * shown.factor)
+    replicates = noise.replicates if noise.source == "replicates" else None
+    interval = None if replicates is None else (replicates.low * shown.factor, replicates.high * shown.factor)
     texts = [
         shown(m.rms) if m.rms_held_out is None else f"{shown(m.rms)} / {shown(m.rms_held_out)}"
         for m in models
@@ -142,8 +142,8 @@ def error_ladder(
                     hovertemplate=f"%{{text}}<br>%{{x:.4g}} {unit}, {name}<extra></extra>",
                 )
             )  # fmt: skip
-    said = [f"  odds {model.odds}" if model.odds else "" for model in models]
-    for place, (words, text, test) in enumerate(zip(titles, texts, said, strict=True)):
+    odds = [f"  odds {model.odds}" if model.odds else "" for model in models]
+    for place, (words, text, test) in enumerate(zip(titles, texts, odds, strict=True)):
         figure.add_annotation(
             x=0, y=place, text=f"<b>{label(words)}</b>{label(test)}", xanchor="left", yanchor="bottom",
             yshift=5, xshift=2, showarrow=False, bgcolor=PAPER, borderpad=0, font={"size": 12},

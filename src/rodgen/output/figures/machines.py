@@ -104,14 +104,14 @@ def residual_vectors(
     known = ~rows.bad & np.isfinite(rows.places).all(axis=1)
     chosen = known & np.isin(rows.chosen, np.asarray([*selected], np.intp))
     some = np.union1d(evenly(np.flatnonzero(known), most), np.flatnonzero(chosen))
-    found = [(name, _vectors(rows, of)[some]) for name, of in rows.sides]
+    vectors_of = [(name, _vectors(rows, of)[some]) for name, of in rows.sides]
     start = rows.places[some]
     ahead = planned_rows(fit, planned)
     figure, size = _bones(machine, start if ahead is None else np.concatenate([start, ahead.places]))
-    rms = float(np.sqrt(np.mean(np.sum(found[0][1] ** 2, axis=1)))) or 1.0
+    rms = float(np.sqrt(np.mean(np.sum(vectors_of[0][1] ** 2, axis=1)))) or 1.0
     times = exaggeration or round_size(SHARE * size / rms)[1]
     figure.update_layout(meta={**(figure.layout.meta or {}), "exaggeration": times})
-    for name, vectors in found:
+    for name, vectors in vectors_of:
         ends = np.full((len(some), 3, 3), np.nan)
         ends[:, 0], ends[:, 1] = start, start + times * vectors
         hover = [text for tip in rows.tips_with_residuals(some) for text in (tip, "", "")]
@@ -216,13 +216,13 @@ def _add(figure: go.Figure, points: Array, name: str, **given: Any) -> None:
 
 def _axis_ends(joints: Sequence[Joint], points: Sequence[Array], length: float) -> list[tuple[Array, Array]]:
     """Return the ends of the line along each axis, the later ones longer where others end, for their names."""
-    found: list[tuple[Array, Array]] = []
+    ends: list[tuple[Array, Array]] = []
     for joint, at in zip(joints, points, strict=True):
         way = length * np.array(joint.axis)
-        while any(np.linalg.norm(at + way - high) < length / 10 for _, high in found):
+        while any(np.linalg.norm(at + way - high) < length / 10 for _, high in ends):
             way = way * 1.3
-        found.append((at - way, at + way))
-    return found
+        ends.append((at - way, at + way))
+    return ends
 
 
 def _add_axes(

@@ -111,14 +111,14 @@ def map_of(
     chosen = np.isin(rows.chosen, np.asarray([*selected], np.intp))
     some = np.union1d(evenly(np.flatnonzero(known), most), np.flatnonzero(known & chosen))
     marks = Marks(rows.tips_with_residuals(some), rows.chosen[some], chosen[some])
-    found = [rows.residuals(fit)[some] for _, fit in rows.sides]
+    residuals_of = [rows.residuals(fit)[some] for _, fit in rows.sides]
     names = [name for name, _ in rows.sides]
     if sky:
-        pairs = list(zip(names, found, strict=True))
+        pairs = list(zip(names, residuals_of, strict=True))
         figure, times = _on_the_sky(rows, rows.o.take(some), pairs, marks, exaggeration, planned)
         name, title, note = "residuals_on_the_sky", "Residuals on the sky", [_sky_note(rows)]
     else:
-        pairs = [(name, in_machine_axes(rows.base, r)) for name, r in zip(names, found, strict=True)]
+        pairs = [(name, in_machine_axes(rows.base, r)) for name, r in zip(names, residuals_of, strict=True)]
         figure, times = _in_space(rows, rows.places[some], pairs, marks, exaggeration, planned)
         name, title, note = "residuals_in_space", "Residuals over the workspace", ["In machine axes."]
     if not times:

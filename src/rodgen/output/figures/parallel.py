@@ -218,15 +218,15 @@ def _shade(figure: go.Figure, number: int, x: Array, y: Array, values: Array, un
         "tickfont": {"size": 11, "color": SOFT},
         "nticks": 6,
     }
-    given = {"x": x, "y": y, "z": values, "colorscale": "Cividis", "zmin": low, "zmax": high, "colorbar": bar}
+    keys = {"x": x, "y": y, "z": values, "colorscale": "Cividis", "zmin": low, "zmax": high, "colorbar": bar}
     hover = f"%{{x:.4g}}, %{{y:.4g}}: %{{z:.4g}} {label(unit)}<extra></extra>"
     if high - low > 1e-9 * max(abs(high), abs(low)):
         lines = {"coloring": "heatmap", "showlabels": True, "labelfont": {"size": 10, "color": "white"}}
         figure.add_trace(
             go.Contour(
-                **given, contours=lines, ncontours=9, line={"color": "white", "width": 0.7}, hovertemplate=hover,
+                **keys, contours=lines, ncontours=9, line={"color": "white", "width": 0.7}, hovertemplate=hover,
                 **axes(number),
             )
         )  # fmt: skip
     else:
-        figure.add_trace(go.Heatmap(**given, hovertemplate=hover, **axes(number)))
+        figure.add_trace(go.Heatmap(**keys, hovertemplate=hover, **axes(number)))

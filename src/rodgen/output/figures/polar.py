@@ -52,11 +52,11 @@ def joints_that_go_round(fit: Fit) -> list[str]:
     """
     o = fit.observations
     pairs = zip(fit.machine.joints, o.q.T, strict=True)
-    found = [joint.name for joint, q in pairs if joint.revolute and goes_round(q)]
+    names = [joint.name for joint, q in pairs if joint.revolute and goes_round(q)]
     if fit.machine.measured.origin is not None:
         places = fit.places(o)
-        found += [plane for plane in PLANES if np.sum(np.isfinite(_in_plane(fit, places, plane))) >= ARC]
-    return found
+        names += [plane for plane in PLANES if np.sum(np.isfinite(_in_plane(fit, places, plane))) >= ARC]
+    return names
 
 
 def _in_plane(fit: Fit, places: Array, plane: str) -> Array:
@@ -155,8 +155,8 @@ def polar_of(
         if planned is not None and joint in revolute:
             ahead = planned.o.q[:, [one.name for one in machine.joints].index(joint)]
             planned.mark(figure, number, *_around(ahead, np.full(planned.o.n, -limit), limit))
-        given = {"range": [-ROOM, ROOM], "visible": False}
-        figure.update_layout({f"xaxis{number + 1}": given, f"yaxis{number + 1}": given})
+        hidden = {"range": [-ROOM, ROOM], "visible": False}
+        figure.update_layout({f"xaxis{number + 1}": hidden, f"yaxis{number + 1}": hidden})
     note = [
         "Measured minus predicted.",
         f"The middle circle is zero, the angle {around}.",
@@ -173,9 +173,11 @@ def polar_of(
 def _about(rows: DrawnRows, joint: int) -> list[ResidualPanel]:
     """Return a panel for the radial, the tangential and the axial part of residuals of points."""
     along = directions_about(rows.base, rows.o, joint)
-    found = [np.einsum("nij,nj->ni", along, rows.residuals(fit)[:, :3]) for _, fit in rows.sides]
+    along_axis = [np.einsum("nij,nj->ni", along, rows.residuals(fit)[:, :3]) for _, fit in rows.sides]
     words = ("radial, away from the axis", "tangential, ahead", "axial, along the axis")
-    return [ResidualPanel(w, rows.shown.unit, tuple(r[:, k] for r in found)) for k, w in enumerate(words)]
+    return [
+        ResidualPanel(w, rows.shown.unit, tuple(r[:, k] for r in along_axis)) for k, w in enumerate(words)
+    ]
 
 
 def _around(angle: Array, values: Array, limit: float) -> tuple[Array, Array]:

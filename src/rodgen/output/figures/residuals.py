@@ -193,9 +193,9 @@ class ResidualPanel:
 def components_of(rows: DrawnRows, *, whitened: bool = False) -> list[ResidualPanel]:
     """Return a panel for each component of a residual."""
     units = [DEVIATIONS] * rows.components if whitened else rows.units
-    found = [rows.every(fit, whitened=whitened)[rows.chosen] for _, fit in rows.sides]
+    values_of = [rows.every(fit, whitened=whitened)[rows.chosen] for _, fit in rows.sides]
     return [
-        ResidualPanel(name, unit, tuple(r[:, c] for r in found))
+        ResidualPanel(name, unit, tuple(r[:, c] for r in values_of))
         for c, (name, unit) in enumerate(zip(rows.names, units, strict=True))
     ]
 
@@ -220,12 +220,12 @@ def _panels(rows: DrawnRows, joint: int | None, parts: str, whitened: bool) -> l
         return reading_of(rows, joint) or components_of(rows, whitened=whitened)
     if parts == "apart":
         return components_of(rows, whitened=whitened)
-    found = [
+    panels = [
         rows.every(fit, whitened=True)[rows.chosen] if whitened else rows.residuals(fit)
         for _, fit in rows.sides
     ]
     unit = DEVIATIONS if whitened else rows.shown.unit
-    sizes = tuple(np.linalg.norm(r, axis=1) for r in found)
+    sizes = tuple(np.linalg.norm(r, axis=1) for r in panels)
     return [ResidualPanel("size of the residual", unit, sizes, size=True)]
 
 
@@ -376,11 +376,11 @@ class Marks:
         if self.colour is not None and not self.by_number:
             values, names = self.colour.values, _categories(self.colour)
             for place, (code, words) in enumerate(names.items()):
-                symbol, own = GROUPS[min(place, MOST_GROUPS - 1)]
+                symbol, group_colour = GROUPS[min(place, MOST_GROUPS - 1)]
                 of = values == code
                 if place == MOST_GROUPS - 1 and len(names) > MOST_GROUPS:
                     words, of = "others", np.isin(values, [*names][place:])
-                yield f"{name}, {label(words)}", of, {"symbol": symbol + filled, "color": own}
+                yield f"{name}, {label(words)}", of, {"symbol": symbol + filled, "color": group_colour}
                 if words == "others":
                     return
         elif self.approach is not None:
@@ -440,18 +440,18 @@ def _along(rows: DrawnRows, driver: Driver) -> dict[str, Array]:
 
 def _scale(figure: go.Figure, panels: int, driver: Driver, x: Array) -> None:
     """Give the x axes names of categories, or round numbers of degrees."""
-    given: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     known = x[np.isfinite(x)]
     span = float(np.ptp(known)) if len(known) else 0.0
     if driver.categories:
         names = [label(plain(name, 10)) for name in driver.categories]
-        given = {"tickvals": list(range(len(names))), "ticktext": names, "range": [-0.6, len(names) - 0.4]}
+        keys = {"tickvals": list(range(len(names))), "ticktext": names, "range": [-0.6, len(names) - 0.4]}
     elif driver.kind == "approach":
         there = _categories(driver)
-        given = {"tickvals": [*there], "ticktext": [*there.values()], "range": [-1.5, 1.5]}
+        keys = {"tickvals": [*there], "ticktext": [*there.values()], "range": [-1.5, 1.5]}
     elif driver.unit == "deg" and span >= 5:
-        given = {"dtick": next((step for step in ANGLES if span / step <= 6), span / 6)}
-    figure.update_layout({f"xaxis{number + 1}": given for number in range(panels)})
+        keys = {"dtick": next((step for step in ANGLES if span / step <= 6), span / 6)}
+    figure.update_layout({f"xaxis{number + 1}": keys for number in range(panels)})
 
 
 def _in_time(

@@ -111,9 +111,9 @@ def _file(name: str | None) -> str:
 
 def _verdict(diagnosis: Diagnosis, plan: Plan | None) -> Iterator[Block]:
     *before, (what, error) = statements(diagnosis)
-    said = [capitalized(error.lstrip(";: ")), *("".join(one) for one in before)]
+    sentences = [capitalized(error.lstrip(";: ")), *("".join(one) for one in before)]
     yield Paragraph(plain(what, LONG * 4), "word")
-    yield Paragraph(plain(" ".join(filter(None, said)), LONG * 4), "say")
+    yield Paragraph(plain(" ".join(filter(None, sentences)), LONG * 4), "say")
     todo = [
         (f"Remedy for {plain(step.effect.title, 60)}", step.effect.definition.remedy)
         for step in diagnosis.steps[:2]
@@ -128,12 +128,12 @@ def _verdict(diagnosis: Diagnosis, plan: Plan | None) -> Iterator[Block]:
 def _sizes(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     """Yield the numbers in large type."""
     rms = diagnosis.rms
-    found: list[tuple[str, float | None]] = [("error before" if diagnosis.found else "error", rms.before)]
+    errors: list[tuple[str, float | None]] = [("error before" if diagnosis.found else "error", rms.before)]
     if diagnosis.found:
-        found.append(("error after", rms.after))
-    found.append(("on poses held out", rms.after_held_out))
-    found.append(("on the test file", rms.before_test if rms.after_test is None else rms.after_test))
-    yield from ((name, f"{shown(value)} {shown.unit}") for name, value in found if value is not None)
+        errors.append(("error after", rms.after))
+    errors.append(("on poses held out", rms.after_held_out))
+    errors.append(("on the test file", rms.before_test if rms.after_test is None else rms.after_test))
+    yield from ((name, f"{shown(value)} {shown.unit}") for name, value in errors if value is not None)
     yield "noise", "not known" if rms.noise is None else f"{shown(rms.noise)} {shown.unit}"
 
 
@@ -191,8 +191,8 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     names = [plain(target.name, 24) for target in machine.targets]
     yield ("Target" if len(names) == 1 else "Targets"), joined(names, most=NAMED)
     for key in ("date", "instrument", "conditions"):
-        for said in _recorded(diagnosis, key):
-            yield key.capitalize(), said
+        for text in _recorded(diagnosis, key):
+            yield key.capitalize(), text
     if o.t is not None:
         yield "Time", f"{three_digits(float(np.ptp(o.t)) / 60)} min"
     for name, values in o.temperature.items():

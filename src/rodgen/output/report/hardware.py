@@ -130,15 +130,15 @@ def _oval(f: _Fitted) -> Iterator[str]:
 def _wave(f: _Fitted) -> Iterator[str]:
     size, std = _amplitude(f.parameters)
     unit = "arcsec" if f.turns else f.fit.machine.length_unit
-    said = f"{_with(size, std)} arcsec" if f.turns else f.length(size)
+    height = f"{_with(size, std)} arcsec" if f.turns else f.length(size)
     period = f["P"] if "P" in f.parameters else None
     joint = f.fit.machine.joints[f.joint] if f.joint is not None else None
     if period is not None:
         turn = " deg" if f.turns else f" {unit}"
         ratio = f": 1/{360 / period:.4g} of a turn" if f.turns and period else ""
-        yield f"A wave of {said} every {period:.5g}{turn}{ratio}."
+        yield f"A wave of {height} every {period:.5g}{turn}{ratio}."
     elif joint is not None and joint.period:
-        yield f"A wave of {said} every {joint.period:g} {f.fit.machine.angle_unit if f.turns else unit}."
+        yield f"A wave of {height} every {joint.period:g} {f.fit.machine.angle_unit if f.turns else unit}."
 
 
 def _tilt(f: _Fitted) -> Iterator[str]:
@@ -189,8 +189,8 @@ def _lag(f: _Fitted) -> Iterator[str]:
         fastest = float(np.max(np.abs(f.fit.observations.v[:, f.joint]), initial=0.0))
         if fastest > 0:
             late = abs(f["tau"]) * fastest
-            said = f"{three_digits(late / ARCSEC)} arcsec" if f.turns else f.length(late)
-            yield f"At the fastest of these readings that is {said}."
+            lag_text = f"{three_digits(late / ARCSEC)} arcsec" if f.turns else f.length(late)
+            yield f"At the fastest of these readings that is {lag_text}."
 
 
 def _windup(f: _Fitted) -> Iterator[str]:
@@ -228,18 +228,18 @@ def _size(f: _Fitted) -> float:
 
 def _moved(f: _Fitted) -> Iterator[str]:
     turns = not f.fit.machine.measurand.moving
-    said = f"{three_digits(_size(f))} arcsec" if turns else f.length(_size(f))
+    distance = f"{three_digits(_size(f))} arcsec" if turns else f.length(_size(f))
     if f.effect.name == "warm_up_drift":
         tau = f["tau"]
         long = f"{three_digits(tau / 3600)} h" if tau > 5400 else f"{three_digits(tau / 60)} min"
-        yield f"{said} in the end, two thirds of it after {long}."
+        yield f"{distance} in the end, two thirds of it after {long}."
     elif f.effect.name == "linear_drift":
         per_hour = 3600 * _size(f)
         yield f"{three_digits(per_hour)} arcsec an hour." if turns else f"{f.length(per_hour)} an hour."
     elif f.effect.name == "thermal_axis_drift":
-        yield f"{said} for each kelvin."
+        yield f"{distance} for each kelvin."
     else:
-        yield f"It sits {said} from where the file says."
+        yield f"It sits {distance} from where the file says."
 
 
 def _factor(f: _Fitted) -> Iterator[str]:
@@ -321,19 +321,19 @@ def _locations(listed: Sequence[LocationError]) -> Part:
         for one in listed
     ]
     title = "Location errors (ISO 230-1, ISO 230-7)"
-    said = ["Real less nominal, in machine axes; a turn is positive about its axis by the right-hand rule."]
-    said += ["Held: as the file states it."] * any(not one.u for one in listed)
+    lines = ["Real less nominal, in machine axes; a turn is positive about its axis by the right-hand rule."]
+    lines += ["Held: as the file states it."] * any(not one.u for one in listed)
     choice = (
         "* Rests on a choice between geometries that predict the same readings: the one nearest to the file."
     )
-    said += [choice] * any(one.by_choice for one in listed)
+    lines += [choice] * any(one.by_choice for one in listed)
     table = Table(("symbol", "error", "value", "U, k = 2", "unit"), rows, "llrrl", title)
-    blocks: list[Block] = [table, Paragraph(" ".join(said), "note")]
+    blocks: list[Block] = [table, Paragraph(" ".join(lines), "note")]
     return Part(blocks, f"{len(rows)} location errors", "folded") if len(rows) > FEW else Part(blocks)
 
 
-def _volume(fit: Fit, found: VolumetricError) -> Part:
-    factor, unit = readable(found.unit, found.largest)
+def _volume(fit: Fit, volumetric: VolumetricError) -> Part:
+    factor, unit = readable(volumetric.unit, volumetric.largest)
     machine, o = fit.machine, fit.observations
     units = [coordinate(o, j) for j in range(len(machine.joints))]
 
@@ -345,35 +345,35 @@ def _volume(fit: Fit, found: VolumetricError) -> Part:
 
     at = ", ".join(
         f"{plain(joint.name, 16)} {value / factor:.4g} {unit}"
-        for joint, value, (unit, factor) in zip(machine.joints, found.at, units, strict=True)
+        for joint, value, (unit, factor) in zip(machine.joints, volumetric.at, units, strict=True)
     )
     ranges = ", ".join(
         f"{plain(joint.name, 16)} {low / factor:.4g} to {high / factor:.4g} {unit}"
-        for joint, (low, high), (unit, factor) in zip(machine.joints, found.ranges, units, strict=True)
+        for joint, (low, high), (unit, factor) in zip(machine.joints, volumetric.ranges, units, strict=True)
     )
     moving = machine.measurand.moving
     how = [
         f"{'Distance' if moving else 'Angle'} between where the last model and the file's machine without any error "
-        f"{'put the target' if moving else 'point'}, at {found.positions} positions"
-        + (" that were measured" if found.measured_only else f" over {ranges}")
+        f"{'put the target' if moving else 'point'}, at {volumetric.positions} positions"
+        + (" that were measured" if volumetric.measured_only else f" over {ranges}")
         + ", approached from both sides, at rest, without load, at the reference temperature.",
         "± is the expanded uncertainty, k = 2, of the fitted parameters; what the model lacks is not in it."
-        if found.largest_u is not None
+        if volumetric.largest_u is not None
         else "The noise is not known, and with it no uncertainty.",
     ]
-    if found.free:
+    if volumetric.free:
         set_up = {"target": "mounting of the target", "instrument": "place of the instrument"}
-        of = " and the ".join(set_up[x] for x in found.free)
-        are = "is" if len(found.free) == 1 else "are"
+        of = " and the ".join(set_up[x] for x in volumetric.free)
+        are = "is" if len(volumetric.free) == 1 else "are"
         how.append(f"The {of} {are} no error of the machine, and such that both come nearest to each other.")
-    if found.by_choice:
+    if volumetric.by_choice:
         how.append(
             "The data leave a choice between geometries that predict the same readings; these errors are those of the "
             "one nearest to the file."
         )
     rows = [
-        ("Largest", f"{said(found.largest, found.largest_u)} at {at}"),
-        ("95 % below", said(found.most, found.most_u)),
+        ("Largest", f"{said(volumetric.largest, volumetric.largest_u)} at {at}"),
+        ("95 % below", said(volumetric.most, volumetric.most_u)),
     ]
     title = f"{'Volumetric' if moving else 'Pointing'} error, k = 2"
     return Part([Facts(rows, title), Paragraph(" ".join(how), "note")])

@@ -144,8 +144,8 @@ def write_fleet_report(
     InputFileError
         When one of them cannot be written, or there is no browser for images.
     """
-    figures, found = fleet_figures(fleet), fleet.document()
+    figures, summary = fleet_figures(fleet), fleet.document()
     places = [figure_block(number, figure) for number, figure in enumerate(figures)]
-    blocks = [*found.blocks, *places, *map(machines, fleet.kinds)]
+    blocks = [*summary.blocks, *places, *map(machines, fleet.kinds)]
     document = Document(blocks, f"Fleet, {fleet.plan.date}")
     return _written(path, document, page(document, figures, over="Many machines"), figures, images)
