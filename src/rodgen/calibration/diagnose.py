@@ -229,11 +229,13 @@ def _diagnosed(subject: _Subject) -> Diagnosis:
             known = there
             evidence = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, like=evidence)
             chosen = select(evidence, chosen)
+        whole = _whole(evidence, chosen)
         for _ in range(ROUNDS):
-            if (at := _bent(evidence, chosen)) is None:
+            if whole is None or not whole.is_bent(evidence):
                 break
-            straight = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=at)
-            if _leaves_more(straight, anew := select(straight), at):
+            straight = Evidence.of(base, prefer=subject.prefer, known=known, beside=beside, at=whole.fit)
+            before, whole = whole, _whole(straight, anew := select(straight))
+            if whole is not None and whole.leaves_more(straight, anew, before.fit):
                 break
             evidence, chosen = straight, anew
         selected = _State(base, evidence, chosen, [base], stretch=stretch)
@@ -287,37 +289,33 @@ def _lasting(chosen: Sequence[Candidate]) -> frozenset[tuple[str, str | None]]:
     return frozenset(c.key for c in chosen if not c.effect.definition.follows_time)
 
 
+@dataclass(frozen=True, eq=False)
+class _Whole:
+    """A fit with the chosen effects, what it leaves, (N,), and a basis of their columns and the model's."""
+
+    fit: Fit
+    left: Array
+    basis: Array
+
+    def is_bent(self, evidence: Evidence) -> bool:
+        """Return whether residuals change by more than derivatives explain, and by as much as an effect must."""
+        second = project_out(self.basis, self.left - evidence.sensitivities.residual.ravel())
+        return bool(second @ second > COST.needed * (self.left @ self.left) / max(evidence.dof, 1))
+
+    def leaves_more(self, evidence: Evidence, chosen: Sequence[Candidate], at: Fit) -> bool:
+        """Return whether the fit without some of the effects of another one leaves more than derivatives there say."""
+        there = {effect.identity for effect in at.machine.effects[len(evidence.base.machine.effects) :]}
+        if there <= {c.key for c in chosen}:
+            return False
+        predicted = project_out(self.basis, evidence.sensitivities.residual.ravel())
+        before = FitRows.at(at, evidence.sensitivities.rows).residual.ravel()
+        more = self.left @ self.left - predicted @ predicted
+        return bool(more > COST.needed * (before @ before) / max(evidence.dof, 1))
+
+
 @stage("further fits")
-def _bent(evidence: Evidence, chosen: Sequence[Candidate]) -> Fit | None:
-    """Return the fit with the chosen effects where they are too large for the derivatives at the base; else None.
-
-    They are where the residuals change by more than the derivatives explain, and that part is as large as an effect
-    must be.
-    """
-    if (whole := _whole(evidence, chosen)) is None:
-        return None
-    whole_fit, left, basis = whole
-    second = project_out(basis, left - evidence.sensitivities.residual.ravel())  # what is of higher order
-    return whole_fit if second @ second > COST.needed * (left @ left) / max(evidence.dof, 1) else None
-
-
-@stage("further fits")
-def _leaves_more(evidence: Evidence, chosen: Sequence[Candidate], at: Fit) -> bool:
-    """Return whether a fit without some of the effects of another one leaves more than derivatives there say."""
-    there = {effect.identity for effect in at.machine.effects[len(evidence.base.machine.effects) :]}
-    if there <= {c.key for c in chosen} or (whole := _whole(evidence, chosen)) is None:
-        return False
-    _, left, basis = whole
-    predicted = project_out(basis, evidence.sensitivities.residual.ravel())
-    before = FitRows.at(at, evidence.sensitivities.rows).residual.ravel()
-    return bool(left @ left - predicted @ predicted > COST.needed * (before @ before) / max(evidence.dof, 1))
-
-
-def _whole(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Fit, Array, Array] | None:
-    """Return a fit with the chosen effects, what it leaves, (N,), and a basis of their columns and the model's.
-
-    Without forms and what is searched. None where it fails, or an effect takes the place of a freedom.
-    """
+def _whole(evidence: Evidence, chosen: Sequence[Candidate]) -> _Whole | None:
+    """Return the fit without forms and what is searched; None where it fails, or an effect replaces a freedom."""
     base, rows = evidence.base, evidence.sensitivities
     direct = [c for c in chosen if not (c.driver or c.searched)]
     if not direct:
@@ -334,7 +332,7 @@ def _whole(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Fit, Array,
     there = rows.columns[:, :, [i for key, i in rows.index.items() if key in moving]]
     products = [c.columns for c in direct if not rows.index.keys() & {*c.names}]
     columns = np.concatenate([there, *products], axis=2).reshape(rows.residual.size, -1)
-    return whole_fit, FitRows.at(whole_fit, rows.rows).residual.ravel(), orthonormal_basis(columns)
+    return _Whole(whole_fit, FitRows.at(whole_fit, rows.rows).residual.ravel(), orthonormal_basis(columns))
 
 
 def _rows(evidence: Evidence) -> Rows:
