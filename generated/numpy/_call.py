@@ -55,15 +55,15 @@ def _shape_text(shape: tuple[Any, ...]) -> str:
 
 def _checked_out(name: str, out: Any, expected: list[tuple[str, tuple[int, ...], Any]]) -> list[Any]:
     """Return the arrays of `out` after a check of their number, shapes and types; None: one is to be allocated."""
-    given = list(out) if isinstance(out, tuple) else [out]
-    if len(given) != len(expected):
-        raise ValueError(f"{name}: out has {len(given)} arrays; expected {len(expected)}")
-    for array, (port, shape, kind) in zip(given, expected, strict=True):
+    outputs = list(out) if isinstance(out, tuple) else [out]
+    if len(outputs) != len(expected):
+        raise ValueError(f"{name}: out has {len(outputs)} arrays; expected {len(expected)}")
+    for array, (port, shape, kind) in zip(outputs, expected, strict=True):
         if array is not None and array.shape != shape:
             raise ValueError(f"{name}: out for {port} has shape {array.shape}; expected {shape}")
         if array is not None and not np.can_cast(kind, array.dtype, "same_kind"):
             raise TypeError(f"{name}: out for {port} has type {array.dtype}, which does not hold {kind}")
-    return given
+    return outputs
 
 
 class _Call:
@@ -98,10 +98,10 @@ class _Call:
         wanted = [
             (port, self.shape + core, kind) for (port, core, _), kind in zip(outputs, kinds, strict=True)
         ]
-        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, wanted)
+        passed = [None] * len(kinds) if self.is_new else _checked_out(name, out, wanted)
         self.results = [
             np.empty(shape, kind) if array is None else array
-            for array, (_, shape, kind) in zip(given, wanted, strict=True)
+            for array, (_, shape, kind) in zip(passed, wanted, strict=True)
         ]
         # what the kernel fills: contiguous, of the computed type, and no input
         self.targets = [
