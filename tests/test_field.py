@@ -145,7 +145,9 @@ CASES = [
     ),
     # one marker, mounted anew in each run
     Field(
-        "mounted_anew", "cannot_tell", says="the target sits differently in each run (turned by 20.0° and 38.0°)"
+        "mounted_anew",
+        "cannot_tell",
+        says="the target sits differently in each run (turned by 20.0° and 38.0°)",
     ),
     # joint centres off by a millimetre, 2 um of noise
     Field(

@@ -588,6 +588,8 @@ def _assembled(subject: _Subject, state: _State) -> Diagnosis:
         correlation = last.dependence.correlation
     # candidates that are not there may hide a wander, and a wander what is there
     seen = last.dependence.correlation if correlation.independent and not chosen else correlation
+    if state.stretch is not None and state.stretch.creeps and not last.machine.measurand.moving:
+        state = replace(state, stretch=None)  # of angles and directions a wander says the same
     with stage("testing the final residuals"):
         moved = [
             _on_stretch(subject, state),
