@@ -284,6 +284,7 @@ def test_an_alt_azimuth_run_may_have_right_ascensions(tmp_path):
         ("", None, "north", ", as TPOINT's do; --azimuth south says otherwise."),
         ("! N=0, E=90, unlike our own, which is S=0", None, "north", ", as line 2 says."),
         ("! Azimuth: South = 0, East = 90", None, "south", ", as line 2 says."),
+        ("! seeing S=0.8 arcsec", None, "north", ", as TPOINT's do; --azimuth south says otherwise."),
         ("! Azimuth: South = 0, East = 90", "north", "north", "."),
         ("", "south", "south", "."),
     ],

@@ -43,8 +43,11 @@ _WORDS = {
     3: "observed hour angles and declinations",
     4: "observed coordinates in degrees",
 }
-_FROM = re.compile(r"\b([NS])(?:orth|outh)?\s*=\s*0\b", re.IGNORECASE)
+_FROM = re.compile(r"\b([NS])(?:orth|outh)?\s*=\s*0(?:\.0*)?(?![.\d])", re.IGNORECASE)
 """What a comment says of azimuth: where it is 0."""
+_OF_AZIMUTH = re.compile(r"\baz|\b[EW](?:ast|est)?\s*=\s*90\b", re.IGNORECASE)
+"""In such a comment; else another S may be 0."""
+_THROUGH_WEST = re.compile(r"\bW(?:est)?\s*=\s*90\b", re.IGNORECASE)
 _AUXILIARY = 3
 _SIDEREAL = 86164.0905 / 24
 """Seconds of a sidereal hour."""
@@ -135,7 +138,11 @@ def read_pointings(
     if not azimuth:
         azimuth, reason = "north", ", as TPOINT's do; --azimuth south says otherwise."
         for number, line in lines:
-            if line.startswith("!") and (match := _FROM.search(line)):
+            if line.startswith("!") and _OF_AZIMUTH.search(line) and (match := _FROM.search(line)):
+                if _THROUGH_WEST.search(line):
+                    raise InputFileError(
+                        file, f"line {number}", "azimuths through west", "azimuths through east, or --azimuth"
+                    )
                 azimuth, reason = "south" if match[1] in "sS" else "north", f", as line {number} says."
                 break
     return _of_tpoint(file, stated, form, azimuth, reason)
