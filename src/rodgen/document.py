@@ -170,7 +170,7 @@ def as_data(blocks: Iterable[Block]) -> list[dict[str, Any]]:
         | {
             field.name: as_data(value) if field.name == "blocks" else value
             for field in fields(block)
-            if (value := getattr(block, field.name))
+            if (value := getattr(block, field.name)) != field.default
         }
         for block in blocks
     ]
