@@ -475,7 +475,7 @@ def estimate_correlation(
         some = poses if every else poses.taken(rows)
         residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
         readings = int(believed[rows].sum())
-        # a constant displacement of the frame is no wander
+        # without a constant displacement of the frame, which does not wander
         model = np.concatenate([linear.model, *included, linear.frame], axis=2)
         model = (model if every else model[rows]).reshape(len(residual), -1)
         read = model.any(axis=0)  # not of the targets that are left out

@@ -81,7 +81,7 @@ def drifts(values: Array, std: Array, degrees: Array, times: Array) -> Drifts:
         return np.take_along_axis(np.broadcast_to(x, y.shape), last[:, :-1], axis=1)
 
     step, single = y[:, 1:] - before(y), s[:, 1:] + before(s)
-    individual = step.copy()  # what most series of a night have in common is no scatter of theirs
+    individual = step.copy()  # less what most series of a night have in common
     for column in np.flatnonzero(there.sum(axis=0) >= FLEET.fewest):
         some = step[there[:, column], column]
         individual[:, column] = (individual[:, column] - np.median(some)) * np.sqrt(
